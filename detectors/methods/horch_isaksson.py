@@ -45,9 +45,11 @@ METHOD = Method(
 
 def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY) -> tuple[np.ndarray, float]:
     """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1) = a z(k) + b v(k) measured
-    as `y`."""
-    # `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability of keeping the mode: 1
-    # with a start in "following" is a plain Kalman filter.
+    as `y`.
+
+    `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability of keeping the mode: 1 with
+    a start in "following" is a plain Kalman filter.
+    """
     standing = np.empty(u.size)
     total = compiled(_filtered)(*(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing)
     return standing, float(total)

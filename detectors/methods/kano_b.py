@@ -38,8 +38,10 @@ METHOD = Method(
 
 
 def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
-    """Return S - J in units of OP, the distance of the lines of upward and downward movement; NaN for one direction only."""
-    # The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression within both groups.
+    """Return S - J in units of OP, the distance of the lines of upward and downward movement; NaN for one direction only.
+
+    The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression within both groups.
+    """
     step = np.diff(mv, prepend=mv[0])
     least = 1e-9 * float(np.ptp(mv))  # a valve at rest must not move by rounding
     sides = [moving & (step > least), moving & (step < -least)]

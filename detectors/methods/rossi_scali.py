@@ -35,8 +35,10 @@ METHOD = Method(
 
 def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     """Return eta_rossi of half cycles, positive humps (m, points): -1 for sines, 1 for triangles, squares and what lies
-    between."""
-    # The published triangle is the limit of the relay's answers for a slow process, so it needs no error of its own.
+    between.
+
+    The published triangle is the limit of the relay's answers for a slow process, so it needs no error of its own.
+    """
     points = humps.shape[1]
     sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out)
     return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0

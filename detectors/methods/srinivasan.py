@@ -46,9 +46,11 @@ METHOD = Method(
 
 
 def cycles(x: np.ndarray, period: float) -> np.ndarray:
-    """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing, begun upward."""
-    # The same for `x` and `-x`, so that the sign of the plant's gain tells nothing; at most `_CYCLES`, those shorter than half
-    # or longer than one and a half periods left out.
+    """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing on, turned to begin upward.
+
+    The same for `x` and `-x`, so that the sign of the plant's gain tells nothing; at most `_CYCLES`, those shorter than half or
+    longer than one and a half periods left out.
+    """
     at = zero_crossings(x, _GUARD * float(x.std()))
     way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]
     at, length = at[:-2], at[2:] - at[:-2]

@@ -18,9 +18,11 @@ SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar
 
 
 def data(run) -> pd.DataFrame:
-    """Rank the detectors of a run."""
-    # Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases,
-    # home (where its constants were fitted).
+    """Rank the detectors of a run.
+
+    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases, home
+    (where its constants were fitted).
+    """
     from simbench.bench.score.compare import compare
 
     found = compare(run)

@@ -14,8 +14,10 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out the block diagram."""
-    # Columns: shape, part, x, y, text.
+    """Lay out the block diagram.
+
+    Columns: shape, part, x, y, text.
+    """
     return sketch(
         arrow([(-1.6, 0), (-0.45, 0)], "SP"),
         box(-0.2, 0, "-"),

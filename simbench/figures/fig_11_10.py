@@ -17,8 +17,10 @@ HOLDS = [(0, 30), (25, 30), (45, 70), (75, 70), (90, 40), (115, 40), (130, 80), 
 
 
 def data() -> pd.DataFrame:
-    """Give a series of ramps and holds its symbols."""
-    # Columns: t (s), x (%), normalised difference (-), symbol of the step that ends in the sample.
+    """Give a series of ramps and holds its symbols.
+
+    Columns: t (s), x (%), normalised difference (-), symbol of the step that ends in the sample.
+    """
     t = np.arange(151.0)
     x = np.interp(t, *zip(*HOLDS))
     d = np.diff(x)

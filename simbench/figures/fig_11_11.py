@@ -29,8 +29,10 @@ ASIDE = {
 
 
 def data() -> pd.DataFrame:
-    """Walk each shape ten times and compute the indices."""
-    # Columns: panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-), rho3 (-).
+    """Walk each shape ten times and compute the indices.
+
+    Columns: panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-), rho3 (-).
+    """
     rows = []
     for panel, corners in SHAPES.items():
         (op, mv), symbols = np.array([c for c, _ in corners], dtype=float).T, [s for _, s in corners]
@@ -41,8 +43,10 @@ def data() -> pd.DataFrame:
 
 
 def walk(op: np.ndarray, mv: np.ndarray, steps: int = 8, rest: int = 24) -> tuple[np.ndarray, np.ndarray]:
-    """Go round a closed path ten times, `steps` samples a side, and rest at every second corner, as SS."""
-    # Rests keep the standard deviation of the differences below their size while something moves.
+    """Go round a closed path ten times, `steps` samples a side, and rest at every second corner, as SS.
+
+    Rests keep the standard deviation of the differences below their size while something moves.
+    """
     t, at, x, y = 0, [], [], []  # corner times, OP, MV
     for k in range(10 * op.size + 1):
         for pause in (0, rest if k % 2 == 0 else 0):

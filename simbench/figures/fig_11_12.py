@@ -13,8 +13,10 @@ SOURCE = "Jelali (2013), Fig. 11.12 and Example 11.1 (rho1 = 0.48, rho3 = 0.41);
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Read PAP2 and compute its indices."""
-    # Columns: t (s), OP (%), PV (record's units), rho1 (-), rho3 (-).
+    """Read PAP2 and compute its indices.
+
+    Columns: t (s), OP (%), PV (record's units), rho1 (-), rho3 (-).
+    """
     record = real_loop(isdb, "PAP2", kind="flow", process="self-regulating")
     rho1, _, rho3 = movement_indices(record.op, record.pv)
     return pd.DataFrame({"t (s)": record.t, "OP (%)": record.op, "PV": record.pv, "rho1 (-)": rho1, "rho3 (-)": rho3})

@@ -31,8 +31,11 @@ STICKY = {
 
 
 def data() -> pd.DataFrame:
-    """Simulate both loops and correlate their second halves."""
-    # Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation), lag (s), Phi (-), dtau (-), drho (-).
+    """Simulate both loops and correlate their second halves.
+
+    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag (s), Phi (-), dtau (-), drho
+    (-).
+    """
     rows = []
     record = simulate(Loop.from_table(HEALTHY)).record.window(2000, 4000)
     healthy = pd.DataFrame({"t (s)": record.t, "OP (%)": record.op, "PV": record.pv - record.sp})

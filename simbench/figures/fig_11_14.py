@@ -14,8 +14,10 @@ PERIOD, SHIFT = 60.0, 0.75  # s; distance (rad) of the phase from an even functi
 
 
 def data() -> pd.DataFrame:
-    """Correlate two sinusoids whose phases differ by pi - SHIFT."""
-    # Columns: lag (s), Phi (-), dtau (-), drho (-).
+    """Correlate two sinusoids whose phases differ by pi - SHIFT.
+
+    Columns: lag (s), Phi (-), dtau (-), drho (-).
+    """
     t = np.arange(0.0, 20 * PERIOD, 0.25)
     return correlation(np.sin(2 * np.pi * t / PERIOD), -np.sin(2 * np.pi * t / PERIOD + SHIFT), 0.25, 45.0)
 

@@ -16,8 +16,10 @@ PRINTED = {"CHEM1": (0.73, 0.40), "PAP4": (0.13, 0.0)}
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Correlate OP and PV of both loops, conditioned as the detector does."""
-    # Columns: loop, lag (s), Phi (-), dtau (-), drho (-).
+    """Correlate OP and PV of both loops, conditioned as the detector does.
+
+    Columns: loop, lag (s), Phi (-), dtau (-), drho (-).
+    """
     rows = []
     for name in PRINTED:
         record = real_loop(isdb, name, process="self-regulating")

@@ -34,8 +34,10 @@ def loop(w_Ti: float, Kc: float) -> Loop:
 
 
 def data() -> pd.DataFrame:
-    """Simulate the three tunings, judge each by Horch's method and correlate its last 20 periods."""
-    # Columns: w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
+    """Simulate the three tunings, judge each by Horch's method and correlate its last 20 periods.
+
+    Columns: w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
+    """
     rows = []
     for w_Ti, (_, Kc) in CASES.items():
         record = simulate(loop(w_Ti, Kc)).record.window(6000, 12000)

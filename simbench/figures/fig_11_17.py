@@ -27,8 +27,10 @@ PERIOD = 62.5  # s, of the exact cycle
 
 
 def data() -> pd.DataFrame:
-    """Simulate the loop and fit two periods of OP."""
-    # Columns: half (number), sample (= s), signal, sine, triangle (% of travel, mean removed).
+    """Simulate the loop and fit two periods of OP.
+
+    Columns: half (number), sample (= s), signal, sine, triangle (% of travel, mean removed).
+    """
     op = band(simulate(Loop.from_table(LOOP), seed=1).record.op[600:], PERIOD, 7)
     fits = half_cycle_fits(op, PERIOD)
     return fits.query("4 <= half < 8").reset_index(drop=True)

@@ -17,8 +17,10 @@ PRINTED = {"CHEM1": ("OP", "self-regulating", "flow", 0.83), "PAP3": ("PV", "int
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Fit the loops that are there; CHEM1 is needed."""
-    # Columns: loop, Ts (s), eta, eta_two_line (-), half (number), sample (index), signal, sine, triangle (record's units).
+    """Fit the loops that are there; CHEM1 is needed.
+
+    Columns: loop, Ts (s), eta, eta_two_line (-), half (number), sample (index), signal, sine, triangle (record's units).
+    """
     rows = []
     for name, (signal, process, kind, _) in PRINTED.items():
         try:

@@ -16,8 +16,10 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out the procedure from the method's own bounds."""
-    # Columns: shape, part, x, y, text.
+    """Lay out the procedure from the method's own bounds.
+
+    Columns: shape, part, x, y, text.
+    """
     bounds = METHOD.defaults()
     return sketch(
         box(0, 0, "control error e = SP - PV"),

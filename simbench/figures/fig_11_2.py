@@ -14,8 +14,10 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out tank, transmitter, controller and valve."""
-    # Columns: shape, part, x, y, text.
+    """Lay out tank, transmitter, controller and valve.
+
+    Columns: shape, part, x, y, text.
+    """
     return sketch(
         arrow([(-1.4, 2.6), (0.6, 2.6), (0.6, 1.9)], "inflow (load)", (-0.5, 2.8)),
         line([(0.2, 2.2), (0.2, 0), (2.6, 0), (2.6, 2.2)]),

@@ -26,8 +26,10 @@ LOOP = {
 
 
 def data() -> pd.DataFrame:
-    """Simulate four periods, add measurement noise, filter, and fit."""
-    # Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
+    """Simulate four periods, add measurement noise, filter, and fit.
+
+    Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
+    """
     cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))

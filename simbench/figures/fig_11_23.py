@@ -16,8 +16,10 @@ SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISD
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Filter the first 1000 samples of POW2 and fit an ellipse."""
-    # Columns: curve, OP, PV (record's units), fitness (-), S_apparent (units of OP).
+    """Filter the first 1000 samples of POW2 and fit an ellipse.
+
+    Columns: curve, OP, PV (record's units), fitness (-), S_apparent (units of OP).
+    """
     record = real_loop(isdb, "POW2", kind="level")
     record = record.window(0, min(1000, record.n))
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts

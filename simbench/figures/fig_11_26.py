@@ -24,8 +24,10 @@ LOOP = {
 
 
 def data() -> pd.DataFrame:
-    """Run the test on a simulated flow loop with S = 3 % and J = 1.1 %."""
-    # Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S measured (%), J measured (%).
+    """Run the test on a simulated flow loop with S = 3 % and J = 1.1 %.
+
+    Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S measured (%), J measured (%).
+    """
     found = travel_test(Loop.from_table(LOOP))
     trace = found.trace
     t = np.arange(trace.op.size) * found.Ts

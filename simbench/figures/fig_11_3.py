@@ -14,8 +14,10 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out actuator, stem, packing, plug and seat."""
-    # Columns: shape, part, x, y, text.
+    """Lay out actuator, stem, packing, plug and seat.
+
+    Columns: shape, part, x, y, text.
+    """
     spring = [(-0.25 if k % 2 else 0.25, 3.45 + 0.12 * k) for k in range(8)]
     return sketch(
         line([(-1.4, 3.3), (-1.4, 4.4), (1.4, 4.4), (1.4, 3.3)]),

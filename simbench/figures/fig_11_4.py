@@ -23,8 +23,10 @@ PANELS = {
 
 
 def data() -> pd.DataFrame:
-    """Drive four valve models through a full traverse, twice, and an inner loop."""
-    # Columns: panel, model, part ("full traverse" or "inner loop"), OP (%), MV (%).
+    """Drive four valve models through a full traverse, twice, and an inner loop.
+
+    Columns: panel, model, part ("full traverse" or "inner loop"), OP (%), MV (%).
+    """
     full = np.interp(np.arange(801.0), [0, 100, 300, 500, 700, 800], [50, 100, 0, 100, 0, 50])
     inner = np.concatenate([full[:-50], np.linspace(25, 70, 46), np.linspace(70, 35, 36), np.linspace(35, 70, 36)])
     rows = []

@@ -19,8 +19,10 @@ PHASES = {"sticking": RED, "jump": ORANGE, "motion": BLUE}
 
 
 def data() -> pd.DataFrame:
-    """Drive Choudhury's valve once up, with a pause, and down."""
-    # Columns: OP (%), MV (%), phase of the step that ends in the sample.
+    """Drive Choudhury's valve once up, with a pause, and down.
+
+    Columns: OP (%), MV (%), phase of the step that ends in the sample.
+    """
     ramp = [(0, 50), (40, 10), (60, 10), (115, 65), (120, 65), (145, 90), (155, 90), (235, 10), (240, 10), (295, 65)]
     op = np.interp(np.arange(0.0, 295.25, 0.25), *zip(*ramp))
     mv = valve_response("choudhury", op, {"S": S, "J": J})

@@ -20,8 +20,10 @@ LOOPS = (
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Read four sticky flow loops."""
-    # Columns: loop, t (s), OP, PV (both in the record's own units).
+    """Read four sticky flow loops.
+
+    Columns: loop, t (s), OP, PV (both in the record's own units).
+    """
     rows = []
     for name in LOOPS:
         try:

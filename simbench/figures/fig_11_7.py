@@ -16,8 +16,10 @@ SOURCE = "Jelali (2013), Fig. 11.7, after Olsson et al. (1998); numbers: Choudhu
 
 
 def data() -> pd.DataFrame:
-    """Evaluate the four static friction laws at the published parameters."""
-    # Columns: panel, velocity (mm/s), friction (N); three rows at velocity 0 (-, at rest, +) where the law jumps.
+    """Evaluate the four static friction laws at the published parameters.
+
+    Columns: panel, velocity (mm/s), friction (N); three rows at velocity 0 (-, at rest, +) where the law jumps.
+    """
     p = valve_parameters(VALVES.load("stribeck"), {}, 1.0)
     wide, narrow = np.linspace(0.0, 600.0, 61), np.linspace(0.0, 1.5, 151)
     laws = {

@@ -32,8 +32,10 @@ def loop(panel: str, J: float) -> Loop:
 
 
 def data() -> pd.DataFrame:
-    """Compute the curves and where they meet."""
-    # Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%), period (s).
+    """Compute the curves and where they meet.
+
+    Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%), period (s).
+    """
     rows = []
     for panel in PLANTS:
         sampled = sampled_loop(loop(panel, 1.0))

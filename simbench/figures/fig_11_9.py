@@ -31,8 +31,10 @@ def loop(Td_over_T: float, S_over_2J: float) -> Loop:
 
 
 def data() -> pd.DataFrame:
-    """Simulate six loops until they cycle and keep three periods."""
-    # Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
+    """Simulate six loops until they cycle and keep three periods.
+
+    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
+    """
     return panel_cycles(PANELS, "Td_over_T", loop)
 
 

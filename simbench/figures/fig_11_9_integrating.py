@@ -30,8 +30,10 @@ def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
 
 
 def data() -> pd.DataFrame:
-    """Simulate six loops until they cycle and keep three periods."""
-    # Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
+    """Simulate six loops until they cycle and keep three periods.
+
+    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
+    """
     return panel_cycles(PANELS, "Td_over_Ti", loop)
 
 

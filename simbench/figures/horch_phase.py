@@ -56,8 +56,10 @@ def sticky(ratio: float) -> tuple[LoopRecord, float]:
 
 
 def data() -> pd.DataFrame:
-    """Judge sticky and healthy loops over two decades of w Ti."""
-    # Columns: valve ("sticky" or "healthy"), w_Ti (-), dtau (-), drho (-), verdict.
+    """Judge sticky and healthy loops over two decades of w Ti.
+
+    Columns: valve ("sticky" or "healthy"), w_Ti (-), dtau (-), drho (-), verdict.
+    """
     rows = []
     for valve, make, values in (("healthy", healthy, W_TI), ("sticky", sticky, T_OVER_TD)):
         for value in values:

@@ -20,9 +20,11 @@ VALVES = {True: ("sticky valve", RED, "o"), False: ("healthy valve under a sine"
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Collect Horch's indices from the section `horch` of a run of grid own-ground."""
-    # Columns: w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the cotangent of the sampled
-    # controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a sample.
+    """Collect Horch's indices from the section `horch` of a run of grid own-ground.
+
+    Columns: w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the cotangent of the sampled
+    controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a sample.
+    """
     scenarios, verdicts = (read_table(run, kind).to_pandas() for kind in ("scenarios", "verdicts"))
     both = scenarios[scenarios.block == "horch"].merge(verdicts[verdicts.method == "horch"], on="scenario_id")
     if both.empty:

@@ -24,9 +24,11 @@ _MARKS = "osD^vPX<>*"
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Score S and J by method and family of valves."""
-    # Columns: method, family, parameter, n, median_error, coverage, width, lo and hi of the coverage, home (where the method's
-    # constants were fitted); families of 20 and more.
+    """Score S and J by method and family of valves.
+
+    Columns: method, family, parameter, n, median_error, coverage, width, lo and hi of the coverage, home (where the method's
+    constants were fitted); families of 20 and more.
+    """
     book = RunArrays.read(run)
     found = quantification(book)
     found = found[found.n >= LEAST].reset_index(drop=True)

@@ -27,10 +27,12 @@ MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like s
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Count right answers against `cycled`, with the oscillation front end."""
-    # Columns: method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable
-    # (of n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home
-    # (where the method's constants were fitted).
+    """Count right answers against `cycled`, with the oscillation front end.
+
+    Columns: method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
+    n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home (where
+    the method's constants were fitted).
+    """
     return cells(RunArrays.read(run))
 
 

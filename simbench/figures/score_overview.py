@@ -28,9 +28,11 @@ ROW_GROUPS = ("OP and PV", "see MV", "yardsticks", "other tests")
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Count right answers against `cycled`, with the oscillation front end, by kind of loop."""
-    # Columns: method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the
-    # applicable); best method first.
+    """Count right answers against `cycled`, with the oscillation front end, by kind of loop.
+
+    Columns: method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the
+    applicable); best method first.
+    """
     return overview(RunArrays.read(run))
 
 

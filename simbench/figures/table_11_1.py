@@ -18,8 +18,10 @@ VALVES = {
 
 
 def data() -> pd.DataFrame:
-    """Measure three valves as an engineer would: in manual, by steps."""
-    # Columns: parameter, ideal, practical, and per valve the measured value and whether it is acceptable (NAME: ok).
+    """Measure three valves as an engineer would: in manual, by steps.
+
+    Columns: parameter, ideal, practical, and per valve the measured value and whether it is acceptable (NAME: ok).
+    """
     graded = {name: grade(_loop(*valve)) for name, valve in VALVES.items()}
     first = next(iter(graded.values()))
     frame = pd.DataFrame([[g.parameter, g.ideal, g.practical] for g in first], columns=["parameter", "ideal", "practical"])

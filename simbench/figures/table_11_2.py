@@ -36,9 +36,11 @@ COUNTS_AS = {
 
 
 def data() -> pd.DataFrame:
-    """Simulate four loops per cell, label their cycles and keep two periods of the second loop for the picture."""
-    # Columns: process, action, signal, table (shape), agreement (-, share of the cycles with the table's label), cycles, t/P
-    # (-), value (mean removed, largest 1).
+    """Simulate four loops per cell, label their cycles and keep two periods of the second loop for the picture.
+
+    Columns: process, action, signal, table (shape), agreement (-, share of the cycles with the table's label), cycles, t/P (-),
+    value (mean removed, largest 1).
+    """
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
         plant, controller, Ts, jumps = LOOPS[process, action]

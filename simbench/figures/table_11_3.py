@@ -87,10 +87,12 @@ def load_step(size: float) -> Part:
 
 
 def data() -> pd.DataFrame:
-    """Count the cycling loops of every cell."""
-    # Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the grid of the theory: loops,
-    # exist, reached (by any of 25 random load steps), disagreements (against the table, each with its condition); on this
-    # figure's own grid of simulations: cycled, simulated.
+    """Count the cycling loops of every cell.
+
+    Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the grid of the theory: loops,
+    exist, reached (by any of 25 random load steps), disagreements (against the table, each with its condition); on this
+    figure's own grid of simulations: cycled, simulated.
+    """
     rows = []
     for check in check_table_11_3():
         key = check.process, check.controller, check.nonlinearity

@@ -11,8 +11,10 @@ SOURCE = "Jelali (2013), Table 11.4, after Yamashita (2006)"
 
 
 def data() -> pd.DataFrame:
-    """Combine OP's symbol and MV's."""
-    # One row per OP symbol, one column per MV symbol; D decreasing, S steady, I increasing.
+    """Combine OP's symbol and MV's.
+
+    One row per OP symbol, one column per MV symbol; D decreasing, S steady, I increasing.
+    """
     return pd.DataFrame([[op, *(op + mv for mv in "DSI")] for op in "ISD"], columns=["OP / MV", "D", "S", "I"])
 
 

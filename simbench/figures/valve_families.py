@@ -24,9 +24,11 @@ FEWEST = 10  # loops: a share of fewer is not shown
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Count by method and valve family."""
-    # Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were
-    # fitted); best method first.
+    """Count by method and valve family.
+
+    Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were
+    fitted); best method first.
+    """
     book = RunArrays.read(run)
     found = rates(read(run))
     found = found[found.n >= FEWEST]

@@ -21,8 +21,10 @@ Ts = 1.25  # s
 
 
 def data() -> pd.DataFrame:
-    """Drive every valve model by the same fading triangle."""
-    # Columns: model, t (s), OP (%), MV (%).
+    """Drive every valve model by the same fading triangle.
+
+    Columns: model, t (s), OP (%), MV (%).
+    """
     corners = [50, 85, 15, 80, 25, 70, 40, 60]
     op = np.interp(np.arange(560), np.arange(len(corners)) * 80.0, corners)
     rows = []
