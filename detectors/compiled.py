@@ -56,9 +56,13 @@ def rows(count):
 
 @cache
 def compiled(function: FunctionType):
-    """Return a plain function compiled together with all plain functions it calls, from the disk cache when it is there."""
-    # The bits are the plain function's, but for numpy's pairwise sums; division by zero gives inf or NaN. Not for closures.
-    # numba's disk cache only watches the function's own file: its module's name carries the hash of all that take part.
+    """Return a plain function compiled together with all plain functions it calls, from the disk cache when it is there.
+
+    Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's pairwise sums; division by
+    zero gives inf or NaN. numba's disk cache only watches the file a function stands in. So each kernel is written to a module
+    of its own whose name carries the hash of every source that takes part: an edited helper never meets an old kernel. Not for
+    closures.
+    """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
 
@@ -87,8 +91,10 @@ def one_thread() -> Iterator[None]:
 
 
 def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str = "python") -> ModuleType:
-    """Write `text` to a module, found again on disk, in which the names of `parts` are known, functions compiled; import it."""
-    # A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
+    """Write `text` to a module, found again on disk, in which the names of `parts` are known, functions compiled; import it.
+
+    A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
+    """
     digest = hashlib.sha256(f"{sys.version}{_numba_version()}{few()}{error_model}{text}{_described(parts)}".encode())
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):

@@ -54,7 +54,13 @@ class UnknownName(UserError, LookupError):
 
 @contextlib.contextmanager
 def naming(place: object) -> Iterator[None]:
-    """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet."""
+    """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet.
+
+    >>> with naming("loop.toml"):
+    ...     raise ParameterError("S = -1; it must be >= 0")
+    Traceback (most recent call last):
+    detectors.errors.ParameterError: loop.toml: S = -1; it must be >= 0
+    """
     try:
         yield
     except UserError as error:
@@ -76,7 +82,11 @@ def masked(text: object) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Say which known names come closest to a wrong one."""
+    """Say which known names come closest to a wrong one.
+
+    >>> nearest("horhc", ["horch", "he"])
+    "did you mean 'horch'?"
+    """
     names = sorted(known)
     plain = {n.lower(): n for n in reversed(names)}
     close = [plain[c] for c in get_close_matches(name.lower(), plain, n=3, cutoff=0.55)]

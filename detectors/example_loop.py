@@ -27,8 +27,10 @@ def example_loop(
     seed: int = 0,
     kind: str | None = None,
 ) -> LoopRecord:
-    """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does."""
-    # For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
+    """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
+
+    For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
+    """
     random = np.random.default_rng(seed).standard_normal(n) * noise
     load = np.zeros(n) if load is None else load
     pole = math.exp(-Ts / T) if process == "self-regulating" else 1.0

@@ -42,7 +42,14 @@ def judge(
     front_end: str = "acf",
     halves: bool = True,
 ) -> list[Verdict]:
-    """Judge one record by several methods, sharing what they have in common."""
+    """Judge one record by several methods, sharing what they have in common.
+
+    Examples
+    --------
+    >>> t = np.arange(600.0)
+    >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
+    'no_stiction'
+    """
     blind, sighted = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end)), None
     verdicts = []
     for name in methods:

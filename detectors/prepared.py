@@ -56,8 +56,10 @@ class Prepared:
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal that stands for MV, turned to rise with the valve's opening, or None; whether it may; and why."""
-        # MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown kind.
+        """Return the signal that stands for MV, turned to rise with the valve's opening, or None; whether it may; and why.
+
+        MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown kind.
+        """
         record = self.record
         if record.mv is not None:
             return record.mv, True, "MV"
@@ -89,9 +91,12 @@ class Prepared:
         return getattr(self.record, name)
 
     def searchable(self, name: str) -> np.ndarray:
-        """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,)."""
-        # Which of equally good candidates wins shall hang neither on how a unit rounds (a grid of 1e-6 % of travel, 1e-7 of
-        # PV's range) nor on which way is up (OP leaves the middle half of its range upward first).
+        """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,).
+
+        Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals are
+        set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned so
+        that OP leaves the middle half of its range upward first.
+        """
         turn = self.share("searchable turn", lambda: _first_way(self.record.op))
         if name == "pv":
             pv = self.record.pv
@@ -133,9 +138,11 @@ class Prepared:
         return self.share(f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period))
 
     def half_cycles(self, name: str, cleaned: bool = True) -> np.ndarray:
-        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points)."""
-        # Those in the first and last half period are left out: drift is only guessed there. Not cleaned: between the zero
-        # crossings of the signal less its mean, as the sources have it.
+        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
+
+        Those in the first and last half period are left out: drift is only guessed there. Not cleaned: between the zero
+        crossings of the signal less its mean, as the sources have it.
+        """
         period = self.period
         if not cleaned:
             x = self.signal(name)
@@ -214,9 +221,12 @@ def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     """Prepare a record for judging: all of it, or the first of its last, middle and first half that oscillates where the whole
-    does not."""
-    # Step 3 of Choudhury et al. (2006), Control Engineering Practice 14, 1395: a move of the set point or a valve that rests
-    # for a while breaks the regularity of a whole record, not of each half, where an amplitude may fall no faster.
+    does not.
+
+    Step 3 of Choudhury, Shah, Thornhill and Shook (2006), Control Engineering Practice 14, 1395. A move of the set point or a
+    valve that rests for a while breaks the regularity of a whole record, not of each half. In a half an amplitude may fall as
+    fast as in a whole record, and no faster. Every second, fourth, ... sample where a period has more than 250.
+    """
     whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole

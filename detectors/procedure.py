@@ -149,9 +149,13 @@ def diagnose(
     weighted: bool = True,
     veto: bool = False,
 ) -> Diagnosis:
-    """Take a record through the whole procedure."""
-    # Source: Jelali (2013), section 11.9; in place of its majority vote indices weigh what they were worth on simulated loops.
-    # A nonlinearity that is not seen rules nothing out: symmetric cycles hide theirs from the bicoherence.
+    """Take a record through the whole procedure.
+
+    Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are weighted by what they were worth
+    on simulated loops, and a method that abstains adds nothing. A nonlinearity that is not seen rules nothing out: symmetric
+    cycles hide theirs from the bicoherence. A loop that does not oscillate is judged where its valve can be seen, through MV or
+    a flow.
+    """
     return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
 
 

@@ -35,9 +35,11 @@ class Flag:
 
 
 def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[str, Flag]:
-    """Return the flags that a record raises, by name."""
-    # Own rules; their limits stand at the head of the file. What a flag is worth depends on the method: `detectors.judge.UNFIT`
-    # names those under which all methods abstain.
+    """Return the flags that a record raises, by name.
+
+    Own rules; their limits stand at the head of the file. What a flag is worth depends on the method: `detectors.judge.UNFIT`
+    names those under which all methods abstain.
+    """
     oscillation = find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
     return {flag.name: flag for flag in _findings(record, oscillation)}
 
@@ -121,7 +123,12 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
 
 
 def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, float]:
-    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps."""
+    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps.
+
+    >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
+    >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
+    (2.0, 0.0)
+    """
     hidden = {"op": 0.0, "pv": 0.0}
     for name in hidden:
         x = getattr(record, name)
@@ -135,9 +142,12 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
 
 
 def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
-    """Return how much of the time OP stands at a limit, and at which."""
-    # Without a span an extreme is a limit where OP stands 3 samples and three times as long as elsewhere (no crest of a coarse
-    # triangle), twice or for a quarter of the record, while PV moves on.
+    """Return how much of the time OP stands at a limit, and at which.
+
+    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three times as
+    long as anywhere else (the crest of a coarsely quantised triangle is no limit), twice or for a quarter of the record, while
+    PV moves on (at rest there is no limit either).
+    """
     best = (0.0, float("nan"))
     length = holds(op)
     value = op[np.cumsum(length) - 1]

@@ -13,7 +13,13 @@ LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
 
 
 def catalogue(what: str) -> list[dict[str, str]]:
-    """List the plug-ins of one kind."""
+    """List the plug-ins of one kind.
+
+    Examples
+    --------
+    >>> [row["name"] for row in catalogue("valves") if row["name"] == "choudhury"]
+    ['choudhury']
+    """
     if what == "grids":
         from scenarios.grid import grid_names, load_grid
 

@@ -62,9 +62,22 @@ class Contract:
 
 
 def check_detector(name: str) -> Contract:
-    """Check a detector against its contract."""
-    # A dead record is asked about directly: a detector answers, or refuses in one sentence (`UserError`). Not a benchmark: a
-    # detector that keeps the contract may still be wrong everywhere else.
+    """Check a detector against its contract.
+
+    Notes
+    -----
+    Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
+    follow the unit of PV, of OP or of time, nor the sign of both, nor how densely a record is sampled, nor, where the method
+    claims it, the direction of time, nor change the second time, nor follow what was asked before, nor a noise of 1e-6. A
+    detector asked directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the
+    period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the contract may
+    still be wrong everywhere else.
+
+    Examples
+    --------
+    >>> check_detector("horch").broken
+    ()
+    """
     module = methods.load(name)
     said = list(_description(module))
     if said:  # nothing further can be asked of it

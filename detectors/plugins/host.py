@@ -46,10 +46,13 @@ class PluginError(UserError):
 
 
 class Host:
-    """A process that imports plug-ins of others and answers questions, with limits on time and, where there is one, memory."""
+    """A process that imports plug-ins of others and answers questions, with a limit on time and, where there is one, on memory.
 
-    # `load`, a module's function, imports the plug-in there and returns in plain values what it says of itself; it may write to
-    # `folders` beside one of its own, and a `detector` may import nothing that knows a benchmark's truth.
+    `load` is a module's function that imports the plug-in there and returns, in plain values, what it says of itself; an answer
+    may take `seconds`; it may write to `folders` beside one of its own; a `detector` may import nothing that knows a
+    benchmark's truth.
+    """
+
     def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
         self.seconds, self.strikes = seconds, 0
         self.refused: dict[str, None] = {}  # what it tried to do and may not
@@ -77,8 +80,10 @@ class Host:
         return before
 
     def call(self, function: Callable, *arguments: Any, seconds=0.0, most: int = MESSAGE, fork=False) -> Any:
-        """Return what a module's function gives there, in tables, lists, words, numbers and arrays; PluginError for nothing."""
-        # `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
+        """Return what a module's function gives there, in tables, lists, words, numbers and arrays; PluginError for nothing.
+
+        `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
+        """
         self._begin()
         question = (pickle.dumps((function, arguments)), most, fork)
         return self._ask(question, seconds or self.seconds, most)

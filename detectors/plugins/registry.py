@@ -22,10 +22,12 @@ from detectors.plugins.rebuilt import method_of
 
 
 class PluginFolder:
-    """The plug-ins of one kind; a plug-in is a module, its name is its file name."""
+    """The plug-ins of one kind; a plug-in is a module, its name is its file name.
 
-    # `package` holds the built-in ones, `group` is the entry-point group by which other distributions add theirs, `required`
-    # are the attributes each must have, `reserved` names that mean something else where plug-ins are named.
+    `package` holds the built-in ones, `group` is the entry-point group by which other distributions add theirs, `required` are
+    the attributes each must have, `reserved` names that mean something else where plug-ins are named.
+    """
+
     def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...], reserved: tuple[str, ...] = ()) -> None:
         self.kind = kind
         self.package = package
@@ -254,9 +256,10 @@ _RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
 class _Detectors(PluginFolder):
-    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's."""
+    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
-    # Those of other distributions live in processes of their own, as a user's files do.
+    Those of other distributions live in processes of their own, as a user's files do.
+    """
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""

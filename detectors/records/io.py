@@ -207,8 +207,10 @@ def _of_file(
     path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
     automatic: bool = True, in_columns: bool = False, **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
-    """Return the records of a file by tag, and what was refused; of `single` only one is asked for."""
-    # A tag names the only loop where no column names one, unless it must stand `in_columns`.
+    """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
+
+    A tag names the only loop where no column names one, unless it must stand `in_columns`.
+    """
     about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
     if path.suffix.lower() == ".mat":

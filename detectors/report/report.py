@@ -57,7 +57,19 @@ class Report:
         return found[method]
 
     def as_text(self, *, why: bool = False, colour: bool = False) -> str:
-        """Return summary, table and scores for a terminal, with each method's reason (`why`), in colours."""
+        """Return summary, table and scores for a terminal.
+
+        Parameters
+        ----------
+        why : bool
+            Each method's reason as well.
+        colour : bool
+            With the colours of a terminal.
+
+        Returns
+        -------
+        str
+        """
         text = summary.as_text(self.groups(), why=why, colour=colour)
         if not self.scores:
             return text
@@ -67,7 +79,13 @@ class Report:
         return "\n".join([text, "", *table(self.scores), said])
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row per verdict: record (for a folder), method, verdict, score, sizes, applicable, reason and indices."""
+        """Return one row per verdict.
+
+        Returns
+        -------
+        DataFrame
+            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, and the indices.
+        """
         return summary.to_frame(self.verdicts)
 
     def _repr_html_(self) -> str:
@@ -212,7 +230,11 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table."""
+    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
+
+    >>> columns([("a", "b"), ("long", "c")])
+    ['a     b', 'long  c']
+    """
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
 

@@ -46,9 +46,11 @@ class Ellipse:
 
 
 def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
-    """Fit an ellipse to points by least squares, the ellipse condition built in."""
-    # Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
-    # partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
+    """Fit an ellipse to points by least squares, the ellipse condition built in.
+
+    Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
+    partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
+    """
     mx, my = float(x.mean()), float(y.mean())
     (u, sx), (v, sy) = centred(x), centred(y)
     if not (sx > 1e-9 * max(abs(mx), 1e-300) and sy > 1e-9 * max(abs(my), 1e-300)):

@@ -44,9 +44,12 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
 
 
 def lattice(x: np.ndarray, unit: float = 0.0) -> float:
-    """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand."""
-    # A transmitter counts from the lower end of its range: its lattice need not hold 0. Not for a file's own decimals: a
-    # transmitter of the same step could not be told from them.
+    """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
+
+    A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have been written down on a finer
+    one: its levels are then a little off, each always by the same. Not for a file's own decimals: a transmitter of the same
+    step could not be told from them.
+    """
     rising = np.sort(x)
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
     rises = np.diff(rising)
@@ -78,9 +81,11 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 
 
 def root_lattice(x: np.ndarray) -> float:
-    """Return the step, at the signal's mean, of the lattice on which its square stands."""
-    # A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
-    # circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
+    """Return the step, at the signal's mean, of the lattice on which its square stands.
+
+    A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
+    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
+    """
     levels = np.unique(x)
     slope = 2.0 * float(np.abs(levels).mean())
     return _anywhere(levels * np.abs(levels), _coarsest_unit(levels) * slope) / (slope or 1.0)
@@ -92,7 +97,10 @@ def hides_nothing(step: float, x: np.ndarray) -> bool:
 
 
 class Written(NamedTuple):
-    """How a column is written: its decimal `unit`, its lattice's `step`, and `digits`, the larger that hides nothing; or 0."""
+    """How a column is written: its decimal `unit`, its lattice's `step`, and `digits`, the larger of both that hides nothing.
+
+    Each is in units of the column, and 0 where there is none.
+    """
 
     unit: float
     step: float

@@ -14,8 +14,10 @@ MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 
 
 def predicted(x, embedding, horizon, neighbours):
-    """Return the squared error of predicting `x` from what followed the nearest look-alikes of each piece."""
-    # Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the last that fit all count.
+    """Return the squared error of predicting `x` from what followed the nearest look-alikes of each piece.
+
+    Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the last that fit all count.
+    """
     m = x.size - horizon - embedding + 1
     far = _distances(x, embedding, m)
     edge = nearest(far, embedding, m, neighbours)

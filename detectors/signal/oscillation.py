@@ -56,8 +56,10 @@ NOTHING = Oscillation(False, 0.0, float("nan"))
 
 
 def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
-    """Find the sustained oscillation of a loop in OP or PV, whichever shows it more regularly."""
-    # Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the record first.
+    """Find the sustained oscillation of a loop in OP or PV, whichever shows it more regularly.
+
+    Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the record first.
+    """
     of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
     in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
     best = replace(of_pv, signal="pv") if in_pv else replace(of_op, signal="op")
@@ -69,9 +71,12 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
 
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
-    """Return the reversals of a cycle whose period wanders and whose swing does not, or None where there is none."""
-    # Own. A swing of OP by S sets a sticky valve free, however long it takes: its swings are alike, those of noise and loads
-    # are of every size. Not for loads that ramp by one size.
+    """Return the reversals of a cycle whose period wanders and whose swing does not, or None where there is none.
+
+    Own. A swing of OP by S sets a sticky valve free, however long it takes: swings are alike, as many count whether a third or
+    a half of their size is asked for, and OP is under way all the time. Noise and loads have swings of every size: the more is
+    asked for, the fewer are left; after a load that steps OP comes to rest. Not for loads that ramp by one size.
+    """
     low, high = float(op.min()), float(op.max())
     if not high > low:
         return None
@@ -120,9 +125,12 @@ def _reversals(x, least, at):
 
 
 def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
-    """Find the sustained oscillation of one signal."""
-    # Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91, for r; Miao & Seborg (1999), Proc. IEEE CCA, for R.
-    # Own: a lobe of the ACF counts beyond Bartlett's 95 % band (1946). Not for fewer than three periods.
+    """Find the sustained oscillation of one signal.
+
+    Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100, for r; Miao & Seborg (1999), Proc. IEEE
+    CCA, for R. Own: a lobe of the ACF counts when it leaves the 95 % band of Bartlett (1946) for a signal with this
+    ACF's first lobe, and the list of crossings ends where the ACF dies out. Not for fewer than three periods.
+    """
     return oscillations_of(x[None], Ts)[0]
 
 
@@ -172,9 +180,12 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
 
 
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
-    """Return the stretch of a signal in which it repeats itself best after one period."""
-    # Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few segments; here every start in one
-    # pass. Not for length below two periods: nothing to compare.
+    """Return the stretch of a signal in which it repeats itself best after one period.
+
+    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few segments; here the
+    normalised correlation with the signal one period later is compared over every start, in one pass. Not for length
+    below two periods: nothing to compare.
+    """
     n, lag = x.size, round(period)
     room = length - lag
     if length >= n or room < 1:
@@ -187,9 +198,11 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
 
 
 def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float) -> float:
-    """Return the most load disturbances Hagglund's detector holds in memory, of which gamma is left a sample."""
-    # Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very slow errors: many short or
-    # few long half cycles never fill the memory.
+    """Return how many load disturbances Hagglund's detector holds in memory, of which gamma is left a sample, at its fullest.
+
+    Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very slow errors: many
+    short or few long half cycles never fill the memory.
+    """
     e = e - e.mean()
     edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])
     iae = np.add.reduceat(np.abs(e), edges) * Ts

@@ -13,8 +13,10 @@ _NOISY = 0.3  # bound over std at which a valve that follows a sine would seem t
 
 
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Return the valve position without its noise, and where it stands still."""
-    # Own. Not for drift faster than the oscillation.
+    """Return the valve position without its noise, and where it stands still.
+
+    Own. Not for drift faster than the oscillation.
+    """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
     reach = 2 * max(round(0.025 * period), 1)  # even: read backwards, a record stands still at the same samples

@@ -17,9 +17,13 @@ def start(u0, lo=0.0, hi=100.0):
 
 
 def step(u, state, S, J, lo=0.0, hi=100.0):
-    """Move the valve by one sample."""
-    # Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form; where its flow chart is
-    # ambiguous, the place of rest is remembered. Not for noisy OP on a valve with inertia: every reversal stops this valve.
+    """Move the valve by one sample.
+
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest
+    breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns
+    or stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves.
+    Not for noisy OP on a valve with inertia: every reversal of OP stops this valve.
+    """
     v, d, moving, u_prev = state
     x = min(max(u, lo), hi)
     # standing still, or OP turned or stopped: only the stick band sets the valve moving (again)
@@ -38,8 +42,10 @@ def _trace(op, S, J, state, lo, hi, v):
 
 
 def valve_position(op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
-    """Return the position of an (S, J) valve driven by a recorded OP."""
-    # Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
+    """Return the position of an (S, J) valve driven by a recorded OP.
+
+    Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
+    """
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:
             raise ParameterError(f"valve_position: {name} = {value}; a finite number >= 0 is needed")

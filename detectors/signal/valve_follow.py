@@ -35,9 +35,12 @@ class Follow:
 
 
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:
-    """Fit a straight and a sticky valve, each with a short lag, to a measured valve position."""
-    # Source: Kano et al. (2004), method A, as a comparison of two fitted valves. Not for flows that a pressure moves more than
-    # the valve does: what OP compensates looks like a dead band until OP turns; hence the count of reversals.
+    """Fit a straight and a sticky valve, each with a short lag, to a measured valve position.
+
+    Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows; here as a comparison of
+    two fitted valves over the whole record. Not for flows that a pressure moves more than the valve does: a ramp of
+    pressure that OP compensates looks like a dead band until OP turns; hence the count of reversals.
+    """
     q = max(1, -(-op.size // _SAMPLES))
     n = op.size // q
     op = np.array(op[: n * q], dtype=float)

@@ -30,8 +30,10 @@ class Estimate(NamedTuple):
 
 
 def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.ndarray, np.ndarray]:
-    """Return Wilson's score interval of a proportion."""
-    # Wilson (1927), J. Am. Stat. Assoc. 22, 209; vectorised form of `scipy.stats.binomtest(...).proportion_ci("wilson")`.
+    """Return Wilson's score interval of a proportion.
+
+    Wilson (1927), J. Am. Stat. Assoc. 22, 209; vectorised form of `scipy.stats.binomtest(...).proportion_ci("wilson")`.
+    """
     k, n = np.broadcast_arrays(np.asarray(right, dtype=float), np.asarray(of, dtype=float))
     z = ndtri(0.5 + level / 2)
     some = np.maximum(n, 1.0)
@@ -51,8 +53,10 @@ def rate(right: int, of: int) -> Estimate:
 
 
 def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
-    """Return the exact McNemar p-value of paired right/wrong answers."""
-    # McNemar (1947), Psychometrika 12, 153; the exact form is a binomial test of lost against lost + won at 1/2.
+    """Return the exact McNemar p-value of paired right/wrong answers.
+
+    McNemar (1947), Psychometrika 12, 153; the exact form is a binomial test of lost against lost + won at 1/2.
+    """
     if lost + won == 0:
         return 1.0
     side = "greater" if worse else "two-sided"
@@ -60,8 +64,10 @@ def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
 
 
 def holm(p: ArrayLike) -> np.ndarray:
-    """Return p-values corrected for their number."""
-    # Holm (1979), Scand. J. Stat. 6, 65. It needs no independence; with thousands of tests it has little power.
+    """Return p-values corrected for their number.
+
+    Holm (1979), Scand. J. Stat. 6, 65. It needs no independence; with thousands of tests it has little power.
+    """
     p = np.asarray(p, dtype=float)
     order = np.argsort(p, kind="stable")
     steps = np.maximum.accumulate(p[order] * np.arange(p.size, 0, -1))
@@ -71,9 +77,11 @@ def holm(p: ArrayLike) -> np.ndarray:
 
 
 def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float = 0.0) -> float:
-    """Return the p-value of "the rate fell by no more than the margin", from two independent samples."""
-    # Score-like normal test: z = (p1 - p2 - margin)/sqrt(p1 q1/n1 + p2 q2/n2) with one success and one failure added to each
-    # sample (Agresti and Caffo 2000, Am. Stat. 54, 280), which keeps it honest at rates near 0 and 1.
+    """Return the p-value of "the rate fell by no more than the margin", from two independent samples.
+
+    Score-like normal test: z = (p1 - p2 - margin)/sqrt(p1 q1/n1 + p2 q2/n2) with one success and one failure added to each
+    sample (Agresti and Caffo 2000, Am. Stat. 54, 280), which keeps it honest at rates near 0 and 1.
+    """
     if min(of_before, of_now) == 0:
         return 1.0
     p1, p2 = (before + 1) / (of_before + 2), (now + 1) / (of_now + 2)
@@ -82,9 +90,12 @@ def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float 
 
 
 def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
-    """Return the area under the ROC curve with DeLong's interval."""
-    # DeLong, DeLong and Clarke-Pearson (1988), Biometrics 44, 837, by midranks (Sun and Xu 2014); on the logit, which stays
-    # within 0..1. At 0 or 1 its variance is 0, and Wilson's interval of the smaller class stands in.
+    """Return the area under the ROC curve with DeLong's interval.
+
+    DeLong, DeLong and Clarke-Pearson (1988), Biometrics 44, 837, by midranks (Sun and Xu 2014). The interval is that of the
+    logit, so that it stays within 0..1; at AUC 0 or 1 DeLong's variance is 0, and Wilson's interval of the smaller class stands
+    in.
+    """
     positive = np.asarray(positive, dtype=bool)
     m, n = int(positive.sum()), int((~positive).sum())
     if min(m, n) == 0:
@@ -98,7 +109,11 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimat
 
 
 def area(ranks: np.ndarray, positive: np.ndarray) -> float:
-    """Return the area under the ROC curve of dense ranks; NaN with one class only."""
+    """Return the area under the ROC curve of dense ranks; NaN with one class only.
+
+    >>> area(np.array([0, 1, 2, 3]), np.array([False, True, False, True]))
+    0.75
+    """
     m = int(positive.sum())
     n = positive.size - m
     if min(m, n) == 0:
@@ -108,7 +123,11 @@ def area(ranks: np.ndarray, positive: np.ndarray) -> float:
 
 
 def dense_ranks(score: np.ndarray) -> np.ndarray:
-    """Return where each score stands among the different ones, from 0; -1 for NaN."""
+    """Return where each score stands among the different ones, from 0; -1 for NaN.
+
+    >>> dense_ranks(np.array([0.5, -np.inf, np.nan, 0.5])).tolist()
+    [1, 0, -1, 1]
+    """
     known = ~np.isnan(score)
     ranks = np.full(score.shape, -1, dtype=np.int32)
     ranks[known] = np.unique(score[known], return_inverse=True)[1]
@@ -116,7 +135,11 @@ def dense_ranks(score: np.ndarray) -> np.ndarray:
 
 
 def class_counts(ranks: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how many positives and negatives stand at every rank that occurs, from the lowest."""
+    """Return how many positives and negatives stand at every rank that occurs, from the lowest.
+
+    >>> [c.tolist() for c in class_counts(np.array([7, 2, 7]), np.array([True, False, False]))]
+    [[0, 1], [1, 1]]
+    """
     # one sort of whole numbers, several times as fast as ranking floats
     keys = np.sort(2 * ranks.astype(np.int64) + positive)
     place = keys >> 1
@@ -126,8 +149,10 @@ def class_counts(ranks: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, n
 
 
 def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
-    """Return the p-value of "the AUC did not fall", from two scores of the same cases."""
-    # DeLong's paired test (see `auc`), one-sided.
+    """Return the p-value of "the AUC did not fall", from two scores of the same cases.
+
+    DeLong's paired test (see `auc`), one-sided.
+    """
     positive = np.asarray(positive, dtype=bool)
     m, n = int(positive.sum()), int((~positive).sum())
     if min(m, n) < 2:
@@ -142,8 +167,10 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
 def auc_drop_unpaired(
     before: ArrayLike, positive_before: ArrayLike, now: ArrayLike, positive_now: ArrayLike, margin: float = 0.0
 ) -> float:
-    """Return the p-value of "the AUC fell by no more than the margin", from two independent samples."""
-    # Normal test with DeLong's variances (see `auc`).
+    """Return the p-value of "the AUC fell by no more than the margin", from two independent samples.
+
+    Normal test with DeLong's variances (see `auc`).
+    """
     truths = [np.asarray(t, dtype=bool) for t in (positive_before, positive_now)]
     if any(min(t.sum(), (~t).sum()) < 2 for t in truths):
         return 1.0
@@ -161,9 +188,14 @@ class _Ranking(NamedTuple):
 
 
 def mean_ranks(results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None) -> _Ranking:
-    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's."""
-    # `results` (cases, methods), larger = better. Demsar (2006), J. Mach. Learn. Res. 7, 1: CD = q sqrt(k (k + 1)/(6 N)),
-    # conservative with many ties. Of `groups` the quantile of the largest deviation over 1000 draws of whole groups.
+    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's.
+
+    `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the difference is then the level's
+    quantile of the largest deviation between any two mean ranks over 1000 draws of whole groups.
+
+    Demsar (2006), J. Mach. Learn. Res. 7, 1. CD = q sqrt(k (k + 1)/(6 N)), q from the studentised range over sqrt 2. It is
+    conservative with many ties, as right/wrong answers give; there the paired `mcnemar` is the sharper test.
+    """
     x = np.asarray(results, dtype=float)
     if x.ndim != 2 or x.shape[0] < 2 or x.shape[1] < 3:
         raise ValueError(f"ranks need at least 2 cases and 3 methods, not an array of shape {x.shape}")

@@ -92,9 +92,11 @@ class WorstCase:
 
 
 def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
-    """Search the healthy loop on which a method is most confidently wrong."""
-    # First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
-    # drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
+    """Search the healthy loop on which a method is most confidently wrong.
+
+    First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
+    drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
+    """
     from tqdm import tqdm
 
     process = registry.load(method).METHOD.process

@@ -106,9 +106,13 @@ class GainChange:
 
 
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
-    """Change the controller gain of an oscillating loop and see whether the period follows."""
-    # Choudhury et al. (2005); Thornhill et al. (2003): stiction where the period shifts by 10 % and OP keeps its amplitude; a
-    # healthy loop near its limit moves, too, but dies or collapses. A loop at rest is nudged by load steps.
+    """Change the controller gain of an oscillating loop and see whether the period follows.
+
+    Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's band sets. Near the
+    stability limit of a healthy loop the period moves too: there the oscillation dies or collapses with the gain, and the
+    answer is no decision. A loop at rest is nudged by load steps; when it rests all the same there is nothing to confirm.
+    Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
+    """
     if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
         raise ParameterError(f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold")
     result = None

@@ -23,8 +23,10 @@ _LATE = 0.5  # of a hold counts as settled
 
 
 def controller_gain(record: LoopRecord) -> float | None:
-    """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not that of a PI controller."""
-    # Least squares of OP's increments on the error's increments and the error.
+    """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not that of a PI controller.
+
+    Least squares of OP's increments on the error's increments and the error.
+    """
     steps, error = np.diff(record.op), record.e
     columns = np.column_stack([np.diff(error), error[1:]])
     found = np.linalg.lstsq(columns, steps, rcond=None)[0]
@@ -100,9 +102,12 @@ def confirm(
 
 
 def travel_recorded(record: LoopRecord) -> TravelTest:
-    """Read S and J off the record of a valve travel test."""
-    # Procedure 11.4 (Gerry and Ruel 2001): steps add up to J in the direction of the last movement, to S against it. A sum of
-    # one step says no more than that step: only steps up to a third of the largest count.
+    """Read S and J off the record of a valve travel test.
+
+    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on in the direction of the last
+    movement, S when it goes against it. A sum that one step alone makes up says no more than that step: only sums of small
+    steps, up to a third of the largest, count.
+    """
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
     lengths = np.diff(np.append(starts, op.size))

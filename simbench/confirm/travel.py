@@ -98,9 +98,13 @@ class TravelTest:
 
 
 def travel_test(loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0) -> TravelTest:
-    """Put a loop in manual and step its valve until PV moves."""
-    # Procedure 11.4 (Gerry and Ruel 2001) steps in the direction of the big one, which measures J; steps against it measure S.
-    # PV has moved by five standard errors, and by a fifth of what a small step of a moving valve does.
+    """Put a loop in manual and step its valve until PV moves.
+
+    Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that
+    measures the slip jump J, since the dead-band is already crossed; small steps in the opposite direction measure the whole
+    band S. PV has moved when its settled mean (integrating plants: its slope) changed by five standard errors, and by a fifth
+    of what a small step of a moving valve does.
+    """
     if not 0 < increment < big_step <= 50:
         raise ParameterError(
             f"travel test: increment {increment} % and big step {big_step} %; 0 < increment < big step <= 50 is needed"

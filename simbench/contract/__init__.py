@@ -35,7 +35,14 @@ CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
 
 
 def check_file(path: str | Path) -> Contract:
-    """Check one file against the contract of its kind."""
+    """Check one file against the contract of its kind.
+
+    Examples
+    --------
+    >>> from simbench.loop.valves import deadband
+    >>> check_file(deadband.__file__).kept
+    True
+    """
     path, kind = Path(path), kind_of(path)
     if kind == "grid":
         return check_grid(path)

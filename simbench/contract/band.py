@@ -18,9 +18,11 @@ _BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is
 
 
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
-    """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro."""
-    # A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
-    # of many plays shows their mean width.
+    """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
+
+    A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
+    of many plays shows their mean width.
+    """
     ends = [0.0, *(reach * t for t in _TURNS)]
     branches = [np.arange(a, b, np.sign(b - a) * _STEP) for a, b in pairwise(ends)]
     op = middle + np.concatenate(branches)
@@ -40,7 +42,14 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
 
 
 def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
-    """Return in which way a chain of valve stages does not do what it maps on; "" when it does."""
+    """Return in which way a chain of valve stages does not do what it maps on; "" when it does.
+
+    >>> from simbench.loop.parameters import VALVES, valve_parameters
+    >>> play = VALVES.load("deadband")
+    >>> stage = (play, valve_parameters(play, {"S": 4.0}, 1.0))
+    >>> band_fault([stage], 4.0, 0.0), band_fault([stage], 0.0, 0.0)
+    ('', 'maps on S = 0, but MV follows a reversal of OP only after 4 % of travel')
+    """
     reach = float(np.clip(1.2 * S, 16.0, 48.0))
     if S == J == 0.0 and _without_memory(stages, reach):
         return ""

@@ -41,7 +41,13 @@ _SHARES, _TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 5
 
 
 def check_effect(name: str) -> Contract:
-    """Check an effect against its contract; how it is recognised too, where that is known."""
+    """Check an effect against its contract; how it is recognised too, where that is known.
+
+    Examples
+    --------
+    >>> check_effect("valve_lag").broken
+    ()
+    """
     module = PLUGINS.load(name)
     broken = list(_description(module))
     if broken:

@@ -18,9 +18,19 @@ _GROUPS_SETTLED = 24  # groups that are settled by simulating their twin; one of
 
 
 def check_grid(path: str | Path) -> Contract:
-    """Check a grid file against its contract."""
-    # Every group is built; at most `MOST` and one of every block are settled as a run would. Not checked, as it needs the whole
-    # run: that 45 to 55 % of the scenarios cycle, and that settings alone do not predict the label (`make leak`).
+    """Check a grid file against its contract.
+
+    Notes
+    -----
+    Every group is built; at most `MOST` and one of every block are settled as a run would. Not checked, as it needs the whole
+    run: that 45 to 55 % of the scenarios cycle, and that settings alone do not predict the label (`make leak`).
+
+    Examples
+    --------
+    >>> from scenarios import grid
+    >>> check_grid(Path(grid.__file__).parent / "grids" / "smoke.toml").broken
+    ()
+    """
     path = Path(path)
     read_toml(path)
     try:

@@ -20,9 +20,18 @@ _AT_REST = 1e-6  # % of travel by which MV may settle where it starts
 
 
 def check_valve(name: str) -> Contract:
-    """Check a valve model or stage against its contract."""
-    # The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
-    # benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
+    """Check a valve model or stage against its contract.
+
+    Notes
+    -----
+    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
+    benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
+
+    Examples
+    --------
+    >>> check_valve("kano").broken
+    ()
+    """
     module = VALVES.load(name)
     broken = list(_description(module))
     if broken:
@@ -39,7 +48,11 @@ def check_valve(name: str) -> Contract:
 
 
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
-    """Return two sets of parameters that a valve takes, and what it said to those it refused."""
+    """Return two sets of parameters that a valve takes, and what it said to those it refused.
+
+    >>> _example_tables(VALVES.load("deadband"))[0]
+    [{'S': 4.0}, {'S': 7.0}]
+    """
     found, refused = [], ""
     for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
         table = {key: inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}

@@ -22,7 +22,11 @@ _NOISY = {"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}  # an e
 
 
 def check_world(name: str) -> Contract:
-    """Check an independent simulator of the blind check against its contract."""
+    """Check an independent simulator of the blind check against its contract.
+
+    >>> check_world("own").broken
+    ()
+    """
     module = WORLDS.load(name)
     broken, notes = list(_description(module)), []
     entries = [] if broken else _entries(module)

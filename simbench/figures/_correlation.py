@@ -25,8 +25,10 @@ class _Marks:
 
 
 def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
-    """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1."""
-    # Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector.
+    """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1.
+
+    Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector.
+    """
     u, y = op - op.mean(), pv - pv.mean()
     lags = np.arange(-round(reach / Ts), round(reach / Ts) + 1)
     n = u.size

@@ -12,8 +12,10 @@ from simbench.figures._style import BLACK, BLUE, RED, label
 
 
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
-    """Fit a sine and a triangle to every significant half cycle."""
-    # The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and sign.
+    """Fit a sine and a triangle to every significant half cycle.
+
+    The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and sign.
+    """
     at = zero_crossings(x, GUARD * float(x.std()))
     rows = []
     for half, (start, length) in enumerate(zip(at[:-1], np.diff(at))):

@@ -42,7 +42,16 @@ def figure_ids() -> list[str]:
 def make_figures(
     ids: Iterable[str], out: str | Path, run: str | Path | None = None, isdb: str | Path | None = None
 ) -> list[Drawn]:
-    """Draw figures and write ID.svg, ID.png and ID.csv for each."""
+    """Draw figures and write ID.svg, ID.png and ID.csv for each.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> [f.suffix for f in make_figures(["table-11-4"], tempfile.mkdtemp())[0].files]
+    ['.svg', '.png', '.csv']
+    >>> make_figures(["fig-11-12"], tempfile.mkdtemp())[0].left_out
+    'needs ISDB'
+    """
     known = figure_ids()
     wanted: list[str] = []
     for name in ids:

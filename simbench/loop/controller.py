@@ -22,9 +22,11 @@ def pi_start(op0, e0):
 
 
 def pi_step(e, sp, state, p):
-    """One sample of PI in velocity form: the backward-Euler integral, limited to lo..hi."""
-    # Limiting OP itself is the anti-windup: the integral takes up whatever the limit cut off, so OP leaves the limit at once
-    # when the error turns. `p.Kc` carries the sign of the direction, `p.Ki` = Kc Ts/Ti.
+    """One sample of PI in velocity form: the backward-Euler integral, limited to lo..hi.
+
+    Limiting OP itself is the anti-windup: the integral takes up whatever the limit cut off, so OP leaves the limit at once when
+    the error turns. `p.Kc` carries the sign of the direction, `p.Ki` = Kc Ts/Ti.
+    """
     u = state[0] + (p.Kc * (e - state[1]) + p.Ki * e)
     return min(max(u, p.lo), p.hi), e
 
@@ -50,9 +52,12 @@ def pid_start(op0, e0):
 
 
 def pid_step(e, sp, state, p):
-    """One sample of PID: backward-Euler integral and filtered derivative, SP weighted in P and D, anti-windup."""
-    # Astrom and Hagglund (2006), Advanced PID Control, chapters 3 and 13. Back-calculation feeds what the limit cuts off back
-    # to I (velocity: brings OP there with Tt), clamping holds I while the limit holds OP.
+    """One sample of PID: backward-Euler integral and filtered derivative, SP weighted in P and D, anti-windup.
+
+    Astrom and Hagglund (2006), Advanced PID Control, chapters 3 and 13. Positional: OP = P + I + D; back-calculation feeds what
+    the limit cuts off back to I, clamping holds I while the limit holds OP. Velocity: OP before its limits moves by the changes
+    of P, I and D; clamping takes the limited OP for the next sample, back-calculation brings it there with Tt.
+    """
     r = sp - p.pv0
     g = scheduled(sp - e if p.on == 0.0 else state[0] if p.on == 1.0 else sp, p.at, p.factor)
     now, f = g * p.Kc * (e - (1.0 - p.b) * r), e - (1.0 - p.c) * r

@@ -58,9 +58,11 @@ def coloured(t, Ts, p, rng):
 
 
 def propagated(t, Ts, p, rng):
-    """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`."""
-    # The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact cycle
-    # of equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
+    """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
+
+    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact cycle of
+    equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
+    """
     warm_up = int(np.ceil(12 * p.period / Ts))
     wave = _other_loop(p.S, p.J, p.noise, p.period, Ts, t.size + warm_up, int(rng.integers(2**31)))
     if p.lag > 0:

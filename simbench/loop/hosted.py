@@ -104,7 +104,11 @@ def _close() -> None:
 
 
 def host_of(parts: Iterable[tuple[str, str]]) -> PartHost | None:
-    """Return the process in which those of others among some parts (kind, name) live; None where all are of the house."""
+    """Return the process in which those of others among some parts (kind, name) live; None where all are of the house.
+
+    >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
+    True
+    """
     own = [host for kind, name in sorted(set(parts)) if (host := _FOLDERS[kind].host_of(name)) is not None]
     if len(own) < 2:
         return own[0] if own else None
@@ -128,7 +132,14 @@ def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
-    """Return kind and name of every valve stage and effect a loop names."""
+    """Return kind and name of every valve stage and effect a loop names.
+
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
+    ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})
+    >>> sorted(parts_of_loop(loop))
+    [('effect', 'stiction'), ('valve', 'lag')]
+    """
     stages = [s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))]
     valves = {loop.valve.name, *(s.get("model") for s in stages if isinstance(s, dict))}
     named = {("valve", name) for name in valves if isinstance(name, str)} | {("effect", e.name) for e in loop.effect}

@@ -29,9 +29,11 @@ named: Any = None
 
 
 def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers, op, pv, mv):
-    """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the parameters as bare tuples."""
-    # `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the past; `kick` (%) is added
-    # to OP at sample 0. Fills `op`, `pv`, `mv`.
+    """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the parameters as bare tuples.
+
+    `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the past; `kick` (%) is added
+    to OP at sample 0. Fills `op`, `pv`, `mv`.
+    """
     plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
     w_now, w_new = w[lag:], w[1:]
@@ -51,9 +53,11 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
 
 def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0, lags, w, x, c, v, s, X, C, numbers,
             op, pv, mv, outer_op, outer_pv):  # fmt: skip
-    """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills too."""
-    # Both plants are driven by the valve: the outer one is the two in series, so that both are sampled exactly. `lags` are
-    # their samples of dead time + 1, `w` begins with as many of the past as the longer has.
+    """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills too.
+
+    Both plants are driven by the valve: the outer one is the two in series, so that both are sampled exactly. `lags` are their
+    samples of dead time + 1, `w` begins with as many of the past as the longer has.
+    """
     plant, controller, gap, sensor, outer_plant, outer, valve = named(numbers)
     past = w.shape[0] - sp.shape[0]
     w_now, w_in, w_out = w[past:], w[past - lags[0] :], w[past - lags[1] :]
@@ -83,8 +87,10 @@ def valve_chain(stages):
 
 
 def naming(classes):
-    """Return the text of a function that gives bare tuples of parameters their names again."""
-    # numba takes bare tuples of numbers at the speed of C, named ones ten times slower.
+    """Return the text of a function that gives bare tuples of parameters their names again.
+
+    numba takes bare tuples of numbers at the speed of C, named ones ten times slower.
+    """
     *fixed, stages = classes
     parts = [f"class{i}(*n[{i}])" for i in range(len(fixed))]
     valve = "".join(f"stage_class{i}(*n[{len(fixed)}][{i}]), " for i in range(len(stages)))
@@ -99,9 +105,11 @@ def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], class
 
 
 def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
-    """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there."""
-    # numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own whose
-    # name carries the hash of every source that takes part: an edited valve never meets an old kernel.
+    """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there.
+
+    numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own whose
+    name carries the hash of every source that takes part: an edited valve never meets an old kernel.
+    """
     return _compiled(tuple(sorted(steps.items())), stages, classes)
 
 

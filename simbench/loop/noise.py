@@ -48,8 +48,10 @@ def draw(seeds, std, counts, out):
 
 
 def _seeded(seed, stream):
-    """Return the generator (state high, low, increment high, low) of `numpy.random.default_rng([seed, stream])`."""
-    # `seed` below 2**64, `stream` below 2**32. O'Neill's seed_seq as numpy has it: four words of 32 bits, mixed.
+    """Return the generator (state high, low, increment high, low) of `numpy.random.default_rng([seed, stream])`.
+
+    `seed` below 2**64, `stream` below 2**32. O'Neill's seed_seq as numpy has it: four words of 32 bits, mixed.
+    """
     a, hashed = np.uint64(0x43B0D7E5), np.uint64(0x8B51F9DD)
     long = seed > _MASK
     p0, a = _hashed(seed & _MASK, a, np.uint64(0x931E8875))

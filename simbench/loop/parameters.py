@@ -107,9 +107,11 @@ def resolve(
     complete: Callable[[dict[str, float], str], dict[str, float]] | None = None,
     **extra: float,
 ) -> Any:
-    """Check a table of numbers against a plug-in's schema; return a namedtuple of its fields, then those of `extra`."""
-    # `complete(values, where) -> values` fills the numbers that follow from others, which arrive as NaN. UnknownName for a key
-    # the schema lacks, ParameterError for a value.
+    """Check a table of numbers against a plug-in's schema; return a namedtuple of its fields in order, then those of `extra`.
+
+    Missing keys take their default; `complete(values, where) -> values` fills the numbers that follow from others (they arrive
+    as NaN). UnknownName for a key the schema lacks, ParameterError for a value that is missing, not finite, or out of range.
+    """
     if not table.keys() <= schema.keys():
         raise UnknownName("parameter", next(name for name in table if name not in schema), schema, where)
     values: dict[str, float] = {}

@@ -21,9 +21,11 @@ General = namedtuple("General", "A B_old B_new C pv0")
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over each sample."""
+    """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over each sample.
 
-    # Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
+    Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
+    """
+
     A: np.ndarray
     B_old: np.ndarray
     B_new: np.ndarray
@@ -103,8 +105,10 @@ def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
 
 
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
-    """Sample a plant exactly for an input that is constant over each sampling period."""
-    # Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a fractional delay.
+    """Sample a plant exactly for an input that is constant over each sampling period.
+
+    Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a fractional delay.
+    """
     if not (np.isfinite(Td) and Td >= 0):
         raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
     if not (np.isfinite(Ts) and Ts > 0):
@@ -164,9 +168,11 @@ def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
 
 
 def second_order(g: SampledPlant, den: np.ndarray, Ts: float, pv0: float) -> SecondOrder:
-    """Return the numbers of `second_order_step`: with D = A - 1, PV moves by C D x, and that by tr(D) and det(D)."""
-    # Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers do not crowd at 1 where Ts
-    # is short beside the time constants.
+    """Return the numbers of `second_order_step`: with D = A - 1, PV moves by C D x, and that by tr(D) and det(D).
+
+    Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers do not crowd at 1 where Ts
+    is short beside the time constants.
+    """
     change = np.expm1(np.roots(den) * Ts)
     row = g.C @ (g.A - np.eye(2))
     numbers = 1.0 + change.sum().real, change.prod().real, g.C @ g.B_old, g.C @ g.B_new, row @ g.B_old, row @ g.B_new

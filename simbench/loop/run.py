@@ -32,24 +32,60 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a simulation knows: the record, and behind it what no plant shows."""
+    """What a simulation knows: the record, and behind it what no plant shows.
 
-    record: LoopRecord  # SP, OP, PV as archived, MV; n samples
-    load_in: np.ndarray  # load at the plant's input (%), shape (n + tail,)
-    load_out: np.ndarray  # load at its output (PV units), shape (n + tail,)
-    tail: LoopRecord | None  # the continued run after the record, with set point and disturbances frozen
-    sticky: bool  # whether the valve has friction
-    mv: np.ndarray  # valve position (%) as it is, shape (n + tail,); the record's may carry noise
-    friction: tuple[float, float] = (0.0, 0.0)  # mapped S and J (% of travel) of the stickiest stage of the valve
-    notes: tuple[str, ...] = ()  # what the reader must know of how it was computed
-    outer: LoopRecord | None = None  # of the outer loop, where the loop is the inner one of a cascade
+    Parameters
+    ----------
+    record : LoopRecord
+        SP, OP, PV as archived, MV; n samples.
+    load_in, load_out : ndarray, shape (n + tail,)
+        Loads at the plant's input (%) and output (PV units).
+    tail : LoopRecord or None
+        The continued run after the record, with set point and disturbances frozen.
+    sticky : bool
+        Whether the valve has friction.
+    mv : ndarray, shape (n + tail,)
+        Valve position (%) as it is; the record's may carry noise.
+    friction : (float, float)
+        Mapped S and J (% of travel) of the stickiest stage of the valve.
+    notes : tuple of str
+        What the reader must know of how it was computed.
+    outer : LoopRecord or None
+        What was recorded of the outer loop, where the loop is the inner one of a cascade.
+    """
+
+    record: LoopRecord
+    load_in: np.ndarray
+    load_out: np.ndarray
+    tail: LoopRecord | None
+    sticky: bool
+    mv: np.ndarray
+    friction: tuple[float, float] = (0.0, 0.0)
+    notes: tuple[str, ...] = ()
+    outer: LoopRecord | None = None
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the record as a table: t_s, sp, op, pv, mv."""
+        """Return the record as a table.
+
+        Returns
+        -------
+        DataFrame
+            t_s, sp, op, pv, mv.
+        """
         return self.record.to_frame()
 
     def plot(self, **options: Any) -> Any:
-        """Draw the record, see `LoopRecord.plot`; `options` are those of `pandas.DataFrame.plot`."""
+        """Draw the record, see `LoopRecord.plot`.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot` takes them.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, shape (2,)
+        """
         return self.record.plot(**options)
 
     def _repr_html_(self) -> str:

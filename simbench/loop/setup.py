@@ -22,13 +22,15 @@ _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 
 @dataclass
 class Setup:
-    """Everything the compiled loop needs, still open to change."""
+    """Everything the compiled loop needs, still open to change.
 
-    # Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is measured
-    # with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters. `recorders` turn
-    # the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the laws'
-    # own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean nothing where the
-    # plant is a plug-in without a transfer function.
+    Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is measured with
+    PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV
+    the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the laws' own step
+    (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean nothing where the plant is a
+    plug-in without a transfer function.
+    """
+
     loop: Loop
     seed: int
     tail: int
@@ -141,8 +143,10 @@ def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances rest over the tail."""
-    # `tf` takes the place of the loop's plant (its dead time stays).
+    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances stand still over the tail.
+
+    `tf` takes the place of the loop's plant (its dead time stays).
+    """
     total = loop.sampling.n + tail
     own = _plant_plugin(loop) if tf is None else None
     num, den = plant.polynomials_of(tf) if tf is not None else plant.polynomials(loop.plant) if own is None else _linear(*own)
@@ -199,10 +203,12 @@ def _outer(inner: Setup, outer: Outer) -> Setup:
 
 @dataclass(frozen=True)
 class Parts:
-    """The pieces of one run, as `simbench.loop.kernel` takes them."""
+    """The pieces of one run, as `simbench.loop.kernel` takes them.
 
-    # `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a
-    # tuple for the valve's stages.
+    `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a tuple
+    for the valve's stages.
+    """
+
     sampled: plant.SampledPlant
     steps: dict[str, FunctionType]
     stages: tuple[FunctionType, ...]

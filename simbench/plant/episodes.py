@@ -30,9 +30,11 @@ class _Episode:
 
 @dataclass(frozen=True)
 class OverTime:
-    """Verdicts of a method over overlapping windows, a single one where the record is too short to be cut."""
+    """Verdicts of a method over overlapping windows, a single one where the record is too short to be cut.
 
-    # `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
+    `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
+    """
+
     method: str
     episodes: tuple[_Episode, ...]
     cycles: int
@@ -55,8 +57,10 @@ class OverTime:
 
 
 def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
-    """Judge a record window by window, for valves that stick at times and loops that were retuned."""
-    # A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.
+    """Judge a record window by window, for valves that stick at times and loops that were retuned.
+
+    A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.
+    """
     prepared = Prepared(record.without_mv())
     period = prepared.oscillation.period_s / record.Ts
     if not np.isfinite(period) or not prepared.oscillation.sustained:

@@ -30,8 +30,10 @@ _NAMED = "of"  # key under which an encoded object names its class
 def resumed(
     ask: Callable[..., Any], about: Sequence[tuple[Any, ...]], *, jobs: int, keep: str | Path | None, what: str
 ) -> list[Any]:
-    """Ask of each in turn, in several processes, and return the answers in order."""
-    # Answers that this very code gave to the same questions are read from `keep`; those that no question asks for are removed.
+    """Ask of each in turn, in several processes, and return the answers in order.
+
+    Answers that this very code gave to the same questions are read from `keep`; those that no question asks for are removed.
+    """
     calls = [delayed(ask)(*a) for a in about]
     if keep is not None:
         # processes that live on from another call may stand in another folder

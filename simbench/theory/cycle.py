@@ -39,9 +39,13 @@ class ExactCycle:
 
 
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
-    """Return the limit cycle of a sampled loop, or None when nothing keeps cycling."""
-    # From the symmetric cycles that reproduce themselves, attracting ones first, else from a ladder of load steps. Not for
-    # valves that are no (S, J) map (`SampledLoop.misfit`): there it is an approximation.
+    """Return the limit cycle of a sampled loop, or None when nothing keeps cycling.
+
+    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when none
+    persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Valves that stick again
+    after every sample (He's; physical friction under a sampled OP) are marched as such. Not for valves that are no (S, J) map
+    at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an approximation.
+    """
     if loop.fs == 0:
         return None
     halves = sorted(half_cycles(loop), key=lambda h: h.multiplier)
@@ -101,8 +105,11 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
 
 
 def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the state of a loop at rest in mid-band when the load at the plant's input changes by -`load` (%)."""
-    # Seen from the new balance valve and OP are off by `load` (P, self-regulating: by g/(1 + g) of it), PV is where it was.
+    """Return the state of a loop at rest in mid-band when the load at the plant's input changes by -`load` (%).
+
+    Seen from the new balance, valve and OP are off by `load` (P on a self-regulating plant: by g/(1 + g) of it), and PV is
+    where it was.
+    """
     g = loop.static_gain
     v = load if loop.integral or np.isinf(g) else load * g / (1 + g)
     w = 0.0 if loop.integral else -v

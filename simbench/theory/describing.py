@@ -40,9 +40,11 @@ class _Intersection:
 
 
 def stiction(S: float, J: float) -> _DescribingFunction:
-    """Describing function of the two-parameter stiction map; J = 0 is the dead-band."""
-    # Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A) (the
-    # chapter's Eqs. 11.1 and 11.2 lost the signs).
+    """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
+
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A) (the
+    chapter's Eqs. 11.1 and 11.2 lost the signs).
+    """
     if not (S > 0 and J >= 0):
         raise ParameterError(f"describing function: S = {S}, J = {J}; S > 0 and J >= 0 are needed")
     fd = 0.5 * (S - J)
@@ -62,9 +64,11 @@ def stiction(S: float, J: float) -> _DescribingFunction:
 
 
 def deadzone(D: float) -> _DescribingFunction:
-    """Describing function of a dead-zone around the operating point."""
-    # Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
-    # that a stable loop never meets it.
+    """Describing function of a dead-zone around the operating point.
+
+    Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
+    that a stable loop never meets it.
+    """
     if not D > 0:
         raise ParameterError(f"describing function: D = {D}; a width above 0 is needed")
 
@@ -79,9 +83,11 @@ def deadzone(D: float) -> _DescribingFunction:
 def first_harmonic(
     model: str, parameters: Mapping[str, Any], A: ArrayLike, *, period: float = 100.0, samples: int = 1000, centre: float = 50.0
 ) -> np.ndarray:
-    """Measure the describing function of any valve model: the fundamental of MV under a sine of OP."""
-    # A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude
-    # selects the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
+    """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
+
+    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude selects
+    the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
+    """
     A = np.atleast_1d(np.asarray(A, dtype=float))
     t = 2 * np.pi * np.arange(4 * samples) / samples
     wave = np.exp(-1j * t[-samples:])
@@ -109,9 +115,12 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
 
 
 def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
-    """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1."""
-    # Sign changes on a grid, then Newton's method. Qualitative: periods are off by -22 to +38 %, and cycles exist (PI with Ti >
-    # T + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
+    """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1.
+
+    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and log(A/low - 1); from there Newton's
+    method. Qualitative: OP is a triangle rather than a sine, periods are off by -22 to +38 %, and cycles exist (PI with Ti > T
+    + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
+    """
     w = np.geomspace(1e-5 / max(loop.times), 50 / min(loop.times), 500)
     top = min(1e3, valve.high / valve.low - 1)
     a = np.geomspace(1e-6, top, 240)

@@ -50,9 +50,11 @@ class HalfCycle:
 
 
 def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
-    """Find the symmetric cycles of a loop, shortest first."""
-    # For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,
-    # with p = J/(2 - k Td).
+    """Find the symmetric cycles of a loop, shortest first.
+
+    For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,
+    with p = J/(2 - k Td).
+    """
     found: list[HalfCycle] = []
     tried: set[int] = set()
     # OP turns when the dead time has passed, or later in a slow loop

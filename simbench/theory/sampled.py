@@ -21,10 +21,12 @@ from simbench.loop.setup import Setup
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel."""
+    """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel.
 
-    # Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and OP(k) = OP(k-1) -
-    # (w(k) - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
+    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and OP(k) = OP(k-1) - (w(k)
+    - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
+    """
+
     # A, B_old, B_new, C: the sampled plant, scaled by the controller's signed gain
     A: np.ndarray
     B_old: np.ndarray
@@ -147,9 +149,11 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
 
 
 def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> SampledLoop:
-    """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of the plant."""
-    # With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and PI
-    # = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
+    """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of the plant.
+
+    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and PI =
+    ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
+    """
     c, Ti, flat, n = setup.loop.controller, float(setup.Ti or 0.0), np.ascontiguousarray, sampled.order
     p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)
     beta, Tf = setup.Ts / Ti, float(c.Td or 0.0) / controllers.derivative_filter(c)

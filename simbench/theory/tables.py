@@ -73,10 +73,12 @@ def table_11_3(loop: SampledLoop) -> bool:
 
 
 def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
-    """Return Table 11.3's answer with the existence conditions of its two coarse cells."""
-    # Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and v +
-    # J if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when g J > S.
-    # Self-regulating PI with dead-band: the cycle itself decides.
+    """Return Table 11.3's answer with the existence conditions of its two coarse cells.
+
+    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and v + J
+    if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when g J > S.
+    Self-regulating PI with dead-band: the cycle itself decides.
+    """
     place = cell(loop)
     if place == ("self-regulating", "P", STICK_SLIP):
         return loop.static_gain * loop.J > loop.S

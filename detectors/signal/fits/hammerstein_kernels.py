@@ -29,11 +29,13 @@ def state_before(u, S, J, start, lo, hi):
 
 
 def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out):
-    """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them."""
-    # The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
-    # plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1: x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c,
-    # both gains of the given sign, d = delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y,
-    # both over the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
+    """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them.
+
+    The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
+    plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1: x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c,
+    both gains of the given sign, d = delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y,
+    both over the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
+    """
     n = y.size
     v, total = rows(n), rows(n + 1)
     for block in range(0, S.size, LANES):
@@ -47,9 +49,11 @@ def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, 
 
 
 def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
-    """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with their running sums."""
-    # The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
-    # valve, 0 for one at rest.
+    """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with their running sums.
+
+    The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
+    valve, 0 for one at rest.
+    """
     position, m, fs, fd, mean, run, halts = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
     before = base = min(max(op[0], lo), hi)
     for c in range(LANES):
@@ -194,9 +198,13 @@ def product(y, first, m, top, x, sxy):
 
 
 def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, delay, count, steps, least, error):
-    """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates."""
-    # Pattern search (Hooke and Jeeves, 1961); the repeated move follows the valleys in which S, J and the plant trade off. All
-    # points go abreast, their next trials computed together on the bet that none pays.
+    """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates.
+
+    Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together and log rate, the whole move
+    is repeated as long as it pays, which follows the valleys in which S, J and the plant trade off; then the steps are halved,
+    from steps[i] down to the share least[i] of them. All points go abreast, and the next trials of each are computed together
+    on the bet that none pays; those behind one that does are thrown away. So the way is that of one trial after another.
+    """
     m = len(points)
     search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
     for p in range(m):

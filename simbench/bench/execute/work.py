@@ -37,10 +37,12 @@ _HELD = 80  # records simulated before they are judged in drawn order
 
 @dataclass(frozen=True)
 class Chunk:
-    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for."""
+    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for.
 
-    # `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the
-    # truth's seconds, too; `kept` are records by scenario id.
+    `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the truth's
+    seconds, too; `kept` are records by scenario id.
+    """
+
     number: int
     scenarios: bytes
     verdicts: bytes
@@ -100,9 +102,11 @@ def work(
     front_end: str = "acf",
     callers: Mapping[str, Any] | None = None,
 ) -> Chunk:
-    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times."""
-    # `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers` the caller's own detectors;
-    # `seconds` is the time a file's may take for a record, `keep` how many records are handed back, from the first on.
+    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
+
+    `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers` the caller's own detectors;
+    `seconds` is the time a file's may take for a record, `keep` how many records are handed back, from the first on.
+    """
     began = time.perf_counter()
     add_parts(*stages, seconds=seconds)
     registry.add_all_hosted(plugins, seconds)
@@ -145,9 +149,11 @@ def work(
 def judge_both(
     record: LoopRecord, chosen: Thresholds, front_end: str = "acf"
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
-    """Judge a record by several methods, with and without the common oscillation front end."""
-    # Returns the blinded record with what was found in it, and per method the verdict with the front end, the one without, the
-    # error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
+    """Judge a record by several methods, with and without the common oscillation front end.
+
+    Returns the blinded record with what was found in it, and per method the verdict with the front end, the one without, the
+    error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
+    """
     since = time.perf_counter()
     blind, sighted = prepare(record.without_mv(), front_end), None
     sustained = blind.oscillation.sustained

@@ -25,9 +25,12 @@ _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier th
 
 
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
-    """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else."""
-    # OP through a valve and the known plant leaves of PV the sensor's white noise, so the ratio of likelihoods is (RSS ideal -
-    # RSS sticky)/(2 noise variance), at its maximum over S and J (Kay 1998, section 6.4.2).
+    """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
+
+    OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
+    likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
+    them is taken (Kay 1998, section 6.4.2).
+    """
     setup = resolve_loop(scenario.loop, scenario.seed)
     n, op, pv = setup.n, run.record.op, run.record.pv
     known = setup.pv0 + run.load_out[:n]

@@ -53,9 +53,11 @@ def resolve(group: Group) -> list[Scenario]:
 
 
 def measure_cycle(twin: Loop) -> _Cycle:
-    """Run a sticky loop without noise and measure its cycle."""
-    # The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of
-    # `first_guess` and the amplitude that of a valve off by a quarter of its band.
+    """Run a sticky loop without noise and measure its cycle.
+
+    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of `first_guess`
+    and the amplitude that of a valve off by a quarter of its band.
+    """
     at_rest = {"setpoint": SetPoint(value=twin.pv0), "noise": Noise(), "disturbance": ()}
     return _measured(twin.model_copy(update=at_rest).model_dump_json())
 

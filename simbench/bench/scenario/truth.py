@@ -35,8 +35,10 @@ class Cycled:
 
 
 def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
-    """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles."""
-    # A valve without friction is its own twin: never "yes".
+    """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
+
+    A valve without friction is its own twin: never "yes".
+    """
     run = simulate(loop, seed)
     if not run.sticky:
         return run, Cycled(NO)

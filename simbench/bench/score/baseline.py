@@ -32,9 +32,12 @@ _BASELINE_COLUMNS = (
 
 
 def write_baseline(run: str | Path, baseline: str | Path) -> None:
-    """Write a run as a baseline; its manifest comes last."""
-    # Loops stay, so that every flip can be simulated again; columns that no check needs are empty, numbers keep 24 bits.
-    # scores.csv is for the eye: its difference in version control reads as accuracy gained and lost.
+    """Write a run as a baseline; its manifest comes last.
+
+    The tables keep their columns, those that no check needs are empty; scores, S and J keep 24 bits. The loops stay: every flip
+    can be simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and
+    lost. history.csv grows by one row per method.
+    """
     baseline = make_folder(baseline)
     whole = read_manifest(run)
     manifest = {k: v for k, v in whole.items() if k in _KEPT}

@@ -39,9 +39,16 @@ _COUNTED = {
 
 
 def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
-    """Compare a run with a baseline."""
-    # Within positives and within negatives, as a moved threshold trades one for the other; McNemar and DeLong on the same
-    # loops, two-sample tests on others, Holm-corrected. Where a drop of `_REACH` would not have been found, the check fails.
+    """Compare a run with a baseline.
+
+    Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for the
+    other: a gate on accuracy alone would see little of it. Loops in the same place of the same grid: exact one-sided McNemar
+    tests and DeLong's test of the AUC. Records there may differ, as another processor simulates a chaotic loop otherwise; an
+    unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided two-sample tests of
+    a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the very same records,
+    where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count. Where a drop that
+    matters (`_REACH`) would not have been found, the check cannot tell, and fails.
+    """
     return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
 

@@ -70,9 +70,11 @@ class _Comparison:
 
 
 def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> _Comparison:
-    """Compare the methods of a run with each other, or with themselves in another run."""
-    # An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
-    # McNemar (1947), Holm (1979), Demsar (2006).
+    """Compare the methods of a run with each other, or with themselves in another run.
+
+    An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
+    McNemar (1947), Holm (1979), Demsar (2006).
+    """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
     book = read_book(folder)

@@ -31,9 +31,12 @@ def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: 
 
 
 def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the risk of a method that is asked for its surest answers only, for every number of answers, and of every loop."""
-    # The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
-    # El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's influence function.
+    """Return the risk of a method that is asked for its surest answers only, for every number of answers, and of every loop.
+
+    The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
+
+    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's influence function.
+    """
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
     for k in np.unique(fold):
         known = (fold != k) & (ranks >= 0)

@@ -23,9 +23,11 @@ _KEPT = 0.8  # of the loops whose S or J a method gave before, that it must stil
 
 
 def estimates(book: RunArrays) -> pd.DataFrame:
-    """Return every S and J that a method gave of a sticky valve, whose mapped S is the unit of errors and widths."""
-    # Columns: loop (its number in the run), method, family, parameter, error, width and held; the last two are NaN where the
-    # method states no level for its interval, or gave a number.
+    """Return every S and J that a method gave of a sticky valve, whose mapped S is the unit of errors and widths.
+
+    Columns: loop (its number in the run), method, family, parameter, error, width and held; the last two are NaN where the
+    method states no level for its interval, or gave a number.
+    """
     import pandas as pd
 
     given = book.levels[book.friction[book.levels["loop"], 0] > 0.0]
@@ -56,8 +58,10 @@ def quantification(book: RunArrays) -> pd.DataFrame:
 
 
 def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the tests of a gate, median error and coverage of S and J by method and family, and what cannot be told."""
-    # `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
+    """Return the tests of a gate, median error and coverage of S and J by method and family, and what cannot be told.
+
+    `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
+    """
     old, new = (estimates(book) for book in (before, now))
     paired = pairs.now.size > 0
     if paired:

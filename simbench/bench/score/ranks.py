@@ -21,9 +21,14 @@ class Ranks(NamedTuple):
 
 
 def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
-    """Rank methods by what each earns on the same loops."""
-    # Group bootstrap in closed form; never below the variance of methods whose errors have nothing to do with each other: a
-    # near copy is no rival. A method's rank is one more than the number of methods better by 1.96 sd of the widest pair.
+    """Rank methods by what each earns on the same loops.
+
+    The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
+    draws: the sum over groups of their squared share in it. It is not taken smaller than for methods whose errors have nothing
+    to do with each other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
+    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is one
+    more than the number of methods that are better by that much.
+    """
     m, n = right.shape
     if m == 0 or n == 0:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))

@@ -46,27 +46,48 @@ HEAD = (
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """What a run says about its detectors."""
+    """What a run says about its detectors.
 
-    # one row per method, truth, mode ("front end" or "raw") and process ("all", "self-regulating", "integrating"): n scenarios
-    # with a truth, positives; applicable: on how many the method's source covers the loop; over those, with Wilson intervals
-    # (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found (of positives, no
-    # decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's interval; cost (an error
-    # 1, no decision `undecided`) and rank by it among its kind (none where it covers less than 95 % of the loops); found_at_5
-    # (found at 5 % false alarms, threshold from other groups); risk_coverage (area under the curve: mean error of the surest
-    # answers); cost_oscillating over the loops that oscillate, so many of them, and cost_over_blind, the same less what the
-    # blind classifier costs there; accuracy_all over everything; home, where its constants were fitted; errors; median_ms
+    Parameters
+    ----------
+    table : DataFrame
+        One row per method, truth, mode ("front end" or "raw") and process ("all", "self-regulating", "integrating"): n
+        scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
+        Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
+        (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
+        interval; cost (an error 1, no decision `undecided`) and rank by it among its kind (none where it covers less than 95 %
+        of the loops); found_at_5 (found at 5 % false alarms, threshold from other groups); risk_coverage (area under the
+        curve: mean error of the surest answers); cost_oscillating over the loops that oscillate, so many of them, and
+        cost_over_blind, the same less what the blind classifier costs there; accuracy_all over everything; home, where its
+        constants were fitted; errors; median runtime in ms.
+    by_axis : DataFrame
+        The same against `cycled` by axis and value, without AUC's interval and rank.
+    disagreement : DataFrame
+        How often sticky, predicted and cycled say what together.
+    left_out : DataFrame
+        method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three answers with intervals.
+    quantification : DataFrame
+        method, family of valves, parameter (S or J), n sticky loops for which the method gave it, median_error (from the middle
+        of an interval) and width in shares of the valve's S, coverage of intervals that are said to hold nine in ten.
+    standing : dict of (truth, mode, process) to Ranks
+        What the run can resolve, among methods that see OP and PV only.
+    manifest : dict
+        Of the run.
+    first : str
+        The mode shown first.
+    undecided : float
+        Cost of no decision.
+    """
+
     table: pd.DataFrame
-    by_axis: pd.DataFrame  # the same against `cycled` by axis and value, without AUC's interval and rank
-    disagreement: pd.DataFrame  # how often sticky, predicted and cycled say what together
-    left_out: pd.DataFrame  # method, mode, of ("entrained", "unclear", "does not apply"), n, shares of the three answers
-    # method, family of valves, parameter (S or J), n sticky loops for which the method gave it, median_error (from the middle
-    # of an interval) and width in shares of the valve's S, coverage of intervals that are said to hold nine in ten
+    by_axis: pd.DataFrame
+    disagreement: pd.DataFrame
+    left_out: pd.DataFrame
     quantification: pd.DataFrame
-    standing: dict[tuple[str, str, str], Ranks]  # by (truth, mode, process), among methods that see OP and PV only
-    manifest: dict[str, Any]  # of the run
-    first: str = FRONT  # the mode shown first
-    undecided: float = UNDECIDED  # cost of no decision
+    standing: dict[tuple[str, str, str], Ranks]
+    manifest: dict[str, Any]
+    first: str = FRONT
+    undecided: float = UNDECIDED
 
     @property
     def resolution(self) -> float:
@@ -116,11 +137,27 @@ class Scores:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the ranking against `cycled`, all loops, one row per method, best first."""
+        """Return the ranking against `cycled`, all loops.
+
+        Returns
+        -------
+        DataFrame
+            One row per method, best first; `table` holds every truth, mode and process.
+        """
         return self.ranking().reset_index(drop=True)
 
     def plot(self, **options: Any) -> Any:
-        """Draw each method's accuracy where it applies, with its interval; `options` are those of `DataFrame.plot.barh`."""
+        """Draw each method's accuracy where it applies, with its interval.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot.barh` takes them, such as figsize.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable
         around = [[(value - rows.accuracy_applicable_lo).to_numpy(), (rows.accuracy_applicable_hi - value).to_numpy()]]

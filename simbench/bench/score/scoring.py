@@ -130,9 +130,11 @@ def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which have the truth asked for; of these which are positive, in what group and fold."""
+    """The loops of one row: how many, which have the truth asked for; of these which are positive, in what group and fold.
 
-    # `oscillating` and `blind` are what the front end and the blind classifier say of these.
+    `oscillating` and `blind` are what the front end and the blind classifier say of these.
+    """
+
     place: dict[str, Any]
     size: int
     use: np.ndarray

@@ -15,8 +15,10 @@ def controller_start(op0, e0):
 
 
 def controller_step(e, sp, state, p):
-    """One sample of PI in velocity form: bent error, gain scheduled by OP, derivative, rate limits and idle scans."""
-    # `p.idle` marks the samples in which the controller does not run: OP stands, and nothing is remembered of them.
+    """One sample of PI in velocity form, its error bent, its gain scheduled by OP, with derivative, rate limits and idle scans.
+
+    `p.idle` marks the samples in which the controller does not run: OP stands, and nothing is remembered of them.
+    """
     before, slope, k = state[1]
     if p.idle[int(k)] > 0.0:
         return state[0], (before, slope, k + 1.0)

@@ -65,8 +65,10 @@ def overshoot(p) -> float:
 
 
 def mapped_SJ(p) -> tuple[float, float]:
-    """Return the (S, J) in % of travel of the equivalent stiction map."""
-    # Exact for an actuator that does not overshoot. One that does jumps by J (1 + overshoot) and comes to rest that much nearer
-    # to the opposite break-away: He's map with K = 1 + overshoot, as long as it moves by jumps.
+    """Return the (S, J) in % of travel of the equivalent stiction map.
+
+    Exact for an actuator that does not overshoot. One that does jumps by J (1 + overshoot) and comes to rest that much nearer
+    to the opposite break-away: He's map with K = 1 + overshoot, as long as it moves by jumps.
+    """
     more = overshoot(p) * p.J
     return p.S - more, p.J + more

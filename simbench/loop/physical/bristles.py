@@ -17,9 +17,11 @@ _E32 = 6.0 + sqrt(2.0)
 
 
 def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
-    """Return (position, rate, deflection, h) after T s under OP `u` + `ramp` t; h is the step (s) to try next."""
-    # All NaN when the motion took more than `_MAX_STEPS` steps. Rosenbrock method of order 2 with error estimate (Shampine and
-    # Reichelt 1997, ode23s), whose order does not hang on the kink of |r| in the Jacobian.
+    """Return (position, rate, deflection, h) after T s under OP `u` + `ramp` t; h is the step (s) to try next.
+
+    All NaN when the motion took more than `_MAX_STEPS` steps. Rosenbrock method of order 2 with error estimate (Shampine and
+    Reichelt 1997, ode23s), whose order does not hang on the kink of |r| in the Jacobian.
+    """
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, z, h

@@ -11,8 +11,10 @@ _MAX_EVENTS = 10_000
 
 
 def slide(u, x, r, fs, fd, a, w2, rest, T):
-    """Return (position, rate) after T s under OP `u`; a rate that has fallen to `rest` counts as standing."""
-    # (NaN, NaN) when the valve was still stopping and starting after `_MAX_EVENTS` phases.
+    """Return (position, rate) after T s under OP `u`; a rate that has fallen to `rest` counts as standing.
+
+    (NaN, NaN) when the valve was still stopping and starting after `_MAX_EVENTS` phases.
+    """
     for _ in range(_MAX_EVENTS):
         if r == 0.0:
             if abs(u - x) <= fs:
@@ -69,8 +71,10 @@ def free(z, r, a, w2, t):
 
 
 def fade_time(z, r, d, rest, a, w2):
-    """Return when the rate has fallen to `rest` with the slow mode alone left, infinity if it does not end that way."""
-    # The common end of an overdamped motion, in closed form; then rate = rest and z = -d rest/(slow eigenvalue).
+    """Return when the rate has fallen to `rest` with the slow mode alone left, infinity if it does not end that way.
+
+    The common end of an overdamped motion, in closed form; then rate = rest and z = -d rest/(slow eigenvalue).
+    """
     b2 = a * a - w2
     if b2 <= 1e-12 * w2:
         return inf

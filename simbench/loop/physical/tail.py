@@ -18,8 +18,10 @@ TOLERANCE_R = 1e-8
 
 
 def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
-    """Return (position, rate, h) after T s under OP `u`; h is the Runge-Kutta step (s) to try next."""
-    # (NaN, NaN, NaN) when the motion took more than `_MAX_STEPS` steps.
+    """Return (position, rate, h) after T s under OP `u`; h is the Runge-Kutta step (s) to try next.
+
+    (NaN, NaN, NaN) when the motion took more than `_MAX_STEPS` steps.
+    """
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, h

@@ -22,8 +22,10 @@ def start(p):
 
 
 def step(w_old, w_new, state, p):
-    """One sample: the inflow's deviations (%), `w_old` for the rest of the dead time, `w_new` then; state (level,) out."""
-    # T dh/dt = K w - 2 pv0 (sqrt(h/pv0) - 1), by the classic Runge-Kutta step.
+    """One sample: the inflow's deviations (%), `w_old` for the rest of the dead time, `w_new` then; state (level,) out.
+
+    T dh/dt = K w - 2 pv0 (sqrt(h/pv0) - 1), by the classic Runge-Kutta step.
+    """
     early = (p.Td % p.Ts) / p.Ts
     push, h, x = p.K * (early * w_old + (1.0 - early) * w_new), p.Ts / p.T, state[0]
     a = push - _out(x, p.pv0)

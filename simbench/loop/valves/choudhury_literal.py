@@ -25,8 +25,10 @@ def start(u0, p):
 
 
 def step(u, state, p):
-    """One sample: OP `u` (%) in, state (v, x_ss, held, slope, u_prev) out, v = MV (%)."""
-    # x_ss is OP where the band began, `held` is 1 when it began with a pause of OP, `slope` the sign of OP's change.
+    """One sample: OP `u` (%) in, state (v, x_ss, held, slope, u_prev) out, v = MV (%).
+
+    x_ss is OP where the band began, `held` is 1 when it began with a pause of OP, `slope` the sign of OP's change.
+    """
     v, x_ss, held, slope_old, u_prev = state
     x = min(max(u, 0.0), 100.0)
     slope = 0.0

@@ -23,8 +23,10 @@ def start(u0, p):
 
 
 def step(u, state, p):
-    """One sample: OP `u` (%) in, state (v, rest, d, stuck, u_prev, du_prev) out, v = MV (%)."""
-    # rest is where the valve stopped, before any end of travel; d the last direction of motion (+1 opening).
+    """One sample: OP `u` (%) in, state (v, rest, d, stuck, u_prev, du_prev) out, v = MV (%).
+
+    rest is where the valve stopped, before any end of travel; d the last direction of motion (+1 opening).
+    """
     v, rest, d, stuck, u_prev, du_prev = state
     x = min(max(u, 0.0), 100.0)
     du = x - u_prev

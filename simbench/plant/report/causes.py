@@ -63,8 +63,10 @@ def _line(c: Cause) -> str:
 
 
 def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0) -> Causes:
-    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that cannot be told."""
-    # `root` is the loop that drives it, `sure` that loop's probability of stiction.
+    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that cannot be told.
+
+    `root` is the loop that drives it, `sure` that loop's probability of stiction.
+    """
     flags, swing = prepared.flags, prepared.oscillation
     for flag, name in _TOLD_BY_FLAGS.items():
         if flag in flags:

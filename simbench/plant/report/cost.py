@@ -16,9 +16,11 @@ _DEAD = 0.1  # of OP's standard deviation, within which a change of direction is
 
 @dataclass(frozen=True)
 class Cost:
-    """What the record shows of a loop's cost: the cycle's share of the variance of PV and OP, the valve's travel and turns."""
+    """What the record shows of a loop's cost: the cycle's share of the variance of PV and of OP, the valve's travel and turns.
 
-    # `travel` (% a day, 100 = once from end to end) is None without a unit of OP, `automatic` without a mode.
+    `travel` (% a day, 100 = once from end to end) is None where the unit of OP is unknown, `automatic` without a recorded mode.
+    """
+
     pv_share: float
     op_share: float
     travel: float | None

@@ -18,9 +18,11 @@ _EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
-    """Return the groups of loops that oscillate together by the phase-locking value of their PVs (Lachaux et al. 1999)."""
-    # Two loops that cycle by themselves drift apart; a source and its victims do not. Records without time stamps are taken for
-    # records of one time where they are of one length.
+    """Return the groups of loops that oscillate together by the phase-locking value of their PVs (Lachaux et al. 1999, eq. 1).
+
+    Two loops that cycle by themselves drift apart; a source and its victims do not. Records without time stamps are taken for
+    records of one time where they are of one length.
+    """
     swinging = [(name, p) for name, p in records.items() if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)]
     parent = {name: name for name, _ in swinging}
 

@@ -39,11 +39,13 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant: what few twins and the fast methods say, the verdicts of all methods, cause, cost and what to do."""
+    """One loop of a plant: what few twins and the fast methods say, the verdicts of all methods, cause, cost and what to do.
 
-    # `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
-    # from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
-    # of PV's variance that its cause costs, summed over the loops that swing with it, times its confidence.
+    `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
+    from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
+    of PV's variance that its cause costs, summed over the loops that swing with it, times its confidence.
+    """
+
     name: str
     found: Trust
     verdicts: tuple[Verdict, ...]

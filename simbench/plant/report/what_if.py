@@ -52,9 +52,11 @@ class Action:
 
 
 def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
-    """Return what the actions would do to the variance of PV, best first."""
-    # Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an action on a loop whose
-    # valve nobody knows is no advice.
+    """Return what the actions would do to the variance of PV, best first.
+
+    Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an action on a loop whose
+    valve nobody knows is no advice.
+    """
     claimed = behind.sticky is not None and behind.probability > CLAIMED_FROM
     if not claimed and behind.probability >= DENIED_BELOW:
         return ()
@@ -70,9 +72,11 @@ def compare(
     base: Loop, S: float, J: float, *, spread: float = 1.0, hidden: bool = False, seed: int = 0,
     settings: Mapping[str, float] | None = None, load: np.ndarray | None = None,
 ) -> tuple[Action, ...]:  # fmt: skip
-    """Return the actions on one loop with a friction of S and J, best first."""
-    # `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to,
-    # `load` (PV units, at the output) stands for the loop's own loads and noise, from another sample on in every run.
+    """Return the actions on one loop with a friction of S and J, best first.
+
+    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to,
+    `load` (PV units, at the output) stands for the loop's own loads and noise, from another sample on in every run.
+    """
     rng = np.random.default_rng(seed)
     drawn = []
     for i in range(_RUNS):

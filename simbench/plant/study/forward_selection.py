@@ -33,9 +33,11 @@ _ROUNDS = 4  # in which a strength is measured again by the loop that has it
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """One loop of the grid: its group, the loop, its record and whether it is sticky."""
+    """One loop of the grid: its group, the loop, its record and whether it is sticky.
 
-    # `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its healthy sibling.
+    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its healthy sibling.
+    """
+
     unit: str
     loop: Loop
     seed: int

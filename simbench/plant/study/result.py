@@ -25,9 +25,11 @@ class Contribution:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Records against a grid; the fields are those of the JSON, and the classifier's AUC with its p-value."""
+    """Records against a grid; the fields are those of the JSON, and the classifier's AUC with its p-value.
 
-    # `simulated` and `real` are accuracies of every method, no decision counting as wrong; `moved` with all effects.
+    `simulated` and `real` are accuracies of every method, no decision counting as wrong; `moved` once all effects have joined.
+    """
+
     records: int
     loops: int
     distance: dict[str, float]

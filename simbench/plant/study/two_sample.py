@@ -67,8 +67,10 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
 
 
 def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99) -> tuple[float, float]:
-    """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value."""
-    # Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR.
+    """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value.
+
+    Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR.
+    """
     x, first = np.vstack([one, other]), np.arange(len(one) + len(other)) < len(one)
     fold = _folds(first, rng)
     value = _auc(x, first, fold)

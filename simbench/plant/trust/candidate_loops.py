@@ -18,10 +18,12 @@ ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effe
 
 @dataclass(frozen=True, eq=False)
 class CandidateLoops:
-    """What may stand behind a record (OP in %): loops without friction, the most plausible first, and the one with friction."""
+    """What may stand behind a record (OP in %): loops without friction, the most plausible first, and the one with friction.
 
-    # `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an oscillation from outside, bring
-    # over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is.
+    `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an oscillation from outside, bring
+    over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is.
+    """
+
     record: LoopRecord
     healthy: tuple[Loop, ...]
     sticky: Loop | None

@@ -28,9 +28,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a method should be read on this loop: by its published rule, or by the score above which stiction is called."""
+    """How a method should be read on this loop: by its published rule, or by the score above which stiction is called.
 
-    # `right` is the share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
+    `right` is the share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
+    """
+
     method: str
     cut: float | None
     right: float

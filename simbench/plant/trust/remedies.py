@@ -19,9 +19,11 @@ _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to record otherwise, and which share of sticky and of healthy twins the best method then calls stiction."""
+    """One thing to record otherwise, and which share of sticky and of healthy twins the best method then calls stiction.
 
-    # `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the record as it is.
+    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the record as it is.
+    """
+
     what: str
     method: str
     S: float

@@ -42,10 +42,12 @@ class Twin:
 
 @dataclass(frozen=True)
 class Change:
-    """What might have been recorded otherwise."""
+    """What might have been recorded otherwise.
 
-    # Times the length, times as many samples in the same time, set-point steps of a height (PV units; 0: none) every sixth of
-    # the record, the valve's position, and what changes the loop, as an archive does.
+    Times the length, times as many samples in the same time, set-point steps of a height (PV units; 0: none) every sixth of the
+    record, the valve's position, and what changes the loop, as an archive does.
+    """
+
     longer: float = 1.0
     faster: int = 1
     step: float = 0.0
@@ -147,8 +149,10 @@ def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bo
 
 
 def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a loop's table with plant, loads and noise drawn around what stands in it."""
-    # In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
+    """Return a loop's table with plant, loads and noise drawn around what stands in it.
+
+    In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
+    """
     z = {name: float(np.exp(std * rng.standard_normal())) for name, std in by.items()}
     plant = dict(table["plant"])
     if plant["type"] == "tf":

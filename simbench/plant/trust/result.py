@@ -20,9 +20,11 @@ STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this
 
 @dataclass(frozen=True)
 class MethodTrust:
-    """What one method is worth on this loop: its verdict on the record, and its record on the twins."""
+    """What one method is worth on this loop: its verdict on the record, and its record on the twins.
 
-    # `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
+    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
+    """
+
     verdict: Verdict
     rule: Rule
     false_alarms: float
@@ -37,11 +39,13 @@ class MethodTrust:
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """What can be believed of this record."""
+    """What can be believed of this record.
 
-    # `methods` stand as they agree with the probability and are right on the twins; `smallest_visible` (S, J in the unit of the
-    # record's S) and `power` are those of the method most often right on the twins, as read best; `probability` is None where
-    # no loop could be identified; `twins` are S and J (%) of each.
+    `methods` stand as they agree with the probability and are right on the twins; `smallest_visible` (S, J in the unit of the
+    record's S) and `power` are those of the method most often right on the twins, as read best; `probability` is None where no
+    loop could be identified; `twins` are S and J (%) of each.
+    """
+
     answer: str
     methods: tuple[MethodTrust, ...]
     smallest_visible: tuple[float, float] | None
