@@ -38,9 +38,7 @@ class _CellCheck:
     disagreements: dict[str, int]  # condition -> loops on which theory contradicts the table's word
 
 
-def check_table_11_3(
-    cycled: Mapping[tuple[str, str, str], tuple[int, int]] | None = None, *, load_steps: int = 25, seed: int = 0, every: int = 1
-) -> list[_CellCheck]:
+def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> list[_CellCheck]:
     """Verify the eight cells of Table 11.3.
 
     600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S; S
