@@ -260,20 +260,17 @@ class Grid:
     def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
         if name == "none":
             return ()
-        if name not in self.content.disturbances:
-            known = ("none", *self.content.disturbances)
-            raise SpecError(f"{self.name}: disturbance {name!r} is unknown, {suggestion(str(name), known)}")
-        d = self.content.disturbances[str(name)]
+        d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
-        if name == "none":
-            return ()
-        if name not in self.content.effects:
-            known = ("none", *self.content.effects)
-            raise SpecError(f"{self.name}: effect {name!r} is unknown, {suggestion(str(name), known)}")
-        return (self.content.effects[str(name)].drawn(str(name), rng),)
+        return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)
+
+    def _named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
+        if name not in parts:
+            raise SpecError(f"{self.name}: {kind} {name!r} is unknown, {suggestion(str(name), ('none', *parts))}")
+        return parts[str(name)]
 
     def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
         number = next(i for i, (first, size) in enumerate(self._cells) if cell < first + size)
@@ -341,13 +338,7 @@ def grid_names() -> list[str]:
 def load_grid(
     name: str | Path, sets: Mapping[str, Value] | None = None, axes: Mapping[str, Sequence[Value]] | None = None
 ) -> Grid:
-    """Read a grid by name or from a file.
-
-    Examples
-    --------
-    >>> len(load_grid("smoke", {"repeats": 3})) == 3 * len(load_grid("smoke"))
-    True
-    """
+    """Read a grid by name or from a file."""
     if str(name) in grid_names():
         label, table = str(name), read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml")))
     elif Path(name).suffix == ".toml" or Path(name).exists():

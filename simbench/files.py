@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
-import json
 import os
 import platform
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -93,22 +92,6 @@ def _local(path: str | Path) -> Path:
     if url is not None:
         raise FileError(f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
     return Path(path)
-
-
-def answered(path: str | Path, ask: Callable[[], Any]) -> Any:
-    """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there.
-
-    >>> import tempfile
-    >>> file = Path(tempfile.mkdtemp()) / "answer.json"
-    >>> answered(file, lambda: [1, 2]), answered(file, lambda: [3])
-    ([1, 2], [1, 2])
-    """
-    file = Path(path)
-    if not file.exists():
-        answer = ask()
-        with whole_file(file) as f:
-            json.dump(answer, f)
-    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def picture_kind(path: str | Path) -> str:

@@ -10,14 +10,8 @@ from typing import Any
 
 
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub.
-
-    A wrong name raises AttributeError that says the nearest right one.
-
-    >>> import simbench
-    >>> "sweep" in dir(simbench)
-    True
-    """
+    """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub."""
+    # A wrong name raises AttributeError that says the nearest right one.
     lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
     homes = {a.name: str(line.module) for line in lines if isinstance(line, ast.ImportFrom) for a in line.names if a.asname}
     names = sorted(homes)

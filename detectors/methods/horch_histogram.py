@@ -12,13 +12,6 @@ A cos(phi) plus Gaussian noise (a camel: no stiction); score = mse_camel / (mse_
 camel is a Gaussian and a free fit ties. The source names no cut-off; here it is the highest harmonic that noise leaves clear.
 Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's cut-off then decides.
 Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
-
->>> from detectors.judge import judge
->>> from detectors.record import LoopRecord
->>> import numpy as np
->>> t = np.arange(2000) / 10
->>> judge(LoopRecord(np.cos(t), np.arcsin(np.sin(t)), 0.1, process="integrating"), ["horch_histogram"])[0].verdict
-'stiction'
 """
 
 from __future__ import annotations

@@ -8,13 +8,6 @@ Indices: stuck_share in 0..1; stuck_op, mean movement of OP in these intervals, 
 Rule: stiction when stuck_share > share_min. S is estimated by stuck_op.
 Not for: noisy valve positions; PV of a slow process in their place; valves whose S is far below the swing of OP.
 Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method A; bounds own.
-
->>> from detectors.judge import judge
->>> from detectors.record import LoopRecord
->>> import numpy as np
->>> op = 50 + 3 * np.arcsin(np.sin(np.arange(2000) / 20))
->>> judge(LoopRecord(op, np.round(op / 8) * 8, 1.0, kind="flow"), ["kano_a"])[0].verdict
-'stiction'
 """
 
 from __future__ import annotations

@@ -14,16 +14,6 @@ flat sides.
 Not for: J near S, whose parallelogram has no width (no decision when the valve stands still all the same); noisy valve
 positions; PV of a slow process in their place.
 Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds own.
-
->>> from detectors.judge import judge
->>> from detectors.record import LoopRecord
->>> import numpy as np
->>> op = 50 + 4 * np.sin(np.arange(2000) / 20)
->>> mv = [50.0]
->>> for u in op[1:]:
-...     mv.append(max(u - 2.0, min(u + 2.0, mv[-1])))
->>> judge(LoopRecord(op, mv, 1.0, kind="flow"), ["kano_b"])[0].S > 3.5
-True
 """
 
 from __future__ import annotations

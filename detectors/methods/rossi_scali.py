@@ -10,13 +10,6 @@ above 0.21 stiction, below -0.21 no stiction, between no decision.
 Not for: PV of a slow process, whose lags leave a sine of any relay; oscillations that come in from another sticky
 loop; it is known for false alarms on distorted waves of any origin.
 Source: M. Rossi, C. Scali (2005), Journal of Process Control 15, 505-514; Jelali (2013), Eq 11.14.
-
->>> from detectors.judge import judge
->>> from detectors.record import LoopRecord
->>> import numpy as np
->>> t = np.arange(2000) / 10
->>> judge(LoopRecord(np.cos(t), np.arcsin(np.sin(t)), 0.1), ["rossi_scali"])[0].verdict
-'stiction'
 """
 
 from __future__ import annotations

@@ -7,13 +7,6 @@ Rule: R = mean(A1 / A2); R > 1: stiction; else none.
 Not for: integrating processes (R = 1 with stiction); processes with a long dead time; errors in which noise moves the
 peak: it lifts R above 1 by itself, and a fifth to a quarter of simulated healthy loops are taken for sticky.
 Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382.
-
->>> from detectors.judge import judge
->>> from detectors.record import LoopRecord
->>> import numpy as np
->>> t = np.arange(2000) / 10
->>> judge(LoopRecord(np.cos(t), (t % 6) * np.sign(6 - t % 12), 0.1), ["singhal_salsbury"])[0].verdict
-'stiction'
 """
 
 from __future__ import annotations

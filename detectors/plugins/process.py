@@ -153,11 +153,7 @@ def _answer(work: Callable[[], Any]) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """Return tables, lists, words and numbers of Python's; an array as its bytes in text, an object as its fields.
-
-    >>> plain({"mv": np.zeros(1), "S": np.float64(2.0)})
-    {'mv': {'float64': 'AAAAAAAAAAA='}, 'S': 2.0}
-    """
+    """Return tables, lists, words and numbers of Python's; an array as its bytes in text, an object as its fields."""
     if is_dataclass(value):
         value = {f.name: getattr(value, f.name) for f in fields(value)}
     if isinstance(value, dict):

@@ -71,11 +71,7 @@ class PluginFolder:
     def add_file(self, path: str | Path) -> str:
         """Register a plug-in from one Python file outside the package, named after its stem; ParameterError where it cannot be
         used."""
-        path = Path(path)
-        name = path.stem
-        if not path.is_file():
-            raise ParameterError(f"{self.kind} file {path} does not exist")
-        _refuse_name(path, self.kind, self._taken(name))
+        path, name = self._free_file(path)
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
             raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
@@ -92,11 +88,7 @@ class PluginFolder:
 
     def add_hosted(self, path: str | Path, seconds: float = SECONDS) -> str:
         """Register a plug-in's file without importing it: a process of its own does; otherwise as `add_file`."""
-        path = Path(path)
-        name = path.stem
-        if not path.is_file():
-            raise ParameterError(f"{self.kind} file {path} does not exist")
-        _refuse_name(path, self.kind, self._taken(name))
+        path, name = self._free_file(path)
         _refuse_limit(seconds)
         key = (path.resolve(), path.stat().st_mtime_ns)
         known = self._hosts.get(name)
@@ -154,6 +146,13 @@ class PluginFolder:
             self.load(name)
         found = self._hosts.get(name)
         return None if found is None else found[1]
+
+    def _free_file(self, path: str | Path) -> tuple[Path, str]:
+        path = Path(path)
+        if not path.is_file():
+            raise ParameterError(f"{self.kind} file {path} does not exist")
+        _refuse_name(path, self.kind, self._taken(path.stem))
+        return path, path.stem
 
     def _taken(self, name: str) -> bool:
         return name in self.reserved or name in self._own or name in self._above or name in self._entry_points

@@ -44,9 +44,7 @@ def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
     return parts
 
 
-def read_series(
-    part: Sheet, role: str, where: str, chosen: Mapping[str, str], Ts: float | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def read_series(part: Sheet, role: str, where: str, chosen: Mapping[str, str]) -> tuple[np.ndarray, np.ndarray]:
     """Return the times (s) and values of one tag, what is missing left out; of a mode the words in place of numbers."""
     name = next(n for n in part.columns if n != _TIME and not is_quality(n))
     t = seconds(part.columns[_TIME], f"time of {name}", where, place=part.place, notes=part.notes, again=True)

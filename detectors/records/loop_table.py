@@ -15,16 +15,7 @@ _KEYS = {
 
 
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
-    """Return the loops of a table, one dict each, checked.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> file = pathlib.Path(tempfile.mkdtemp()) / "plant.toml"
-    >>> _ = file.write_text('[[loop]]\\ntag = "FIC101"\\nkind = "flow"\\nop_span = [4, 20]\\n')
-    >>> read_loop_table(file)
-    [{'tag': 'FIC101', 'kind': 'flow', 'op_span': (4.0, 20.0)}]
-    """
+    """Return the loops of a table, one dict each, checked."""
     try:
         found = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:

@@ -85,13 +85,7 @@ def plain(text: object) -> str:
 
 @lru_cache(4096)
 def parse(name: str) -> Name:
-    """Take the name of a column apart.
-
-    Examples
-    --------
-    >>> parse("[default]Unit1/FIC101/PV").loop, parse("op_pct").unit, parse("PV_FIC101").role
-    (('default', 'unit1', 'fic101'), '%', 'pv')
-    """
+    """Take the name of a column apart."""
     parts, unit_of = _parts(name), _bracket(name)
     if not unit_of and len(parts) > 1 and parts[-1] in _UNITS and _ending(parts[:-1])[0]:
         unit_of, parts = parts[-1], parts[:-1]
@@ -151,13 +145,7 @@ def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
 def find_loops(
     names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None
 ) -> dict[str, dict[str, str]]:
-    """Return the loops that columns hold, by tag, each with the column of every signal.
-
-    Examples
-    --------
-    >>> find_loops(["Time", "FIC101.MEAS", "FIC101.OUT (%)", "LIC7/PV", "LIC7/OP"], {}, "a.csv")
-    {'FIC101': {'op': 'FIC101.OUT (%)', 'pv': 'FIC101.MEAS'}, 'LIC7': {'op': 'LIC7/OP', 'pv': 'LIC7/PV'}}
-    """
+    """Return the loops that columns hold, by tag, each with the column of every signal."""
     fixed = _chosen(names, chosen, where)
     groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for name in names:

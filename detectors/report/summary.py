@@ -25,11 +25,7 @@ _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
-    """Say what the methods say together.
-
-    >>> sentence([Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")])
-    '1 of 2 methods says stiction, 0 no stiction, 1 no decision'
-    """
+    """Say what the methods say together."""
     if len(verdicts) == 1:
         return f"{verdicts[0].method} says {VERDICT_WORDS[verdicts[0].verdict]}"
     whole = next((v for v in verdicts if v.method == "procedure"), None)
@@ -51,11 +47,7 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
 
 
 def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
-    """Return a verdict's reason without what is said of the whole record already.
-
-    >>> own_reason(Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %"), ["OP taken as 0..100 %"])
-    'OP is triangular'
-    """
+    """Return a verdict's reason without what is said of the whole record already."""
     clauses = _clauses(verdict.reason)
     return "; ".join([c for c in clauses if c not in shared] or clauses[:1])
 
@@ -87,7 +79,7 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
     rows = []
     for name, v in verdicts:
         named = {} if name is None else {"record": name}
-        (S_lo, S_hi), (J_lo, J_hi) = _interval(v.S), _interval(v.J)
+        (S_lo, S_hi), (J_lo, J_hi) = level_ends(v.S), level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
         told = {"method": v.method, "verdict": v.verdict, "score": v.score}
         rows.append({**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices})
@@ -170,7 +162,8 @@ def _clauses(reason: str) -> list[str]:
     return reason.split("; ")
 
 
-def _interval(value: Level) -> tuple[float, float]:
+def level_ends(value: Level) -> tuple[float, float]:
+    """Return both ends of a stick band or slip jump, twice the same of a number, NaN where the record does not fix it."""
     if value is None:
         return np.nan, np.nan
     return (value, value) if isinstance(value, (int, float)) else value

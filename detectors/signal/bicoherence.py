@@ -16,33 +16,17 @@ LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, dista
 
 @dataclass(frozen=True)
 class _Bicoherence:
-    """Squared bicoherence over the principal triangle and what follows from it.
+    """Squared bicoherence over the principal triangle and what follows from it."""
 
-    Parameters
-    ----------
-    bic2 : ndarray, shape (m,)
-        Squared bicoherence, 0..1.
-    f1, f2 : ndarray, shape (m,)
-        Its two frequencies, cycles per sample, f2 <= f1, f1 + f2 < 1/2.
-    segments : int
-        Number of segments K averaged; a linear Gaussian signal gives bic2 of about 1/K.
-    ngi : float
-        Non-Gaussianity index: mean bic2 less its 95 % bound for a linear Gaussian signal, were the values independent; window
-        and overlap make neighbours alike, so that a fifth of all linear signals exceed it. The published limit is above it.
-    nli : float
-        Nonlinearity index: largest bic2 less (mean + 2 std); large when a few frequency pairs stand out, small again when
-        nearly all do.
-    height : float
-        Largest bic2 over the value that it exceeds in 5 % of linear Gaussian signals of this length.
-    """
-
-    bic2: np.ndarray
-    f1: np.ndarray
+    bic2: np.ndarray  # 0..1, shape (m,)
+    f1: np.ndarray  # its two frequencies, cycles per sample, f2 <= f1, f1 + f2 < 1/2, shape (m,)
     f2: np.ndarray
-    segments: int
+    segments: int  # averaged; a linear Gaussian signal gives bic2 of about 1/segments
+    # mean bic2 less its 95 % bound for a linear Gaussian signal of independent values; window and overlap make neighbours
+    # alike, so that a fifth of all linear signals exceed it. The published limit is above it.
     ngi: float
-    nli: float
-    height: float
+    nli: float  # largest bic2 less (mean + 2 std): large when a few frequency pairs stand out, small again when nearly all do
+    height: float  # largest bic2 over the value that it exceeds in 5 % of linear Gaussian signals of this length
 
     def nonlinear(self, ngi_low: float = NGI_LOW, nli_low: float = NLI_LOW) -> bool:
         """Whether the signal is nonlinear by the published limits, or by others."""
@@ -63,19 +47,11 @@ def boundaries(peak: tuple[float, float]) -> tuple[float, float]:
 def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     """Estimate the squared bicoherence of a signal by averaging over half-overlapping segments.
 
-    Notes
-    -----
     Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 / (E|X1 X2|^2
     E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of freedom: mean 1/K, std 1/K, the
     largest of m values about ln(m)/K. Bounds that 5 % of such signals
     exceed whatever their length found fewer sticky loops than the published limits, and were right less often.
     Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and nothing shows.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(1).standard_normal(4096)
-    >>> bool(bicoherence(noise).ngi < 0 < bicoherence(noise**2).ngi)
-    True
     """
     i, j = _triangle(segment)
     hop = segment // 2
@@ -100,18 +76,8 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
     """Estimate the bicoherence of a control error, thinned out so that a segment holds four periods.
 
-    Notes
-    -----
     Source: Jelali (2013), section 11.7: the FFT length should hold at least 3 or 4 cycles. Not for signals whose
     nonlinearity shows above the frequency that averaging leaves.
-
-    Examples
-    --------
-    >>> t = np.arange(20000)
-    >>> saw = (t % 200) / 200 + 0.1 * np.random.default_rng(0).standard_normal(20000)
-    >>> found = error_bicoherence(saw, 200.0)
-    >>> found.height > 1.0
-    True
     """
     step = max(1, round(period / _SAMPLES_PER_PERIOD)) if np.isfinite(period) else 1
     x = e[: e.size // step * step].reshape(-1, step).mean(axis=1)

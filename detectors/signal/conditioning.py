@@ -11,8 +11,6 @@ import numpy as np
 def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
     """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of it removed.
 
-    Notes
-    -----
     Not for records of less than three periods: what stands for drift then is a guess.
     """
     return smooth(x - drift(x, period), period / harmonics)
@@ -21,8 +19,6 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
 def clear_harmonics(x: np.ndarray, period: float) -> float:
     """Return up to which harmonic a triangle of this size and period stands above the white noise in the signal.
 
-    Notes
-    -----
     A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 / period between two
     harmonics. Not for noise that is not white: its std is read from third differences.
     """
@@ -49,8 +45,6 @@ def median(x: np.ndarray) -> float:
 def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
     """Return -1 where PV falls when the valve opens under OP, else +1.
 
-    Notes
-    -----
     Own. Not for lags beyond half a period.
     """
     change = op[2 * reach :] - op[: -2 * reach]
@@ -68,8 +62,6 @@ def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
 
-    Notes
-    -----
     Source: the zero-phase filter with sharp boundaries that stands for the Wiener filter of Choudhury et al. (2006). Not for
     signals with steps: sharp boundaries ring.
     """

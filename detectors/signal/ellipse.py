@@ -14,15 +14,7 @@ _FLAT = 1e6  # condition of points a thousand times as long as wide: a line; the
 
 @dataclass(frozen=True)
 class Ellipse:
-    """An ellipse A dx^2 + B dx dy + C dy^2 = 1 about its centre; x is OP, y is PV.
-
-    Parameters
-    ----------
-    A, B, C : float
-        Coefficients, in 1/x^2, 1/(x y) and 1/y^2.
-    x0, y0 : float
-        Centre.
-    """
+    """An ellipse A dx^2 + B dx dy + C dy^2 = 1 about its centre (x0, y0); x is OP, y is PV."""
 
     A: float
     B: float
@@ -56,8 +48,6 @@ class Ellipse:
 def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     """Fit an ellipse to points by least squares, the ellipse condition built in.
 
-    Notes
-    -----
     Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
     partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
     """

@@ -19,13 +19,7 @@ def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest: float = 1.0) -> np.ndarray:
-    """Cut an oscillation into its significant half cycles.
-
-    Examples
-    --------
-    >>> split(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
-    (18, 40)
-    """
+    """Cut an oscillation into its significant half cycles."""
     at = zero_crossings(x, GUARD * float(x.std()))
     start, length = at[:-1], np.diff(at)
     fit = (length > 0.125 * period) & (length < longest * period)
@@ -37,25 +31,13 @@ def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest
 
 
 def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Return the least mean squared error of each half cycle over a family of shapes, each with its best height.
-
-    Examples
-    --------
-    >>> float(misfit(3.0 * triangles()[:1], triangles())[0]) < 1e-12
-    True
-    """
+    """Return the least mean squared error of each half cycle over a family of shapes, each with its best height."""
     height = (humps @ shapes.T).max(axis=1)
     return np.maximum((humps**2).sum(axis=1) - height**2, 0.0) / humps.shape[1]
 
 
 def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
-    """Return the mean of each kind of misfit over the half cycles that are like the others.
-
-    Examples
-    --------
-    >>> typical_means(np.array([1.0] * 9 + [50.0]), np.array([2.0] * 9 + [70.0]))
-    [1.0, 2.0]
-    """
+    """Return the mean of each kind of misfit over the half cycles that are like the others."""
     total = np.sum(errors, axis=0)
     kept = np.argsort(total, kind="stable")[: total.size - int(left_out * total.size + 1e-9)]
     return [float(error[kept].mean()) for error in errors]
@@ -63,51 +45,27 @@ def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
 
 @lru_cache(maxsize=8)
 def sines(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
-    """Return sines that start at the crossing, with frequencies around pi / length.
-
-    Examples
-    --------
-    >>> sines().shape
-    (113, 40)
-    """
+    """Return sines that start at the crossing, with frequencies around pi / length."""
     t = (np.arange(points) + 0.5) / points
     return _unit(np.sin(np.pi * np.linspace(0.2, 1.6, 113)[:, None] * t))
 
 
 @lru_cache(maxsize=8)
 def half_sine(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
-    """Return the one sine that is zero at both ends.
-
-    Examples
-    --------
-    >>> half_sine().shape
-    (1, 40)
-    """
+    """Return the one sine that is zero at both ends."""
     return _unit(np.sin(np.pi * (np.arange(points) + 0.5) / points)[None])
 
 
 @lru_cache(maxsize=8)
 def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
-    """Return triangles with zero ends and the apex anywhere.
-
-    Examples
-    --------
-    >>> triangles().shape
-    (81, 40)
-    """
+    """Return triangles with zero ends and the apex anywhere."""
     t = (np.arange(points) + 0.5) / points
     apex = np.linspace(0.02, 0.98, 81)[:, None]
     return _unit(np.minimum(t / apex, (1.0 - t) / (1.0 - apex)))
 
 
 def two_line_misfit(humps: np.ndarray) -> np.ndarray:
-    """Return the mean squared error of two free straight lines per half cycle, which share its largest sample.
-
-    Examples
-    --------
-    >>> float(two_line_misfit(triangles(41)[40:41])[0]) < 1e-12
-    True
-    """
+    """Return the mean squared error of two free straight lines per half cycle, which share its largest sample."""
     points = humps.shape[1]
     top, row = np.clip(humps.argmax(axis=1), 1, points - 2), np.arange(len(humps))
     left, right = _line_errors(humps)[row, top], _line_errors(humps[:, ::-1])[row, points - 1 - top]
@@ -132,13 +90,7 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
-    """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero.
-
-    Examples
-    --------
-    >>> relays().shape
-    (80, 40)
-    """
+    """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero."""
     t = (np.arange(points) + 0.5) / points
     tau = np.geomspace(0.02, 200.0, 80)[:, None]
     peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))
@@ -149,14 +101,7 @@ def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 
 
 def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the area of each half cycle before and after its peak.
-
-    Examples
-    --------
-    >>> before, after = peak_areas(np.array([[1.0, 2.0, 3.0, 4.0, 2.0]]))
-    >>> bool(before[0] > after[0])
-    True
-    """
+    """Return the area of each half cycle before and after its peak."""
     points = humps.shape[1]
     top = np.clip(humps.argmax(axis=1), 1, points - 2)
     row = np.arange(len(humps))

@@ -8,49 +8,23 @@ _SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; 
 
 
 def still(x: np.ndarray) -> bool:
-    """Return whether a signal never changes by more than rounding.
-
-    Examples
-    --------
-    >>> still(np.array([1e6, 1e6 + 1e-7, 1e6])), still(np.array([1.0, 1.1]))
-    (True, False)
-    """
+    """Return whether a signal never changes by more than rounding."""
     return bool(np.ptp(x) <= 1e-9 * np.abs(x).max())
 
 
 def holds(x: np.ndarray) -> np.ndarray:
-    """Return the lengths of the runs of equal samples, in order.
-
-    Examples
-    --------
-    >>> holds(np.array([1, 1, 2, 3, 3, 3]))
-    array([2, 1, 3])
-    """
+    """Return the lengths of the runs of equal samples, in order."""
     edges = np.flatnonzero(np.diff(x)) + 1
     return np.diff(np.concatenate([[0], edges, [x.size]]))
 
 
 def runs_of(x: np.ndarray) -> np.ndarray:
-    """Return begin and end, shape (k, 2), of every run of true samples, in order.
-
-    Examples
-    --------
-    >>> runs_of(np.array([False, True, True, False, True])).tolist()
-    [[1, 3], [4, 5]]
-    """
+    """Return begin and end, shape (k, 2), of every run of true samples, in order."""
     return np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]]))).reshape(-1, 2)
 
 
 def stuck(x: np.ndarray, unit: float = 0.0) -> float:
-    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal(1000)
-    >>> x[300:350] = x[300]
-    >>> stuck(x)
-    0.05
-    """
+    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance."""
     change = np.diff(x)
     blocks = [b[b != 0.0] for b in np.array_split(change, max(x.size // 50, 1))]
     moving = [1.4826 * float(np.median(np.abs(b))) for b in blocks if b.size >= 10]

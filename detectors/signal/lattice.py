@@ -46,8 +46,6 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
 def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
 
-    Notes
-    -----
     A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have been written down on a finer
     one: its levels are then a little off, each always by the same. Not for a file's own decimals: a transmitter of the same
     step could not be told from them.
@@ -85,8 +83,6 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 def root_lattice(x: np.ndarray) -> float:
     """Return the step, at the signal's mean, of the lattice on which its square stands.
 
-    Notes
-    -----
     A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
     circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
     """

@@ -15,20 +15,10 @@ _SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None) -> Oscillation:
     """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who look at the error alone.
 
-    Notes
-    -----
     Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50 integral times). The integral
     time is read off OP and e, as below; where they show none, the oscillation's own period stands in. That a period must be
     found is our own: many detectors need it, and in a large noise every few samples are a load. Not for a P controller
     or a slow oscillation, of more than about ten integral times: too few loads are in memory at once.
-
-    Examples
-    --------
-    >>> t = np.arange(3000.0)
-    >>> e = np.sin(t / 8)
-    >>> op = np.cumsum(0.5 * (np.diff(e, prepend=0.0) + e / 20))
-    >>> oscillation_by_loads(op, -e, e, 1.0).sustained, round(integral_time(op, e, 1.0))
-    (True, 20)
     """
     found = find_oscillation(op, pv, Ts)
     period = integral_time(op, e, Ts) or found.period_s

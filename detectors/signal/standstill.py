@@ -15,16 +15,7 @@ _NOISY = 0.3  # bound over std at which a valve that follows a sine would seem t
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
     """Return the valve position without its noise, and where it stands still.
 
-    Notes
-    -----
     Own. Not for drift faster than the oscillation.
-
-    Examples
-    --------
-    >>> t = np.arange(1000)
-    >>> still = steady_valve(np.round(np.sin(t / 20)), 40 * np.pi)[1]
-    >>> bool(0.8 < still.mean() < 1.0)
-    True
     """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
@@ -37,15 +28,7 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the intervals in which the valve stands still while OP moves.
-
-    Examples
-    --------
-    >>> op = np.concatenate([np.arange(10.0), np.full(10, 9.0)])
-    >>> still = np.arange(20) % 10 < 8
-    >>> [x.tolist() for x in stuck_intervals(op, still, 40.0, 2.0)]
-    [[8], [7.0]]
-    """
+    """Return the intervals in which the valve stands still while OP moves."""
     edges = runs_of(still).ravel()
     start, stop = edges[::2], edges[1::2]
     if start.size == 0:

@@ -19,17 +19,10 @@ def start(u0, lo=0.0, hi=100.0):
 def step(u, state, S, J, lo=0.0, hi=100.0):
     """Move the valve by one sample.
 
-    Notes
-    -----
     Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest
     breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns
     or stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves.
     Not for noisy OP on a valve with inertia: every reversal of OP stops this valve.
-
-    Examples
-    --------
-    >>> step(53.6, start(50.0), 5.0, 2.0)
-    (52.1, 1.0, 1.0, 53.6)
     """
     v, d, moving, u_prev = state
     x = min(max(u, lo), hi)
@@ -51,14 +44,7 @@ def _trace(op, S, J, state, lo, hi, v):
 def valve_position(op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
     """Return the position of an (S, J) valve driven by a recorded OP.
 
-    Notes
-    -----
     Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
-
-    Examples
-    --------
-    >>> valve_position([50.0, 52.0, 54.0, 56.0, 55.0], S=5.0, J=2.0)
-    array([50. , 50. , 52.5, 54.5, 54.5])
     """
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:

@@ -21,18 +21,9 @@ _LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are t
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
     """Cut a cyclic signal so that its end runs into its beginning in value and slope.
 
-    Notes
-    -----
     Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361-380. Anything but a whole number of cycles leaks into
     the spectrum of every surrogate, and a linear cycle then looks nonlinear. The match is made over a whole cycle: in
     noise, value and slope of single samples pick any cut. Not for fewer than three periods.
-
-    Examples
-    --------
-    >>> t = np.arange(205)
-    >>> y = end_matched(np.sin(2 * np.pi * t / 20), 20)
-    >>> y.size % 20, bool(abs(y[-1] - np.sin(-2 * np.pi / 20)) < 1e-9)
-    (0, True)
     """
     p = min(round(period), x.size // 4)
     start = x[:p]
@@ -45,17 +36,9 @@ def end_matched(x: np.ndarray, period: float) -> np.ndarray:
 def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw surrogates with the amplitude spectrum and the distribution of a signal.
 
-    Notes
-    -----
     Source: Schreiber & Schmitz (1996), Phys. Rev. Lett. 77, 635-638. Plain amplitude-adjusted surrogates (one round)
     flatten the spectrum of a cycle and call a sine nonlinear; they are not offered. Not for signals that are not
     stationary.
-
-    Examples
-    --------
-    >>> y = iaaft(np.sin(np.arange(100) / 5), 3, np.random.default_rng(0))
-    >>> y.shape, bool(np.allclose(np.sort(y[0]), np.sort(np.sin(np.arange(100) / 5))))
-    ((3, 100), True)
     """
     values = np.sort(x)
     amplitude = np.abs(np.fft.rfft(x))
@@ -73,14 +56,7 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
 def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS) -> float:
     """Return the squared error of predicting a signal from what followed its nearest look-alikes.
 
-    Notes
-    -----
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443.
-
-    Examples
-    --------
-    >>> prediction_error(np.tile([0.0, 1.0, 0.0, -1.0], 30), 4, 4) < 1e-9
-    True
     """
     if not 1 <= neighbours <= MOST_NEIGHBOURS:
         raise ParameterError(f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible")
@@ -89,35 +65,19 @@ def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: in
 
 @dataclass(frozen=True)
 class _Npi:
-    """Nonlinearity by predictability.
+    """Nonlinearity by predictability, and the cycles it rests on."""
 
-    Parameters
-    ----------
-    npi : float
-        (mean surrogate error - error) / (3 std of surrogate errors); above 1 = nonlinear.
-    cycles : float
-        Cycles the index rests on.
-    """
-
-    npi: float
+    npi: float  # (mean surrogate error - error) / (3 std of surrogate errors); above 1 = nonlinear
     cycles: float
 
 
 def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     """Compare how well a cyclic signal predicts itself with how well its surrogates do.
 
-    Notes
-    -----
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443: at least 12 cycles of 7 to 25 samples,
     embedding and horizon of one cycle, 8 neighbours, 50 surrogates. Here with iterated (iAAFT) surrogates. Own
     finding: a strict cycle of any shape keeps its harmonics, and so its predictability, in every surrogate; the index
     stays below 1 for squares and triangles alike. An index below 1 is no proof of a linear loop.
-
-    Examples
-    --------
-    >>> t = np.arange(2000)
-    >>> nonlinearity_index(np.sin(t / 8), 16 * np.pi).npi < 1
-    True
     """
     cycle = int(min(_SAMPLES_PER_CYCLE, period))
     # the end of the record, where transients have died; matched before it is thinned out: half a sample of ten leaks

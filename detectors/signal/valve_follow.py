@@ -19,23 +19,13 @@ _J_SHARES = np.array([0.04, 0.4])  # of S: a dead band, and some slip
 
 @dataclass(frozen=True)
 class Follow:
-    """How a valve position hangs together with OP.
+    """How a valve position hangs together with OP."""
 
-    Parameters
-    ----------
-    S, J : float
-        Of the sticky valve that explains the position best, in the unit of OP.
-    error, error_linear : float
-        Unexplained share of the position's variance, with that valve and with a straight one.
-    reversals : int
-        How often that valve turned round; each is a chance to be wrong.
-    """
-
-    S: float
+    S: float  # of the sticky valve that explains the position best, in the unit of OP
     J: float
-    error: float
+    error: float  # unexplained share of the position's variance, with that valve and with a straight one
     error_linear: float
-    reversals: int
+    reversals: int  # of that valve; each is a chance to be wrong
 
     @property
     def score(self) -> float:
@@ -47,19 +37,9 @@ class Follow:
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:
     """Fit a straight and a sticky valve, each with a short lag, to a measured valve position.
 
-    Notes
-    -----
     Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows; here as a comparison of
     two fitted valves over the whole record. Not for flows that a pressure moves more than the valve does: a ramp of
     pressure that OP compensates looks like a dead band until OP turns; hence the count of reversals.
-
-    Examples
-    --------
-    >>> from detectors.signal.stiction_map import valve_position
-    >>> op = 50 + np.cumsum(np.repeat([0.05, -0.04, 0.06, -0.05], 100))
-    >>> found = valve_follow(op, valve_position(op, 3.0, 0.5))
-    >>> found.error < 0.05 < found.error_linear, found.reversals
-    (True, 3)
     """
     q = max(1, -(-op.size // _SAMPLES))
     n = op.size // q

@@ -29,6 +29,7 @@ from detectors.records.io import read_record
 from detectors.report.report import columns
 from detectors.signal.oscillation import detrend, find_oscillation
 from detectors.verdict import NO_DECISION, STICTION
+from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
 from results.studies.plant.stiction_probability import entry
 from scenarios.grid import load_grid
@@ -36,7 +37,7 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import write_item
 from simbench.blind.world import WORLDS
-from simbench.files import answered, folder, write_table
+from simbench.files import folder, write_table
 from simbench.usage import exit_code
 
 GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "mill", "refinery"), "real"

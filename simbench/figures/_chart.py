@@ -17,12 +17,7 @@ from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, wri
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
 
-_BOX, _GAP, _LINE, _PAD = (
-    2.9,
-    1.35,
-    0.155,
-    0.12,
-)  # inches: width of a question, room for an answer, a line's height, margin
+_BOX, _GAP, _LINE, _PAD = 2.9, 1.35, 0.155, 0.12  # inches: width of a question, room for an answer, a line's height, margin
 
 
 def flow_table() -> pd.DataFrame:

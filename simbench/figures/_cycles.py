@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -35,6 +35,17 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
             "PV": pv[start:stop],
         }
     )
+
+
+def panel_cycles(panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]) -> pd.DataFrame:
+    """Return three periods of the cycle of every panel's loop, behind the panel, its ratio of dead time and its S/2J."""
+    cycles = []
+    for panel, dead, band in panels:
+        cycle = sustained_cycle(loop(dead, band), periods=3)
+        for name, value in (("S_over_2J", band), (ratio, dead), ("panel", panel)):
+            cycle.insert(0, name, value)
+        cycles.append(cycle)
+    return pd.concat(cycles, ignore_index=True)
 
 
 def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str) -> Figure:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.confirm.gain_change import gain_change
-from simbench.figures._style import GREY, SIGNAL, label, note, panels
+from simbench.figures._style import GREY, SIGNAL, label, note, panels, styled
 
 _SHOWN = 5.5  # periods on either side of the change
 
@@ -27,6 +27,7 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
     return pd.concat(rows, ignore_index=True).assign(verdict=found.verdict)
 
 
+@styled
 def draw_gain(data: pd.DataFrame) -> Figure:
     """Draw OP and PV over time, with gain and period on either side."""
     figure, axes = panels(2, 1, 7.2, 4.2, sharex=True)

@@ -6,11 +6,11 @@ The valve stands between controller output OP and its position MV; friction make
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch, words
 
 SOURCE = "own drawing after Jelali (2013), Fig. 11.1"
+draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
@@ -33,8 +33,3 @@ def data() -> pd.DataFrame:
         arrow([(4.2, 1.3), (4.2, 0.4)], "friction", (4.85, 1.1)),
         words(3.4, -1.15, "measured, with noise"),
     )
-
-
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw it."""
-    return draw_sketch(data)

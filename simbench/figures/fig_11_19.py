@@ -6,13 +6,13 @@ First a nonlinearity in the control error, by bicoherence or by surrogates, then
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from detectors.methods.choudhury import METHOD
 from detectors.signal.bicoherence import BESIDE, LOWEST
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch
 
 SOURCE = "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detectors/methods/choudhury.py"
+draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
@@ -38,8 +38,3 @@ def data() -> pd.DataFrame:
         arrow([(0, -6.95), (0, -7.7)], "yes", (0.3, -7.3)),
         box(0, -8.2, "stiction;\napparent stiction = chord along OP"),
     )
-
-
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw it."""
-    return draw_sketch(data)

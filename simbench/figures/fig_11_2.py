@@ -6,11 +6,11 @@ Without outflow control the level integrates: it is the process of the integrati
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from simbench.figures._sketch import arrow, box, draw_sketch, line, sketch, words
 
 SOURCE = "own drawing after Jelali (2013), Fig. 11.2"
+draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
@@ -33,8 +33,3 @@ def data() -> pd.DataFrame:
         arrow([(6.0, 0.15), (7.4, 0.15)], "outflow, set by MV", (7.0, 0.4)),
         words(5.6, -0.4, "valve"),
     )
-
-
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw it."""
-    return draw_sketch(data)

@@ -13,10 +13,7 @@ SOURCE = "Jelali (2013), Fig. 11.21 and Example 11.5; data: ISDB loop CHEM30"
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Read CHEM30 and compute its bicoherence as it is.
-
-    As `simbench.figures._nonlinearity.nonlinearity`.
-    """
+    """Read CHEM30 and compute its bicoherence as it is."""
     record = real_loop(isdb, "CHEM30", kind="flow")
     return nonlinearity(record, record.op, record.pv)
 

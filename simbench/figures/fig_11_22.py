@@ -15,10 +15,7 @@ SOURCE = "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %);
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular stretch.
-
-    As `simbench.figures._nonlinearity.nonlinearity`.
-    """
+    """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular stretch."""
     record = real_loop(isdb, "CHEM30", kind="flow")
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
     op, pv = band(record.op, period, 3), band(record.pv, period, 3)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.figures._gain import draw_gain, gain_table
-from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.24 and Sect. 11.8.1, after Choudhury et al. (2005)"
+draw = draw_gain
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
     "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
@@ -19,14 +18,5 @@ LOOP = {
 
 
 def data() -> pd.DataFrame:
-    """Lower Kc from 1 to 0.6 in a sticky loop.
-
-    As `simbench.figures._gain.gain_table`.
-    """
+    """Lower Kc from 1 to 0.6 in a sticky loop."""
     return gain_table(Loop.from_table(LOOP), 0.6)
-
-
-@styled
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw OP and PV around the change."""
-    return draw_gain(data)

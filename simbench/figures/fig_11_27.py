@@ -7,22 +7,7 @@ oscillate is still judged where its valve can be seen.
 
 from __future__ import annotations
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from simbench.figures._chart import draw_flow, flow_table
 
 SOURCE = "Jelali (2013), Fig. 11.27 and Sect. 11.9; detectors/procedure.py"
-
-
-def data() -> pd.DataFrame:
-    """Read the procedure's flow.
-
-    Columns: source, question, answer, target, verdict, next; one row per answer.
-    """
-    return flow_table()
-
-
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw the flow chart."""
-    return draw_flow(data)
+data, draw = flow_table, draw_flow

@@ -6,11 +6,11 @@ Air lifts the diaphragm against a spring; the stem carries the plug through the 
 from __future__ import annotations
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from simbench.figures._sketch import arrow, draw_sketch, line, sketch, words
 
 SOURCE = "own drawing after Jelali (2013), Fig. 11.3"
+draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
@@ -43,8 +43,3 @@ def data() -> pd.DataFrame:
         arrow([(-2.6, 0.6), (-1.2, 0.6)], "flow", (-2.0, 0.8)),
         arrow([(1.0, -0.5), (2.8, -0.5)]),
     )
-
-
-def draw(data: pd.DataFrame) -> Figure:
-    """Draw it."""
-    return draw_sketch(data)

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
-from simbench.figures._cycles import draw_cycles, sustained_cycle
+from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
@@ -35,14 +35,7 @@ def data() -> pd.DataFrame:
 
     Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
     """
-    rows = []
-    for panel, Td_over_T, S_over_2J in PANELS:
-        cycle = sustained_cycle(loop(Td_over_T, S_over_2J), periods=3)
-        cycle.insert(0, "S_over_2J", S_over_2J)
-        cycle.insert(0, "Td_over_T", Td_over_T)
-        cycle.insert(0, "panel", panel)
-        rows.append(cycle)
-    return pd.concat(rows, ignore_index=True)
+    return panel_cycles(PANELS, "Td_over_T", loop)
 
 
 @styled

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
-from simbench.figures._cycles import draw_cycles, sustained_cycle
+from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes'; not drawn there"
@@ -34,14 +34,7 @@ def data() -> pd.DataFrame:
 
     Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
     """
-    rows = []
-    for panel, Td_over_Ti, S_over_2J in PANELS:
-        cycle = sustained_cycle(loop(Td_over_Ti, S_over_2J), periods=3)
-        cycle.insert(0, "S_over_2J", S_over_2J)
-        cycle.insert(0, "Td_over_Ti", Td_over_Ti)
-        cycle.insert(0, "panel", panel)
-        rows.append(cycle)
-    return pd.concat(rows, ignore_index=True)
+    return panel_cycles(PANELS, "Td_over_Ti", loop)
 
 
 @styled

@@ -37,11 +37,7 @@ def section(run: RunData) -> Markup:
 
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:
-    """Return the commands that give the same tables from a checkout of the same commit.
-
-    >>> reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "overrides": {"sets": {"seed": 3}}})
-    ['git checkout 0123', 'simbench run smoke -o again --set seed=3 --method he', 'simbench score again']
-    """
+    """Return the commands that give the same tables from a checkout of the same commit."""
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     overrides = manifest.get("overrides") or {}
     words += [w for k, v in (overrides.get("sets") or {}).items() for w in ("--set", f"{k}={v}")]

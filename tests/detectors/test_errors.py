@@ -2,7 +2,7 @@
 
 import pytest
 
-from detectors.errors import masked
+from detectors.errors import ParameterError, masked, naming, nearest
 from detectors.usage import complain, exit_code
 
 
@@ -45,3 +45,12 @@ def test_a_faults_log_holds_no_secret(tmp_path, monkeypatch, capsys):
     (log,) = tmp_path.iterdir()
     assert "ArithmeticError" in log.read_text()
     assert "secret" not in log.read_text() + capsys.readouterr().err
+
+
+def test_a_sentence_names_its_file_once():
+    with pytest.raises(ParameterError, match=r"^loop\.toml: S = -1$"), naming("loop.toml"), naming("loop.toml"):
+        raise ParameterError("S = -1")
+
+
+def test_a_wrong_name_is_answered_with_the_nearest():
+    assert nearest("horhc", ["horch", "he"]) == "did you mean 'horch'?"

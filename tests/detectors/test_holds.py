@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.holds import holds, still, stuck
+from detectors.signal.holds import holds, runs_of, still, stuck
 
 
 def test_holds_are_the_runs_of_equal_samples():
@@ -32,3 +32,7 @@ def test_standstills_are_told_from_rounding():
 
 def test_a_signal_that_mostly_stands_tells_nothing():
     assert stuck(np.repeat(np.random.default_rng(1).standard_normal(40), 50)) == 0.0
+
+
+def test_runs_have_their_begin_and_their_end():
+    assert runs_of(np.array([False, True, True, False, True])).tolist() == [[1, 3], [4, 5]]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.judge import UNFIT, judge
-from detectors.quality import inspect, saturation, steps
+from detectors.quality import inspect, resolution, saturation, steps
 from detectors.record import LoopRecord
 
 T = np.arange(2000.0)
@@ -138,3 +138,8 @@ def test_every_method_abstains_on_an_unfit_record_and_says_why(flag):
     for verdict in judge(faults()[flag], ["horch", "he", "yamashita"]):
         assert verdict.verdict == "no_decision"
         assert flag in verdict.reason
+
+
+def test_what_holds_its_last_stored_value_is_as_coarse_as_its_steps():
+    op, notes = np.repeat([50.0, 52.0, 50.0, 52.0], 50), ("archive: OP holds its last stored value in 90% of 200 samples",)
+    assert resolution(LoopRecord(op, op, 1.0, notes=notes), {}) == (2.0, 0.0)

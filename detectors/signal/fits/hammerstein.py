@@ -32,26 +32,14 @@ _AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the in
 
 @dataclass(frozen=True)
 class _Hammerstein:
-    """A sticky valve and a first-order or integrating plant that turn OP into PV.
+    """A sticky valve and a first-order or integrating plant that turn OP into PV."""
 
-    Parameters
-    ----------
-    S, J : float
-        Of the best model, in the unit of OP.
-    error, error_linear : float
-        Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
-    sign : float
-        Of the plant's gain, +1 or -1.
-    T_s, Td_s : float
-        Time constant (s; inf = integrating) and dead time (s) of the best model.
-    """
-
-    S: float
+    S: float  # of the best model, in the unit of OP
     J: float
-    error: float
+    error: float  # mean squared, over the variance of PV, drift left out; then the same with S = J = 0
     error_linear: float
-    sign: float
-    T_s: float
+    sign: float  # of the plant's gain, +1 or -1
+    T_s: float  # s; inf = integrating
     Td_s: float
     search: _Search
     ends: _Ends  # where it ended under each map
@@ -149,8 +137,6 @@ def fit_hammerstein(
 ) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV.
 
-    Notes
-    -----
     Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728, and Jelali (2008), J.
     Process Control 18, 632-642: for every (S, J) of a grid the valve model turns OP into MV, the linear part is fitted in
     closed form, and the smallest error wins. Here the linear part is an output-error model (time constant and dead time
@@ -158,20 +144,6 @@ def fit_hammerstein(
     state of the valve at the start is searched with the rest. In the regime where the valve only toggles between two
     positions J and the plant's gain trade off: `J_range` is then wide.
     Not for loops whose PV is moved by disturbances more than by the valve: `error` is then large.
-
-    Examples
-    --------
-    >>> from detectors.signal import stiction_map
-    >>> x, integral, valve, op, pv, mv = 0.0, 4.0, stiction_map.start(50.0), [], [], [50.0, 50.0]
-    >>> for _ in range(1500):
-    ...     integral -= 0.1 * x
-    ...     op.append(50 + integral - x)
-    ...     pv.append(x)
-    ...     valve = stiction_map.step(op[-1], valve, 5.0, 2.0)
-    ...     mv.append(valve[0])
-    ...     x += 0.1 * (mv[-3] - 50 - x)
-    >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
-    5.0
     """
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
@@ -308,14 +280,7 @@ def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
-    """Return the stretch of a signal with the largest covariance with itself one period later: large and regular.
-
-    Examples
-    --------
-    >>> t = np.arange(600)
-    >>> strongest_segment(np.sin(t / 5) * (1 + (t > 300)), 10 * np.pi, 200)[0] > 250
-    True
-    """
+    """Return the stretch of a signal with the largest covariance with itself one period later: large and regular."""
     lag = round(period)
     room = length - lag
     if length >= x.size or room < 1:
@@ -327,13 +292,7 @@ def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, i
 
 
 def swing(op: np.ndarray, period: float) -> float:
-    """Return the usual peak-to-peak of OP within a period, in its unit.
-
-    Examples
-    --------
-    >>> round(swing(np.sin(np.arange(1000) / 5), 10 * np.pi), 1)
-    2.0
-    """
+    """Return the usual peak-to-peak of OP within a period, in its unit."""
     size = min(max(round(period), 2), op.size)
     cycles = op[: op.size // size * size].reshape(-1, size)
     return median(cycles.max(axis=1) - cycles.min(axis=1))

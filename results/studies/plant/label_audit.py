@@ -18,8 +18,9 @@ from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
+from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records, weighed
-from simbench.files import answered, folder
+from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.usage import exit_code

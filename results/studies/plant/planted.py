@@ -15,10 +15,11 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.report.report import choose_methods
+from results.studies.plant.answers import answered
 from results.studies.plant.trust_claims import loops
 from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import wilson
-from simbench.files import answered, folder, write_record
+from simbench.files import folder, write_record
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.study.forward_selection import Simulated, accuracy, draw, units, verdicts_on

@@ -19,8 +19,9 @@ from detectors.judge import judge
 from detectors.record import PROCESSES, LoopRecord
 from detectors.records.io import read_record
 from detectors.verdict import STICTION
+from results.studies.plant.answers import answered
 from simbench.bench.statistics import wilson
-from simbench.files import answered, folder
+from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability

@@ -23,6 +23,7 @@ from detectors.errors import UserError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from detectors.signal.oscillation import find_oscillation
+from results.studies.plant.answers import answered
 from scenarios.errors import SpecError
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
@@ -30,7 +31,7 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.blind.making import PLANTS, STRENGTHS, write_item
 from simbench.blind.world import WORLDS
 from simbench.confirm.rig import run_rig
-from simbench.files import answered, folder
+from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors

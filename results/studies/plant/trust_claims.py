@@ -17,12 +17,13 @@ from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
+from results.studies.plant.answers import answered
 from scenarios.errors import SpecError
 from scenarios.grid import load_grid
 from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.statistics import mcnemar, wilson
-from simbench.files import FileError, answered, folder
+from simbench.files import FileError, folder
 from simbench.gap.stiction.friction import probability_of_stiction
 from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.setup import plain_setup

@@ -19,6 +19,7 @@ from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
+from detectors.report.summary import level_ends
 from detectors.sources import as_plugin
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.grid import Grid
@@ -244,7 +245,7 @@ def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
 
 
 def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
-    (S_lo, S_hi), (J_lo, J_hi) = _ends(front.S), _ends(front.J)
+    (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
     return {
         "scenario_id": ident,
         "method": front.method,
@@ -273,12 +274,6 @@ def record_hash(record: LoopRecord) -> str:
         if signal is not None:
             digest.update(np.ascontiguousarray(signal).tobytes())
     return digest.hexdigest()[:16]
-
-
-def _ends(level: float | tuple[float, float] | None) -> tuple[float, float]:
-    if level is None:
-        return math.nan, math.nan
-    return (float(level[0]), float(level[1])) if isinstance(level, tuple) else (float(level), float(level))
 
 
 def _columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:

@@ -17,7 +17,7 @@ from scenarios.cell import Draft, Rules, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
-from simbench.bench.scenario.truth import least_swing, recorded
+from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import plain_setup
@@ -182,7 +182,7 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop
     # what stands still but for the twin's own valve has the twin's period
     undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves
     for _ in range(0 if undriven or group.rules.samples_per_period is None else _PASSES):
-        record = recorded(loop, group.seed).record
+        record = simulate(loop, group.seed).record
         # a ringing loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else prepare(record.without_mv()).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -40,7 +39,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
 
     A valve without friction is its own twin: never "yes".
     """
-    run = recorded(loop, seed)
+    run = simulate(loop, seed)
     if not run.sticky:
         return run, Cycled(NO)
     Ts, bar = loop.sampling.Ts, least_swing(loop)
@@ -65,29 +64,6 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
         said = _ENTRAINED
     return run, Cycled(said, moved.period * Ts, moved.swing)
-
-
-def recorded(loop: Loop, seed: int) -> Run:
-    """Return `simulate(loop, seed)`, kept for a while: the run that settles a cell's sampling is the one that is judged."""
-    return _recorded(_Itself(loop), seed)
-
-
-@dataclass(frozen=True, eq=False)
-class _Itself:
-    """A loop that equals no other one, however alike: comparing them costs a tenth of a run."""
-
-    loop: Loop
-
-    def __hash__(self) -> int:
-        return id(self.loop)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Itself) and other.loop is self.loop
-
-
-@lru_cache(maxsize=16)
-def _recorded(it: _Itself, seed: int) -> Run:
-    return simulate(it.loop, seed)
 
 
 def least_swing(loop: Loop) -> float:

@@ -15,14 +15,12 @@ NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What of record, baseline and effect decides which effects look alike.
+    """What of record, baseline and effect decides which effects look alike."""
 
-    `sp_moves` by more than the noise; `op_jitter` is the median-based standard deviation of OP's changes (%), `J` the slip-jump
-    of the valve in question (%), None where unknown. The slow signal in question is `slow` where it moves PV by less than the
-    noise within T + Td, and a `ramp` where what wanders beside the ramp does: at the input of a self-regulating plant that is a
-    ramp on PV less a constant, which the unknown operating point takes.
-    """
-
+    # `sp_moves` by more than the noise; `op_jitter` is the median-based standard deviation of OP's changes (%), `J` the
+    # slip-jump of the valve in question (%), None where unknown. The slow signal in question is `slow` where it moves PV by
+    # less than the noise within T + Td, and a `ramp` where what wanders beside the ramp does: at the input of a self-regulating
+    # plant that is a ramp on PV less a constant, which the unknown operating point takes.
     integrating: bool = False
     sp_moves: bool = False
     mv: bool = False
@@ -47,11 +45,7 @@ _HOLDS: dict[str, Callable[[str, Circumstances], bool]] = {
 
 
 def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
-    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included.
-
-    >>> sorted(indistinguishable("extra_lag", Circumstances(mv=True)))
-    ['extra_lag', 'sensor_lag']
-    """
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
     own = _groups(EFFECTS[effect], here) if effect in EFFECTS else set()
     return frozenset({effect} | {e for e, other in EFFECTS.items() if own & _groups(other, here)})
 

@@ -15,15 +15,8 @@ def complete_band(
     defaults: tuple[float, float] | None = None,
     overshoot: bool = False,
 ) -> dict[str, float]:
-    """Fill the pair that was not given from the pair that was.
-
-    S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury, Thornhill
-    and Shah (2005).
-
-    >>> nan = float("nan")
-    >>> complete_band({"S": 5.0, "J": 2.0, "fs": nan, "fd": nan}, "valve 'he'", ("fs", "fd"), 1.0)
-    {'S': 5.0, 'J': 2.0, 'fs': 3.5, 'fd': 1.5}
-    """
+    """Fill the pair that was not given from the pair that was."""
+    # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion, Choudhury et al. (2005).
     high, low = forces
     S, J, Fs, Fc = values["S"], values["J"], values[high], values[low]
     band = [not math.isnan(S), not math.isnan(J)]

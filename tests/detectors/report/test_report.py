@@ -4,12 +4,15 @@ import json
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from detectors import __main__ as command
 from detectors.errors import ParameterError, UnknownName
-from detectors.report.report import Report, choose_methods, judge_files, score_units
+from detectors.report.report import Report, choose_methods, columns, judge_files, score_units
+from detectors.report.summary import own_reason, sentence
 from detectors.verdict import Verdict
+from detectors.views import page_part
 
 KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 
@@ -167,3 +170,21 @@ def test_level_is_a_number_or_an_interval_in_the_text():
     shown = Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))]).as_text().splitlines()
     assert shown[2].split() == ["method", "verdict", "score", "S", "(%", "of", "travel)", "J", "made", "for", "this", "loop"]
     assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
+
+
+def test_cells_stand_in_equal_columns():
+    assert columns([("a", "b"), ("long", "c")]) == ["a     b", "long  c"]
+
+
+def test_what_the_methods_say_together_counts_each():
+    said = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
+    assert sentence(said) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
+
+
+def test_what_is_said_of_the_whole_record_is_not_said_again():
+    verdict = Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %")
+    assert own_reason(verdict, ["OP taken as 0..100 %"]) == "OP is triangular"
+
+
+def test_a_sentence_above_a_table_is_text():
+    assert page_part("S < 5", pd.DataFrame({"S": [1.23456]})).startswith("<p>S &lt; 5</p>")

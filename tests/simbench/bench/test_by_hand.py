@@ -11,6 +11,7 @@ import pytest
 
 from detectors.contract.detector import LoopRecord
 from detectors.errors import ParameterError
+from detectors.report.summary import level_ends
 from detectors.verdict import Verdict
 from results.studies.leak import Fairness
 from scenarios.spec import Loop
@@ -285,9 +286,9 @@ def test_a_check_shows_what_moved_and_the_worst_flips_first():
 
 
 def test_a_level_has_two_ends_or_none():
-    assert work._ends((1.0, 2.0)) == (1.0, 2.0)
-    assert work._ends(3) == (3.0, 3.0)
-    assert all(math.isnan(x) for x in work._ends(None))
+    assert level_ends((1.0, 2.0)) == (1.0, 2.0)
+    assert level_ends(3) == (3.0, 3.0)
+    assert all(math.isnan(x) for x in level_ends(None))
     said = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
     row = work._verdict_row("id", said, said, None, 0.25)
     assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [1.0, 2.0, 0.5, 0.5, 0.7, 0.25]

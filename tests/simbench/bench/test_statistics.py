@@ -9,7 +9,20 @@ from hypothesis import strategies as st
 from scipy import stats
 from sklearn.metrics import roc_auc_score
 
-from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, mean_ranks, rate, rate_drop, wilson
+from simbench.bench.statistics import (
+    area,
+    auc,
+    auc_drop,
+    auc_drop_unpaired,
+    class_counts,
+    dense_ranks,
+    holm,
+    mcnemar,
+    mean_ranks,
+    rate,
+    rate_drop,
+    wilson,
+)
 
 
 @given(n=st.integers(1, 500), share=st.floats(0, 1))
@@ -187,3 +200,9 @@ def test_the_critical_difference_is_the_studentised_range():
     assert found.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
     assert found.mean_rank.sum() == pytest.approx(15.0)
     assert found.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
+
+
+def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():
+    assert dense_ranks(np.array([0.5, -np.inf, np.nan, 0.5])).tolist() == [1, 0, -1, 1]
+    assert [c.tolist() for c in class_counts(np.array([7, 2, 7]), np.array([True, False, False]))] == [[0, 1], [1, 1]]
+    assert area(np.array([0, 1, 2, 3]), np.array([False, True, False, True])) == 0.75

@@ -10,6 +10,7 @@ from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
 from simbench.loop.effects.compression import swinging_door
+from simbench.loop.hosted import host_of, parts_of_loop
 from simbench.loop.parameters import Number
 from simbench.loop.simulate import simulate
 
@@ -139,3 +140,12 @@ def test_no_sample_leaves_the_door():
     rebuilt = swinging_door(pv, 0.7)
     assert np.abs(rebuilt - pv).max() <= 0.7 + 1e-9
     assert np.count_nonzero(np.abs(np.diff(rebuilt, 2)) > 1e-9) < 0.6 * pv.size
+
+
+def test_the_parts_of_a_loop_are_its_valve_stages_and_its_effects():
+    loop = Loop.from_table({
+        "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
+        "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}],
+    })  # fmt: skip
+    assert parts_of_loop(loop) == {("effect", "stiction"), ("valve", "lag")}
+    assert host_of(parts_of_loop(loop)) is None

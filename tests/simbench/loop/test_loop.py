@@ -282,3 +282,7 @@ def test_stages_stand_before_and_behind_any_friction_model():
         simulate(loop(valve={**valve, "behind": [{"low": 1.0}]}))
     with pytest.raises(UnknownName, match="limits"):
         simulate(loop(valve={**valve, "before": [{"model": "limit"}]}))
+
+
+def test_first_order_plants_are_sampled_with_a_fraction_of_a_sample_of_dead_time():
+    assert [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)] == [0.905, 0.046, 0.049, 2.0]

@@ -17,6 +17,8 @@ from simbench.files import FileError
 from simbench.html.table import sortable
 from simbench.report import write_report
 from simbench.report.data import RunData
+from simbench.report.failures import _pattern
+from simbench.report.provenance import reproduce
 from simbench.report.roc import roc_curve
 
 BROKEN = '''"""A detector that fails on every third record."""
@@ -226,3 +228,13 @@ def test_in_a_browser_the_page_is_readable_without_scripts(report, tmp_path):
     with chromium.opened(plain, 400) as page:
         assert "Summary" in page.evaluate("document.body.innerText")
         assert page.errors == []
+
+
+def test_reasons_that_differ_in_their_numbers_count_together():
+    assert _pattern("too short: 2.4 periods; at least 3 are needed") == "too short: # periods; at least # are needed"
+
+
+def test_a_run_says_how_to_run_it_again():
+    told = reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "overrides": {"sets": {"seed": 3}}})
+    assert told[0] == "git checkout 0123"
+    assert told[1:] == ["simbench run smoke -o again --set seed=3 --method he", "simbench score again"]

@@ -1,7 +1,6 @@
 """Table 11.3 and its conditions; what the benchmark's truth columns hold; what `predict` answers."""
 
 import json
-import math
 
 import pytest
 
@@ -9,7 +8,6 @@ from detectors.errors import UnknownName
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
 from simbench.theory.sampled import sampled_loop
-from simbench.theory.table_check import as_text as check_as_text
 from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import TABLE_11_2, TABLE_11_3, cell, refined, table_11_3, truth_columns
 
@@ -134,16 +132,11 @@ def test_direct_acting_loop_is_predicted_like_its_mirror(loop):
 
 
 def test_checked_table_has_eight_cells_and_theory_meets_its_conditions():
-    grid = {("self-regulating", "P", "dead-band"): (0, 7)}
-    checks = check_table_11_3(grid, load_steps=8, every=7, seed=3)
+    checks = check_table_11_3(load_steps=8, every=7, seed=3)
     assert [(c.process, c.controller, c.nonlinearity) for c in checks] == list(TABLE_11_3)
     for c in checks:
         assert c.conditions_right == c.loops
         assert c.reached <= c.exist <= c.loops
         assert sum(c.disagreements.values()) == (c.loops - c.exist if c.table else c.exist)
-        assert math.isnan(c.steps_reached) == (c.exist == 0)
-    assert checks[0].cycled == (0, 7)
     assert checks[3].exist == checks[3].loops
-    text = check_as_text(checks)
-    assert "K Kc J > S" in text
-    assert "0/7" in text
+    assert any("K Kc J > S" in condition for c in checks for condition in c.disagreements)

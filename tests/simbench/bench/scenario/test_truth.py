@@ -5,7 +5,7 @@ import pytest
 
 from scenarios.spec import Loop
 from simbench.bench.scenario.motion import largest_sine, motion
-from simbench.bench.scenario.truth import MIN_REVERSALS, healthy_twin, least_swing, recorded, simulate_with_truth
+from simbench.bench.scenario.truth import MIN_REVERSALS, healthy_twin, least_swing, simulate_with_truth
 from simbench.loop.simulate import simulate, valve_tail
 
 STICKY = {"model": "choudhury", "S": 5, "J": 2}
@@ -200,14 +200,6 @@ def test_the_largest_sine_ignores_periods_far_away():
     t = np.arange(4000)
     wave = np.sin(2 * np.pi * t / 100) + 9 * np.sin(2 * np.pi * t / 1000)
     assert largest_sine(wave, 100.0) == pytest.approx(1.0, abs=0.05)
-
-
-def test_a_run_that_is_remembered_is_the_one_of_its_own_loop_and_seed():
-    one, other = loop(STICKY, noise=0.1, n=200), loop(STICKY, noise=0.2, n=200)
-    assert recorded(one, 1) is recorded(one, 1)
-    for chosen in (one, other, loop(STICKY, noise=0.1, n=200)):
-        for seed in (1, 2):
-            assert np.array_equal(recorded(chosen, seed).record.pv, simulate(chosen, seed).record.pv)
 
 
 @pytest.mark.parametrize("quiet", [None, 150])

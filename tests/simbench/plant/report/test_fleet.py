@@ -19,6 +19,7 @@ from simbench.plant.report import fleet
 from simbench.plant.report.events import likely_root, phase_locking, shared_oscillations
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import likely
+from simbench.plant.trust.trust import trust
 
 
 def victim(source):
@@ -39,6 +40,18 @@ def records():
     source = resting(1, **STICKY)
     slower = {"controller": {"type": "PI", "Kc": 1.2, "Ti": 23.0}}
     return {"other": resting(5, **STICKY, **slower), "quiet": resting(3), "source": source, "victim": victim(source)}
+
+
+@pytest.fixture(scope="module")
+def trust_once():
+    """Ask about a record once, whichever file it stands in."""
+    known = {}
+
+    def ask(record, **more):
+        key = record.op.tobytes(), record.pv.tobytes(), record.process, str(more)
+        return known[key] if key in known else known.setdefault(key, trust(record, **more))
+
+    return ask
 
 
 def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):
@@ -62,7 +75,8 @@ def test_the_root_is_the_stickiest_then_the_least_like_a_sine():
     assert likely_root(["a", "b"], {"a": 0.31, "b": 0.29}, {"a": 1.0, "b": 3.0}) == ["b", "a"]
 
 
-def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
+def test_the_page_ranks_the_loops_and_stands_alone(records, trust_once, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(fleet, "trust", trust_once)
     folder, page = tmp_path / "plant", tmp_path / "page.html"
     folder.mkdir()
     for name in ("quiet", "source", "victim"):
@@ -90,35 +104,35 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
         assert chromium.lost_on_paper(page) == 0
 
 
-def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monkeypatch):
+def test_loops_judged_before_a_kill_are_not_judged_again(records, trust_once, tmp_path, monkeypatch):
     folder = tmp_path / "plant"
     folder.mkdir()
     for name in ("quiet", "victim"):
         write_record(records[name], folder / f"{name}.csv")
-    judge, count = fleet.trust, []
+    count = []
 
     def dies_at_the_second(record, **more):
         count.append(1)
         if len(count) == 2:
             raise KeyboardInterrupt
-        return judge(record, **more)
+        return trust_once(record, **more)
 
     monkeypatch.setattr(fleet, "trust", dies_at_the_second)
     with pytest.raises(KeyboardInterrupt):
         fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
     again = fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
     assert len(count) == 3
-    monkeypatch.setattr(fleet, "trust", judge)
+    monkeypatch.setattr(fleet, "trust", trust_once)
     assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
 
 
-def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
+def test_a_second_week_judges_only_what_changed(records, trust_once, tmp_path, monkeypatch):
     for week, source in (("week1", "source"), ("week2", "other")):
         (tmp_path / week).mkdir()
         for loop, name in (("FIC101", source), ("LIC7", "quiet")):
             write_record(records[name], tmp_path / week / f"{loop}.csv")
-    judge, asked = fleet.trust, []
-    monkeypatch.setattr(fleet, "trust", lambda record, **more: asked.append(record.tag) or judge(record, **more))
+    asked = []
+    monkeypatch.setattr(fleet, "trust", lambda record, **more: asked.append(record.tag) or trust_once(record, **more))
 
     def week(name, *more):
         asked.clear()
@@ -140,7 +154,8 @@ def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
     assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
 
 
-def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, tmp_path):
+def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, trust_once, tmp_path, monkeypatch):
+    monkeypatch.setattr(fleet, "trust", trust_once)
     (tmp_path / "plant").mkdir()
     write_record(records["quiet"], tmp_path / "plant" / "LIC7.csv")
     words = ["report", str(tmp_path / "plant"), "-j", "1", "-o", str(tmp_path / "page.html")]
