@@ -29,7 +29,7 @@ class Assessment(Fitted):
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
     judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
     menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a
-    higher order.
+    higher order; `by_lab` the nats of lab samples in `log_likelihood_gains`.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -42,10 +42,12 @@ class Assessment(Fitted):
     asked: tuple[str, ...] = ()
     tested: int = 0
     beside_load: dict[str, Candidate] = field(default_factory=dict)
+    by_lab: dict[str, float] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
-        """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
-        return (self.valve_seen and recogniser(effect).by_mv is not None) or effect in self.situation.proven
+        """Whether single samples, the controller's law, MV or lab samples show an effect, and no likelihood of PV is needed."""
+        seen = self.valve_seen and recogniser(effect).by_mv is not None
+        return seen or effect in self.situation.proven or self.by_lab.get(effect, 0.0) > LEAST_NATS
 
     @property
     def failures(self) -> list[tuple[float, str, str]]:
@@ -83,7 +85,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     base, beside_load = beside_the_load(engine, base, candidates)
     base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
-    for effect, nats in lab_gains(tests, base, parameters).items():
+    by_lab = lab_gains(tests, base, parameters)
+    for effect, nats in by_lab.items():
         gains[effect] = capped(gains[effect] + nats)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
@@ -109,7 +112,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
-    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load)
+    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load, by_lab=by_lab)
 
 
 def _scores(
