@@ -79,7 +79,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     base, beside_load = beside_the_load(engine, base, candidates)
     base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
-    by_lab = lab_gains(tests, base, parameters)
+    by_lab = lab_gains(tests, base, parameters, gains)
     gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(situation.proven, SURE)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])

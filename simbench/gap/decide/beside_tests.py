@@ -94,8 +94,13 @@ def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts:
     return np.clip(stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])), 0.0, 100.0)
 
 
-def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:
-    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted."""
+def lab_gains(
+    tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters], gains: Mapping[str, float]
+) -> dict[str, float]:
+    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted.
+
+    A smaller effect than the fitted one loses of the `gains` that PV speaks for it.
+    """
     total: dict[str, float] = {}
     for effect, p in parameters.items():
         by_lab = recogniser(effect).by_lab
@@ -106,7 +111,8 @@ def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str,
             errors, times = t.data.y[at] - t.lab[at], at * t.Ts
             noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
             levels = [by_lab(scaled(p, share), errors, times, noise) for share in (0.0, *_SIZES)]
-            total[effect] = total.get(effect, 0.0) + max(levels[1:]) - levels[0]
+            lost = [max(gains[effect], 0.0) * max(1.0 - share, 0.0) ** 2 for share in _SIZES]
+            total[effect] = total.get(effect, 0.0) + max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
     return total
 
 

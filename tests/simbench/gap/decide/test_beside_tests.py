@@ -35,14 +35,14 @@ def test_lab_samples_speak_for_a_drift_or_against_it(rate, sign, least):
     data = SimpleNamespace(y=true + rate * t + 0.1 * rng.standard_normal(1001))
     test = SimpleNamespace(lab=lab, data=data, lab_std=0.05, Ts=1.0)
     base = SimpleNamespace(theta={"noise_std": 0.1})
-    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}})
+    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}}, {"drift": 50.0})
     assert sign * gains["drift"] > least
 
 
 def test_without_lab_samples_or_a_fitted_drift_nothing_is_added():
     test = SimpleNamespace(lab=None)
-    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}) == {}
-    assert lab_gains([], SimpleNamespace(), {}) == {}
+    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}, {}) == {}
+    assert lab_gains([], SimpleNamespace(), {}, {}) == {}
 
 
 def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
