@@ -201,12 +201,9 @@ def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_a
     if heavy:
         x[::100] *= 20.0
     base, fit = (SimpleNamespace(loglik=level, spec=Spec(), residual=x) for level in (0.0, 30.0))
-    engine = SimpleNamespace(evaluate=lambda spec, theta: (30.0 if spec.walk or ramp else 0.0, None, None))
-    ramp, fit.theta = False, {}
+    engine = SimpleNamespace(evaluate=lambda spec, theta: (30.0, None, None))
+    fit.theta = {}
     # another signal, as a plant's other gain makes it, counts in full
     assert candidates._brought(engine, base, fit) == 30.0
     fit.spec = Spec(walk=True)
     assert candidates._brought(engine, base, fit) == pytest.approx(30.0 * share, rel=0.15 if not heavy else 1.0)
-    # and so does a ramp that brings as much without the walk
-    ramp = True
-    assert candidates._brought(engine, base, fit) == 30.0
