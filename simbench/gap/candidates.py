@@ -18,7 +18,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
 from simbench.loop.plant import first_order_like
 
-LAST = 15.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
+LAST = 9.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
 
 
 @dataclass(frozen=True, eq=False)

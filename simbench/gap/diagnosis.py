@@ -142,7 +142,7 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
             kept.append(one)
     found = assess(situation, kept)
     if kept and situation.trusted:
-        others = other_plants(found, situation, kept)
+        others = other_plants(found, found.situation, kept)
         if any(others):
             notes += [
                 f"test: {one.name} contradicts the record and is not counted: {said}; the loop behind {one.name} is another"
@@ -171,9 +171,9 @@ def _assess_all(
     main = replace(main, stiction=probability(pooled(odds)) if odds else None)
     if not others:
         return main, []
-    gains = {e: capped(float(sum(f.log_likelihood_gains[e] for f in every))) for e in main.log_likelihood_gains}
     proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
-    gains |= dict.fromkeys(proven, SURE)
+    gains = {e: float(sum(f.log_likelihood_gains[e] for f in every)) for e in main.log_likelihood_gains if e not in proven}
+    gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
     parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"

@@ -220,8 +220,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     if coarse:
         bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
         off = du - bare.a * e[1:] - bare.b * e[:-1]
-        # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
-        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > _FINER * asked.op_is.step
+        # a law that meets OP's moves far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
+        off = off[rows & (du != 0.0)] - np.median(off[rows])
+        coarse = float(np.quantile(np.abs(off), 0.9)) > _FINER * asked.op_is.step if off.size else True
     fit, gap = None, error_gap(op, e, rows)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(

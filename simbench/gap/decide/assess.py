@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
-from simbench.gap.decide.beside_tests import Maps, joint_engine, lab_gains, valve_maps
+from simbench.gap.decide.beside_tests import Maps, joint_engine, lab_gains, valve_maps, with_own_lag
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.model import Fit, later
 from simbench.gap.likelihood.residual_tests import tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -29,7 +29,7 @@ class Assessment(Fitted):
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
     judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
     menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a
-    higher order.
+    higher order; `by_lab` the nats of lab samples in `log_likelihood_gains`.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -42,10 +42,12 @@ class Assessment(Fitted):
     asked: tuple[str, ...] = ()
     tested: int = 0
     beside_load: dict[str, Candidate] = field(default_factory=dict)
+    by_lab: dict[str, float] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
-        """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
-        return (self.valve_seen and recogniser(effect).by_mv is not None) or effect in self.situation.proven
+        """Whether single samples, the controller's law, MV or lab samples show an effect, and no likelihood of PV is needed."""
+        seen = self.valve_seen and recogniser(effect).by_mv is not None
+        return seen or effect in self.situation.proven or self.by_lab.get(effect, 0.0) > LEAST_NATS
 
     @property
     def failures(self) -> list[tuple[float, str, str]]:
@@ -70,21 +72,15 @@ class Assessment(Fitted):
 
 def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessment:
     """Fit and score every effect, to a record alone or to one and its tests as one model."""
-    record = situation
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
-    maps = valve_maps(situation, tests)
-    engine = joint_engine(situation, tests, maps[0]) if tests else Engine(situation.data, load_memory(situation))
-    shown = {e: p for t in tests for e, p in t.proven.items()}
-    situation = replace(situation, data=engine.data, proven={**shown, **situation.proven})
-    base = engine.base()
-    by_mv = situation.record.mv is not None or any(t.mv is not None for t in tests)
-    candidates = fit_candidates(engine, base, possible_effects(situation, by_mv))
+    record = situation
+    situation, maps, engine, base, candidates = _fitted(situation, tests)
     base, beside_load = beside_the_load(engine, base, candidates)
     base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
-    for effect, nats in lab_gains(tests, base, parameters).items():
-        gains[effect] = capped(gains[effect] + nats)
+    by_lab = lab_gains(tests, base, parameters, gains)
+    gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(situation.proven, SURE)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
     final, on_top = base, {}
@@ -105,25 +101,58 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
                 parameters[runner] = recogniser(runner).numbers(final, situation)
     # the limits are those of one record, and what a plant of higher order leaves behind adds up over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
-    alone = {id(f): engine.main(f) for f in (base, final, *(c.fit for c in candidates.values()))}
+    lag = situation.valve_lag / record.record.Ts
+    alone = {id(f): later(engine.main(f), lag) for f in (base, final, *(c.fit for c in candidates.values()))}
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
-    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load)
+    return Assessment(
+        *fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load, by_lab=by_lab
+    )
+
+
+def _fitted(
+    s: Situation, tests: Sequence[ModelledTest]
+) -> tuple[Situation, tuple[Maps, bool], Engine, Fit, dict[str, Candidate]]:
+    """Return the situation with the engine's data, what MV says, the engine, its base and every effect fitted on top.
+
+    A lag of MV is the baseline's own, in its dead time, unless PV answers later as no other effect explains it so well.
+    """
+    maps = valve_maps(s, tests)
+    within = with_own_lag(s, maps[0])
+    if within is s:
+        return _by_maps(s, tests, maps)
+    found = _by_maps(within, tests, valve_maps(within, tests))
+    *_, base, candidates = found
+    best = max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values()))
+    if joint_engine(s, tests, maps[0]).base().loglik <= base.loglik + best:
+        return found
+    return _by_maps(s, tests, maps)
+
+
+def _by_maps(
+    s: Situation, tests: Sequence[ModelledTest], maps: tuple[Maps, bool]
+) -> tuple[Situation, tuple[Maps, bool], Engine, Fit, dict[str, Candidate]]:
+    """Return what `_fitted` does under one reading of MV."""
+    engine = joint_engine(s, tests, maps[0]) if tests else Engine(s.data, load_memory(s))
+    shown = {e: p for t in tests for e, p in t.proven.items()}
+    s = replace(s, data=engine.data, proven={**shown, **s.proven})
+    base = engine.base()
+    by_mv = s.record.mv is not None or any(t.mv is not None for t in tests)
+    return s, maps, engine, base, fit_candidates(engine, base, possible_effects(s, by_mv))
 
 
 def _scores(
     s: Situation, base: Fit, alone: Fit, candidates: dict[str, Candidate], maps: Maps
 ) -> tuple[dict[str, float], dict[str, Parameters]]:
     """Return every effect's gain (nats) and parameters; `alone` is the base as the record alone has it."""
-    gains = {e: capped(float(c.log_likelihood_gain)) for e, c in candidates.items()}
+    gains = {e: float(c.log_likelihood_gain) for e, c in candidates.items()}
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
     for effect in EFFECTS:
         gains.setdefault(effect, NOT_TRIED)
-    for effect, p in s.proven.items():
-        gains[effect], parameters[effect] = SURE, p
+    parameters |= s.proven
     for effect, (gain, p) in maps.items():
-        gains[effect], parameters[effect] = capped(gain), p
+        gains[effect], parameters[effect] = gain, p
     for effect in (e for e in EFFECTS if e not in s.proven):
         found = recogniser(effect).by_innovations(alone, s)
         if found is not None:
@@ -194,7 +223,7 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     return out
 
 
-def capped(gain: float) -> float:
-    """Return a gain that stays below SURE and keeps its order: no likelihood outranks what single samples prove."""
-    most = 0.9 * SURE
-    return gain if gain <= most else most + 0.09 * SURE * (1.0 - most / gain)
+def capped(gains: Mapping[str, float]) -> dict[str, float]:
+    """Return gains below SURE, as no likelihood outranks what single samples prove; those near the best keep their distance."""
+    over = max(max(gains.values(), default=0.0) - 0.9 * SURE, 0.0)
+    return {e: min(gain, max(gain - over, 0.5 * SURE)) for e, gain in gains.items()}

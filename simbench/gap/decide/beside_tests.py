@@ -12,8 +12,8 @@ from simbench.gap.candidates import Fitted
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
-from simbench.gap.likelihood.model import Data, Fit, Spec
-from simbench.gap.likelihood.valve_map import MapSearch
+from simbench.gap.likelihood.model import Data, Fit, Spec, later
+from simbench.gap.likelihood.valve_map import MapSearch, lagged
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 from simbench.loop.resolve import resolve_loop
@@ -21,6 +21,7 @@ from simbench.loop.response import stages_response
 
 _BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
 _DIGITS = 6  # decimals of MV (%) that are read
+_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
 _ANOTHER = 25.0  # nats by which a plant of its own must explain a test better than any explanation of the record ...
@@ -37,7 +38,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     strays = False
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
-        search = MapSearch(op, mv, Ts, expected, s.expected_band)
+        search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
@@ -47,6 +48,18 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
             before, kept = total.get(e, (0.0, p))
             total[e] = (before + gain, p if gain >= before else kept)
     return total, strays
+
+
+def with_own_lag(s: Situation, maps: Maps) -> Situation:
+    """Return the record with a lag of MV taken out of its baseline's dead time, where that can hold it.
+
+    Every actuator lags, and a plant identified from OP has that in its dead time.
+    """
+    gain, found = maps.get(_LAG, (0.0, {}))
+    tau, Ts = float(found.get("tau", 0.0)), s.record.Ts
+    if gain <= _BY_MV or tau > s.data.Td * Ts or not s.trusted:
+        return s
+    return replace(s, data=replace(s.data, Td=s.data.Td - tau / Ts), valve_lag=tau)
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:
@@ -63,6 +76,7 @@ def _by_stem(s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray
         return data
     sound = maps[winner][0] <= _BY_MV
     made = through_valve(op, s.baseline.valve, Ts) if sound else through_effect(s, winner, maps[winner][1], op, Ts)
+    made = lagged(made, s.valve_lag / Ts) if s.valve_lag else made
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
         made = np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv
@@ -80,8 +94,13 @@ def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts:
     return np.clip(stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])), 0.0, 100.0)
 
 
-def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:
-    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted."""
+def lab_gains(
+    tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters], gains: Mapping[str, float]
+) -> dict[str, float]:
+    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted.
+
+    A smaller effect than the fitted one loses of the `gains` that PV speaks for it.
+    """
     total: dict[str, float] = {}
     for effect, p in parameters.items():
         by_lab = recogniser(effect).by_lab
@@ -92,7 +111,8 @@ def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str,
             errors, times = t.data.y[at] - t.lab[at], at * t.Ts
             noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
             levels = [by_lab(scaled(p, share), errors, times, noise) for share in (0.0, *_SIZES)]
-            total[effect] = total.get(effect, 0.0) + max(levels[1:]) - levels[0]
+            lost = [max(gains[effect], 0.0) * max(1.0 - share, 0.0) ** 2 for share in _SIZES]
+            total[effect] = total.get(effect, 0.0) + max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
     return total
 
 
@@ -103,12 +123,14 @@ def scaled(p: Parameters, share: float) -> Parameters:
 
 def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
     """Return of each test in words the plant behind it, where it is another than under the likeliest fits of the record."""
+    lag = s.valve_lag / s.record.Ts
+    s = replace(s, data=replace(s.data, Td=s.data.Td - lag))
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
     likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
     fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
     # signals and jumps of an effect are of one record
     plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
-    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [plain]
+    bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [later(plain, -lag)]
     # a controller that answers nothing but the load shows load and plant in one, and any plant with its load
     return [_other_plant(engine.engines[i], engine, i, bare) if t.moved else "" for i, t in enumerate(tests, start=1)]
 

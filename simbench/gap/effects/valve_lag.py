@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from simbench.gap.effects import _draw
 from simbench.gap.effects._pole import pole, tau
@@ -11,10 +12,16 @@ from simbench.gap.likelihood.valve_map import Found, MapSearch, lagged
 
 
 def by_mv(search: MapSearch) -> Found:
-    """Scan the time constant finely."""
+    """Scan the time constant, then narrow it down."""
     taus = np.geomspace(0.2, search.op.size / 10, 120)
-    level, best = min(((search.level(lagged(search.op, x, search.mv[0])), float(x)) for x in taus), key=lambda t: t[0])
-    return search.priced(level, {"tau": best * search.Ts}, 1.0)
+
+    def level(tau: float) -> float:
+        return search.level(lagged(search.op, tau, search.mv[0]))
+
+    best = int(np.argmin([level(x) for x in taus]))
+    around = (taus[max(best - 1, 0)], taus[min(best + 1, taus.size - 1)])
+    tau = float(minimize_scalar(level, bounds=around, method="bounded", options={"xatol": 1e-3 * taus[best]}).x)
+    return search.priced(level(tau), {"tau": tau * search.Ts}, 1.0)
 
 
 RECOGNISER = Recogniser(

@@ -16,6 +16,7 @@ _FEWEST = 100  # samples; below this the spread of every statistic swallows the 
 _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 _LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
+_RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of them 1
 _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
 
 
@@ -60,13 +61,20 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
         wrong = f"{span}, which is OP in mA"
     elif ahead < -0.9 or (ahead < -0.5 and slope is None and moving_slope(op, -mv) is not None):
         wrong = f"MV falls where OP rises (correlation {ahead:.2f})"
-    elif slope is not None and op.mean() > _NEAR_SHUT and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < _LEVEL:
+    elif slope is not None and op.mean() > _NEAR_SHUT and not 0.7 < level < 1.4 and _is_factor(slope, level, float(op.mean())):
         wrong = f"{span} and is {level:.3g} times OP in level and in slope"
     elif ahead > 0.999 and _affine(mv, op):
         gain, offset = np.polyfit(op, mv, 1)
         wrong = f"{span} and is {gain:.3g} OP {offset:+.3g} (correlation {ahead:.4f})"
     if wrong:
         raise RecordError(f"{where}: {wrong}; it must be in % of travel, 0..100, as OP is")
+
+
+def _is_factor(slope: float, level: float, op: float) -> bool:
+    """Return whether MV's slope agrees with its level, and better than with the characteristic that has this level at OP."""
+    x, r = op / 100.0, np.log(_RATIOS)
+    bent = (r * np.exp(r * x) / np.expm1(r))[int(np.argmin(np.abs(np.expm1(r * x) / np.expm1(r) - level * x)))]
+    return bool(abs(slope / level - 1.0) < _LEVEL and abs(slope - level) < abs(slope - bent))
 
 
 def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
@@ -86,9 +94,7 @@ def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
     left = float(np.std(mv - gain * op - offset))
     if 0.8 < gain < 1.25:
         return False
-    ratios = np.exp(np.linspace(np.log(0.01), np.log(100.0), 400))
-    ratios = ratios[np.abs(ratios - 1.0) > 1e-3]
-    best = min(float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2))) for R in ratios)
+    best = min(float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2))) for R in _RATIOS)
     return best > max(10.0 * left, 1.0)
 
 

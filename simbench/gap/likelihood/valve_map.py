@@ -31,10 +31,14 @@ class MapSearch:
         MV (%) as the baseline's valve makes it.
     band : float
         Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
+    lag : float
+        Time constant (samples) of a sound valve's own, behind every map; 0 for none.
     """
 
-    def __init__(self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray, band: float = 0.0) -> None:
-        self.op, self.mv, self.Ts = op, mv, Ts
+    def __init__(
+        self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray, band: float = 0.0, lag: float = 0.0
+    ) -> None:
+        self.op, self.mv, self.Ts, self.lag = op, mv, Ts, lag
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         self.healthy = min(self.level(expected), self.level(self.moved(kernels.PLAY, band, 0.0)))
@@ -42,6 +46,7 @@ class MapSearch:
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's valve is known."""
         fine = (1e-3 * self.span) ** 2
+        v = lagged(v, self.lag, self.mv[0]) if self.lag > 0.0 else v
         return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
@@ -87,7 +92,7 @@ class MapSearch:
         starts = np.arange(0, n - size + 1, max(size // 2, 1))
         first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
         here = slice(first, first + size)
-        return MapSearch(self.op[here], self.mv[here], self.Ts, self.op[here])
+        return MapSearch(self.op[here], self.mv[here], self.Ts, self.op[here], lag=self.lag)
 
     def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
         """Return level and numbers at the bottoms below the best few points of a grid: peaks are narrow, of several depths."""

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from scenarios.spec import Part
+from simbench import Loop
+from simbench.gap.decide.assess import assess
 from simbench.gap.decide.beside_tests import joint_engine, lab_gains
 from simbench.gap.effects import recogniser
+from simbench.gap.intake.check import check
 from simbench.gap.likelihood.model import Data
 
 by_lab = recogniser("drift").by_lab
@@ -32,14 +35,14 @@ def test_lab_samples_speak_for_a_drift_or_against_it(rate, sign, least):
     data = SimpleNamespace(y=true + rate * t + 0.1 * rng.standard_normal(1001))
     test = SimpleNamespace(lab=lab, data=data, lab_std=0.05, Ts=1.0)
     base = SimpleNamespace(theta={"noise_std": 0.1})
-    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}})
+    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}}, {"drift": 50.0})
     assert sign * gains["drift"] > least
 
 
 def test_without_lab_samples_or_a_fitted_drift_nothing_is_added():
     test = SimpleNamespace(lab=None)
-    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}) == {}
-    assert lab_gains([], SimpleNamespace(), {}) == {}
+    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}, {}) == {}
+    assert lab_gains([], SimpleNamespace(), {}, {}) == {}
 
 
 def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
@@ -49,7 +52,29 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
     mv[100:] += 0.5
     data = Data(op, op - 50.0, 1.0, 10.0, 2.0, 0.1)
     baseline = SimpleNamespace(valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0))
-    s = SimpleNamespace(data=data, op=op, baseline=baseline, record=SimpleNamespace(Ts=1.0, mv=mv), integrating=False)
+    record = SimpleNamespace(Ts=1.0, mv=mv)
+    s = SimpleNamespace(data=data, op=op, baseline=baseline, record=record, integrating=False, valve_lag=0.0)
     seen = joint_engine(s, [], {"stiction": (0.0, {})}).parts[0].data.u
     np.testing.assert_array_equal(seen[:100], op[:100])
     np.testing.assert_array_equal(seen[100:], mv[100:])
+
+
+MORE = {"controller": {"type": "PI", "Kc": 1, "Ti": 20}, "sampling": {"Ts": 1, "n": 1200}, "noise": {"std": 0.1}}
+MORE |= {"setpoint": {"steps": [[100, 55], [500, 48], [900, 53]]}}
+
+
+def lagging(Td, tau):
+    """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time 6 without it."""
+    true, told = (Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6))
+    return check(true.with_("effect", [{"name": "valve_lag", "tau": tau}]).simulate(3).record, told)
+
+
+@pytest.mark.parametrize(("Td", "tau", "own"), [(4.0, 2.0, True), (6.0, 5.0, False), (6.0, 9.0, False)])
+def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, own):
+    s = lagging(Td, tau)
+    found = assess(s)
+    assert found.situation.valve_lag == pytest.approx(tau if own else 0.0, rel=0.1)
+    assert (found.chosen[:1] == ["valve_lag"]) == (not own)
+    # what is handed on is the baseline's dead time again
+    assert found.situation.data.Td == s.data.Td
+    assert found.base.theta["Td"] == pytest.approx(6.0, rel=0.15)

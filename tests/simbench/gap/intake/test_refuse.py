@@ -42,6 +42,12 @@ def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
     assert ("in level and in slope" in mv_said(25.0 + slope * (OP - 50.0))) == refused
 
 
+@pytest.mark.parametrize("R", [0.05, 0.15, 0.34])
+def test_a_characteristic_low_in_its_travel_is_no_unit(R):
+    op = 25.0 + 3.0 * SINE
+    assert not mv_said(100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0), op)
+
+
 @pytest.mark.parametrize(("level", "refused"), [(8.0, False), (14.0, False), (16.0, True)])
 def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(level, refused):
     op = level * (1.0 + 0.1 * SINE)
