@@ -56,7 +56,7 @@ def stub(monkeypatch, nats):
     monkeypatch.setattr(expected, "_nats", lambda one, *more: told(nats[one.id]))
     s = SimpleNamespace(proven={})
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
-    return SimpleNamespace(situation=s, parameters=numbers, chosen=["stiction"], valve_seen=False, asked=())
+    return SimpleNamespace(situation=s, parameters=numbers, chosen=["stiction"], valve_seen=False, asked=(), worst_test=(0.1, "process"))
 
 
 OPEN = {"stiction": 0.5, "deadband": 0.45, "none": 0.05}
