@@ -14,14 +14,14 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.beside_tests import scaled, through_effect
+from simbench.gap.decide.beside_tests import through_effect
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit
-from simbench.gap.plan.menu import LAB_SAMPLES, Limits, Trial, sized
+from simbench.gap.plan.menu import Limits, Trial, sized
 from simbench.gap.situation import Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
@@ -143,7 +143,7 @@ def plan(
 
     out, left_out = [], []
     for id_ in tests:
-        if id_ in found.asked or (id_ == "mv" and found.valve_seen) or (id_ == "lab" and not _falsified(found)):
+        if id_ in found.asked or (id_ == "mv" and found.valve_seen):
             continue
         trial, why, excursion = sized(id_, s, files, min(bands, default=0.0), limits)
         nats = None if trial is None else _nats(trial, found, effects, files, runs)
@@ -174,15 +174,19 @@ def _believed(found: Assessment, probability: Mapping[str, float]) -> tuple[dict
     first = max(probability, key=lambda e: probability[e])
     if found.worst_test[0] < _CERTAIN:
         refuted = [e for e in (*found.chosen[:1], NONE) if p.get(e) == 0.0] if first == UNKNOWN else []
-        known = unknown * (_REFUTED if refuted else _KNOWN)
-        unknown -= known
         if refuted:
-            p[refuted[0]] = known
-        else:
-            p = {e: x * (1.0 + known / sum(p.values())) for e, x in p.items()}
-    groups = set(EFFECTS[first].alike) if first in EFFECTS else set()
-    alike = {e for e in found.parameters if e != first and groups & set(EFFECTS[e].alike)}
-    return {e: max(x, _LOOK_ALIKE * p[first]) if e in alike else x for e, x in p.items()}, unknown
+            p[refuted[0]] = _REFUTED * unknown
+        unknown *= 1.0 - (_REFUTED if refuted else _KNOWN)
+    for e in _look_alikes(found, first):
+        p[e] = max(p.get(e, 0.0), _LOOK_ALIKE * p[first])
+    whole = sum(p.values())
+    return {e: (1.0 - unknown) * x / whole for e, x in p.items()}, unknown
+
+
+def _look_alikes(found: Assessment, effect: str) -> list[str]:
+    """Return the fitted effects that give the same signals as one in some records."""
+    groups = set(EFFECTS[effect].alike) if effect in EFFECTS else set()
+    return [e for e in found.parameters if e != effect and groups & set(EFFECTS[e].alike)]
 
 
 def _no_need(found: Assessment, probability: Mapping[str, float], effects: Sequence[str]) -> str:
@@ -190,7 +194,9 @@ def _no_need(found: Assessment, probability: Mapping[str, float], effects: Seque
     first = max(probability, key=lambda e: probability[e])
     if set(found.chosen) & set(found.situation.proven) and probability[found.chosen[0]] > 0.5:
         return f"{found.chosen[0]} is shown by the record itself; no test would tell more"
-    if probability[first] >= _SETTLED:
+    # of a slow load and a drift no other test says which it is
+    unsettled = "lab" not in found.asked and any(_seen_by("lab", e) for e in _look_alikes(found, first))
+    if probability[first] >= _SETTLED and not unsettled:
         return f"{first} has a probability of {probability[first]:.2f}; another record would sooner unsettle it than tell more"
     if first == UNKNOWN and found.worst_test[0] >= _CERTAIN:
         said = found.unexplained[found.worst_test[1]]
@@ -198,14 +204,13 @@ def _no_need(found: Assessment, probability: Mapping[str, float], effects: Seque
     return "" if len(effects) > 1 else "one explanation is left; no test on the menu would tell more"
 
 
-def _falsified(found: Assessment) -> list[str]:
-    """Return the fitted effects that falsify the measurement."""
-    return [e for e in found.parameters if recogniser(e).by_lab is not None]
-
-
 def _seen_by(id_: str, effect: str) -> bool:
-    """Return whether a test observes an effect by itself, so that it need not be simulated: MV a valve's, lab a sensor's."""
-    return effect != NONE and {"mv": recogniser(effect).by_mv, "lab": recogniser(effect).by_lab}.get(id_) is not None
+    """Return whether a test observes an effect by itself: MV a valve's, lab samples a sensor's, a long one the load again."""
+    if effect == NONE:
+        return False
+    if id_ == "sp_steps":
+        return block_of(effect) == "disturbance"
+    return {"mv": recogniser(effect).by_mv, "lab": recogniser(effect).by_lab}.get(id_) is not None
 
 
 def _told(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float, float]:
@@ -227,17 +232,19 @@ def _nats(trial: Trial, found: Assessment, effects: Sequence[str], files: Mappin
             if record is None:
                 return None
             for b, effect in enumerate(effects):
-                out[i, a, b] = _level(trial, record, found, effect, made_by, i)
+                apart = _seen_by(trial.id, effect) != _seen_by(trial.id, made_by)
+                out[i, a, b] = _level(trial, record, found, effect) - apart * _APART / TEMPERATURE
     # on average nothing explains a test better than what made it (Gibbs); a fit that does was merely found sooner
     mean = out.mean(axis=0)
     return out - np.maximum(mean - np.diag(mean)[:, None], 0.0)
 
 
-def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str, made_by: str, i: int) -> float:
+def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str) -> float:
     s = found.situation
     p = found.parameters.get(effect, {})
     if trial.id == "lab":
-        return _lab_level(trial, found, effect, made_by, i)
+        # beside what falsifies the measurement it shows nothing that the record does not
+        return 0.0
     op, level, by_mv = np.asarray(record.op), 0.0, trial.id == "mv" or s.record.mv is not None
     if by_mv:
         valve = block_of(effect) == "valve"
@@ -262,18 +269,3 @@ def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -
     held = replace(data, K=K, T=theta["T"] if data.T > 0.0 else 0.0, Td=theta["Td"])
     engine = Engine(held, pair.engines[1].longest_load)
     return engine.fit(spec, theta, search=_NUISANCES, steps=3).loglik
-
-
-def _lab_level(trial: Trial, found: Assessment, effect: str, made_by: str, i: int) -> float:
-    """Return the log-likelihood of lab samples' differences from PV; only what falsifies the measurement makes any."""
-    rng = np.random.default_rng([1000 + i, 5])
-    times = np.linspace(0.0, trial.n * trial.Ts, LAB_SAMPLES)
-    noise = 1.1 * found.base.theta["noise_std"] or 1e-9
-    errors = noise * rng.standard_normal(times.size)
-    false = _falsified(found)[0]
-    p, by_lab = found.parameters[false], recogniser(false).by_lab
-    assert by_lab is not None
-    if made_by == false:
-        steps = np.sqrt(times[1]) * rng.standard_normal(times.size)
-        errors = errors + float(p["rate"]) * times + float(p["walk"]) * np.cumsum(steps)
-    return by_lab(scaled(p, float(effect == false)), errors, times, noise)
