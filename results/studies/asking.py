@@ -110,8 +110,8 @@ def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> N
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
         found = one_file(record, record.with_suffix(".toml"), tests)
-    except UserError as error:  # a test that is refused leaves the record without an answer, as it does those that chose it
-        found = {"error": str(error)}
+    except UserError:  # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+        found = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
         f.write(json.dumps(found))
 
