@@ -27,7 +27,7 @@ MOST_TESTS = 2  # a record
 def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 0) -> int:
     """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json, answers-2/ID.json.
 
-    After each round the test that an answer asks for is opened, and logged; where none is asked for, or it is refused, an answer
+    After each round the test that an answer asks for is opened and logged; where none is asked for, or it is refused, an answer
     stands.
     """
     folder = Path(folder).resolve()
