@@ -2,7 +2,8 @@
 
 `python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and opens what is not there yet
 (a call that was cut off goes on where it was) and prints a table a world. `--contradictions 60` gives the diagnosis tests that
-contradict their records and as many sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits.
+contradict their records and as many sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits;
+`--claims 100` compares claimed shrinkages with fresh records of the true loops.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from scipy import stats
 from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
-from results.studies.asking_tests import contradicted, planned
+from results.studies.asking_tests import claimed, contradicted, planned
 from scenarios.spec import read_toml
 from simbench.blind import outcomes
 from simbench.blind.answering import answer, answers_after
@@ -109,8 +110,8 @@ def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> N
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
         found = one_file(record, record.with_suffix(".toml"), tests)
-    except UserError as error:  # a test that is refused leaves the record without an answer, as it does those that chose it
-        found = {"error": str(error)}
+    except UserError:  # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+        found = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
         f.write(json.dumps(found))
 
@@ -260,6 +261,7 @@ def main() -> None:
     parser.add_argument("--against", nargs="*", default=[], choices=(FIXED, RANDOM), help="Answer with such tests too.")
     parser.add_argument("--contradictions", type=int, default=0, metavar="N", help="Contradictory tests, and sound ones.")
     parser.add_argument("--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run.")
+    parser.add_argument("--claims", type=int, default=0, metavar="N", help="Loops whose claimed shrinkage is looked at again.")
     parser.add_argument("-j", "--jobs", type=int, default=1)
     given = parser.parse_args()
     seeds = {world: given.seed + i for i, world in enumerate(THREE) if world in given.worlds}
@@ -268,7 +270,9 @@ def main() -> None:
         print(contradicted(seeds, given.contradictions, given.jobs).to_string(index=False))
     if given.plans:
         print(planned(seeds, given.plans, given.jobs))
-    if given.contradictions or given.plans:
+    if given.claims:
+        print(claimed(seeds, given.claims, given.jobs))
+    if given.contradictions or given.plans or given.claims:
         return
     for world, seed in seeds.items():
         answer_sealed(given.folder, world, Mixture(seed, given.single, given.none, given.two, given.foreign), given.jobs)

@@ -1,12 +1,14 @@
-"""What a diagnosis refuses of tests, and what planned tests do to the plant: on loops of the blind check's worlds.
+"""What a diagnosis refuses of tests, what planned tests do to the plant, whether gaps close as far as is claimed after them.
 
-Printed by `python -m results.studies.asking DIR --contradictions N` and `--plans N`.
+On loops of the blind check's worlds; printed by `python -m results.studies.asking DIR --contradictions N`, `--plans N` and
+`--claims N`.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,23 +16,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from scipy import stats
 from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind import outcomes
+from simbench.blind.levels import Share
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import PLANNED, WORLDS, Item
+from simbench.gap.closed_loop.gap import closed, measure
 from simbench.gap.diagnosis import beside_tests, diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import read_test
 from simbench.gap.plan.expected import plan
 from simbench.gap.plan.menu import Limits
+from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE
 
 OTHER_LOOP, TUNING, SHIFTED = "test of another loop", "tuning not as stated", "mode shifted by a minute"
+_FRESH = 3  # records of the true loop on which a claimed shrinkage is looked at
 _KINDS = {OTHER_LOOP: ("mv", "sp_steps", "bump", "stairs"), TUNING: ("kc_half",), SHIFTED: ("bump", "stairs")}
 
 
@@ -115,7 +122,9 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
         pv_excursion=float(rng.uniform(1.2, 4.0) * np.abs(pv - sp).max()), op_travel=float(rng.uniform(2.0, 15.0)),
         op=(max(float(op.min()) - 5.0, 0.0), min(float(op.max()) + 5.0, 100.0)),
     )  # fmt: skip
-    found = plan(report.behind.found, {r.effect: r.probability for r in report.ranking}, report.behind.loops, limits)
+    # as if nothing were settled, or hardly any test would be planned
+    doubted = {r.effect: min(r.probability, 0.5) for r in report.ranking}
+    found = plan(report.behind.found, doubted, report.behind.loops, limits)
     true = item.answer["effect"]
     acts = [] if true == NONE else [{"effect": true, "parameters": item.answer["parameters"]}]
     out = []
@@ -127,3 +136,58 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
         moved = np.asarray(run["op"])[lead:]
         out.append(far > limits.pv_excursion or bool(moved.min() < limits.op[0] - 1e-6 or moved.max() > limits.op[1] + 1e-6))
     return out
+
+
+def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> str:
+    """Return in sentences whether the shrinkage claimed after at most `most` tests holds on fresh records of `n` true loops."""
+    bar = tqdm(range(n), desc="claims", file=sys.stderr, delay=1.0)
+    runs: Any = Parallel(n_jobs=jobs)(delayed(_claim)(list(seeds.items()), i, most) for i in bar)
+    rows = pd.DataFrame([one for one in runs if one is not None], columns=["value", "lo", "hi", "true", "right"])
+    if len(rows) < 3:
+        return f"{len(rows)} claims on {n} loops: too few"
+    said = [f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops, weak, medium, strong,"]
+    said += [f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop each:"]
+    for name, part in (("all", rows), ("effect named rightly", rows[rows.right])):
+        inside = Share("", int(part.true.between(part.lo, part.hi).sum()), len(part))
+        low, high = inside.interval
+        rank = stats.spearmanr(part.value, part.true).statistic
+        quarters = ", ".join(f"{q:.2f}" for q in part.true.quantile([0.25, 0.5, 0.75]))
+        said.append(f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank correlation {rank:.2f},")
+        said.append(f"  true quartiles {quarters}")
+    return "\n".join(said)
+
+
+def _claim(seeds: list[tuple[str, int]], i: int, most: int) -> tuple[float, float, float, float, bool] | None:
+    """Return a claimed shrinkage, its interval, the true one and whether the effect was right; None where none is claimed."""
+    world, seed = seeds[i % len(seeds)]
+    w = WORLDS.load(world)
+    single = {**_entry(seed, 4 * i), "strength": ("weak", "medium", "strong")[i // 3 % 3], "mv": i % 2 == 0}
+    item = w.draw(seed, i, {"kind": "two", "mv": i % 2 == 0} if i % 6 == 5 else single)
+    with TemporaryDirectory() as place:
+        record, baseline = write_item(item, Path(place), "record")
+        loop, run = load_loop(baseline), []
+        try:
+            report = diagnose(read_record(record), loop)
+            while len(run) < most and report.next_test is not None:
+                texts = outcomes.outcome(w.test, item, report.next_test["test"])
+                run.append(read_test(str(outcomes.shown(Path(place), f"test-{len(run)}", texts)), loop))
+                report = diagnose(read_record(record), loop, tests=run)
+        except UserError:
+            return None
+    if report.shrinkage is None:
+        return None
+    a = item.answer
+    acts = [{"effect": a[e], "parameters": a[p]} for e, p in (("effect", "parameters"), ("effect2", "parameters2")) if a[e]]
+    fresh = [w.simulate(a, acts, int(a["seed"]) + 7000 + k) for k in range(_FRESH)]
+    right = report.effect in (a["effect"], a["effect2"])
+    return report.shrinkage["value"], report.shrinkage["lo"], report.shrinkage["hi"], _closes(report, fresh), right
+
+
+def _closes(report: GapReport, fresh: list[dict[str, np.ndarray]]) -> float:
+    """Return how far what was named closes the gap of the user's simulation to fresh records, by the means of their gaps."""
+    s, runs = report.behind.found.situation, report.behind.loops.kept[tuple(report.named)]
+    gaps = []
+    for columns in fresh:
+        op, pv = (np.asarray(columns[name], dtype=float) for name in ("op", "pv"))
+        gaps.append(measure(replace(s, op=op, record=replace(s.record, op=op, pv=pv)), *runs))
+    return closed(float(np.mean([g.before for g in gaps])), float(np.mean([g.after for g in gaps])), gaps[0].floor)

@@ -27,7 +27,8 @@ MOST_TESTS = 2  # a record
 def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 0) -> int:
     """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json, answers-2/ID.json.
 
-    After each round the test that an answer asks for is opened, and logged; where none is asked for, the answer stands.
+    After each round the test that an answer asks for is opened and logged; where none is asked for, or it is refused, an answer
+    stands.
     """
     folder = Path(folder).resolve()
     if not 0 <= tests <= MOST_TESTS:
@@ -36,18 +37,26 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
     opened: dict[str, list[str]] = {}
     for order in range(1, tests + 1):
         before, place = answers_after(folder, order - 1), make_folder(answers_after(folder, order))
-        standing = set()
-        for file in sorted(before.glob("*.json")):
-            found = json.loads(file.read_text(encoding="utf-8"))
-            asked = (found.get("next_test") or {}).get("test")
+        answers = {file.name: file.read_text(encoding="utf-8") for file in sorted(before.glob("*.json"))}
+        for name, text in answers.items():
+            asked = (json.loads(text).get("next_test") or {}).get("test")
             if asked is None:
-                standing.add(file.stem)
-                with whole_file(place / file.name) as f:
-                    f.write(json.dumps(found, indent=1))
+                _write(place / name, text)
             else:
-                opened.setdefault(file.stem, []).append(str(outcomes.open_one(folder, file.stem, asked, order)))
-        _round(folder, diagnose, jobs, {name: t for name, t in opened.items() if name not in standing}, place)
+                record = name.removesuffix(".json")
+                opened.setdefault(record, []).append(str(outcomes.open_one(folder, record, asked, order)))
+        _round(folder, diagnose, jobs, opened, place)
+        for name in answers:
+            if not _answered(place / name):
+                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands", file=sys.stderr)
+                _write(place / name, answers[name])
     return done
+
+
+def _write(file: Path, text: str) -> None:
+    """Write whole or not at all: a call that is cut off can be resumed."""
+    with whole_file(file) as f:
+        f.write(text)
 
 
 def answers_after(folder: Path, tests: int) -> Path:
@@ -78,10 +87,8 @@ def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[s
             name = jobs_of[done]
             found, cpu = done.result()
             costs += f"{name},{cpu:.3f}\n"
-            # whole or not at all: a call that is cut off can be resumed
-            for file, text in ((place / f"{name}.json", json.dumps(found, indent=1)), (cost, costs)):
-                with whole_file(file) as f:
-                    f.write(text)
+            _write(place / f"{name}.json", json.dumps(found, indent=1))
+            _write(cost, costs)
             bar.update()
     return len(todo)
 

@@ -101,11 +101,11 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),
         share("known effect called none", single.called_none),
         share("not answered", ~table.answered),
-        _median("claimed shrinkage of the true group, median", single.claim_right, 0.7),
-        _median("claimed shrinkage of the best wrong group, median", single.claim_wrong, 0.2, at_most=True),
-        _rank("rank correlation of claimed with true shrinkage", single.shrinkage_claimed, single.shrinkage_true, 0.8),
+        median("claimed shrinkage of the true group, median", single.claim_right, 0.7),
+        median("claimed shrinkage of the best wrong group, median", single.claim_wrong, 0.2, at_most=True),
+        rank("rank correlation of claimed with true shrinkage", single.shrinkage_claimed, single.shrinkage_true, 0.8),
         calibration(table),
-        _median("parameters of the right effect, median error", single.parameter_error, 0.10, at_most=True),
+        median("parameters of the right effect, median error", single.parameter_error, 0.10, at_most=True),
     ]
 
 
@@ -135,12 +135,14 @@ def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
     return Figure("expected calibration error", error, len(part), 0.05, at_most=True)
 
 
-def _median(name: str, values: pd.Series, level: float, at_most: bool = False) -> Figure:
+def median(name: str, values: pd.Series, level: float | None = None, at_most: bool = False) -> Figure:
+    """Return the median of what is known."""
     known = values.dropna().astype(float)
     return Figure(name, float(known.median()) if len(known) else None, len(known), level, at_most)
 
 
-def _rank(name: str, x: pd.Series, y: pd.Series, level: float) -> Figure:
+def rank(name: str, x: pd.Series, y: pd.Series, level: float) -> Figure:
+    """Return the rank correlation of two columns where both are known."""
     both = pd.DataFrame({"x": x, "y": y}).dropna().astype(float)
     if len(both) < 3 or both.x.nunique() < 2 or both.y.nunique() < 2:
         return Figure(name, None, len(both), level)

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
@@ -20,6 +20,7 @@ from tqdm import tqdm
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.blind import outcomes, seal
+from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder, refuse_own_input, whole_file
 
@@ -97,16 +98,10 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
     """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    for file, text in ((record, _record_csv(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
+    for file, text in ((record, csv_of(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
         with whole_file(file) as f:
             f.write(text)
     return record, baseline
-
-
-def _record_csv(columns: Mapping[str, np.ndarray]) -> str:
-    """Return a record as the text of records/ID.csv."""
-    rows = zip(*(c.tolist() for c in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(",".join(f"{x:.8g}" for x in row) for row in rows)]) + "\n"
 
 
 def make(

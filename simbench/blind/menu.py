@@ -108,7 +108,7 @@ def operated(columns: dict[str, np.ndarray], true: np.ndarray, test: TestPlan, s
 
 
 def csv_of(columns: Mapping[str, np.ndarray]) -> str:
-    """Return a test as the text of its CSV: the mode in words, no number where no sample was taken."""
+    """Return a record as the text of its CSV: the mode in words, no number where no sample was taken."""
     rows = zip(*([_cell(name, x) for x in c.tolist()] for name, c in columns.items()), strict=True)
     return "\n".join([",".join(columns), *(",".join(row) for row in rows)]) + "\n"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from scipy import stats
 from tqdm import tqdm
 
 from detectors.errors import ParameterError
@@ -18,7 +17,7 @@ from scenarios.spec import read_toml
 from simbench.blind import seal
 from simbench.blind.answering import COST, MOST_TESTS, answers_after
 from simbench.blind.claims import true_shrinkages
-from simbench.blind.levels import Figure, Share, by_effect, levels
+from simbench.blind.levels import Figure, Share, by_effect, levels, median, rank
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
@@ -163,22 +162,12 @@ def _cell(value: str) -> Any:
 def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
     if len(claims) < 3:
         return []
-    right, wrong = claims[claims.right], claims[~claims.right]
-    best_wrong = wrong.groupby("id").true.max()
+    best = claims.groupby(["id", "right"]).true.max().unstack().reindex(columns=[True, False])
     return [
-        Figure(
-            "re-simulated shrinkage of candidates: rank correlation with claimed",
-            float(stats.spearmanr(claims.claimed, claims.true).statistic),
-            len(claims),
-            0.8,
-        ),
-        Figure("re-simulated shrinkage of the true group, median", _middle(right.groupby("id").true.max()), right.id.nunique()),
-        Figure("re-simulated shrinkage of the best wrong group, median", _middle(best_wrong), len(best_wrong)),
+        rank("re-simulated shrinkage of candidates: rank correlation with claimed", claims.claimed, claims.true, 0.8),
+        median("re-simulated shrinkage of the true group, median", best[True]),
+        median("re-simulated shrinkage of the best wrong group, median", best[False]),
     ]
-
-
-def _middle(values: pd.Series) -> float | None:
-    return float(values.median()) if len(values) else None
 
 
 def _cost(folder: Path) -> list[Figure]:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
 _PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
-_EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
+_EXPLANATIONS = 5  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 

@@ -23,7 +23,6 @@ _TINY = 1e-9  # gain of a controller that follows the operator alone
 _DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
 _SPREADS = 4.0  # ... and standard deviations between draws, that it is taken to be larger than their mean
 _MARGIN = 0.8  # of a limit on PV that the simulated excursion may use: the plant is not quite the model
-LAB_SAMPLES = 40
 _SAYS = {
     "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
     "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",

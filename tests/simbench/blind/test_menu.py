@@ -95,6 +95,18 @@ def test_tests_are_opened_in_the_order_they_are_asked_for_and_logged(check):
     assert sorted(p.name for p in (check / outcomes.OPENED).glob("*.csv")) == ["r0001-bump.csv", "r0001-stairs.csv"]
 
 
+def refuses(record, baseline, tests=()):
+    """Stand in for a diagnosis that refuses the test it asked for."""
+    if tests:
+        raise UserError("no column pv")
+    return {"effect": "drift", "next_test": {"test": "bump"}}
+
+
+def test_where_the_test_is_refused_the_answer_before_it_stands(check):
+    answer(check, refuses, 1, 1)
+    assert '"drift"' in (answers_after(check, 1) / "r0001.json").read_text()
+
+
 def test_no_more_than_two_are_opened_and_none_where_none_was_made(check, tmp_path):
     with pytest.raises(UserError, match="--tests 3; 0 to 2"):
         answer(check, asks, 1, 3)

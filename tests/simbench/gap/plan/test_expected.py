@@ -56,9 +56,11 @@ def stub(monkeypatch, nats):
     monkeypatch.setattr(expected, "_nats", lambda one, *more: told(nats[one.id]))
     s = SimpleNamespace(proven={})
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
-    return SimpleNamespace(situation=s, parameters=numbers, chosen=["stiction"], valve_seen=False, asked=())
+    about = {"chosen": ["stiction"], "valve_seen": False, "asked": (), "worst_test": (0.1, "process")}
+    return SimpleNamespace(situation=s, parameters=numbers, **about)
 
 
+LEFT = {"stiction": 0.4, "unknown": 0.3, "none": 0.2, "valve_lag": 0.1}
 OPEN = {"stiction": 0.5, "deadband": 0.45, "none": 0.05}
 LOOPS = SimpleNamespace(loop=tuple)
 
@@ -95,3 +97,56 @@ def test_a_test_that_was_run_is_not_asked_for_again(monkeypatch):
     found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
     found.asked = ("bump",)
     assert plan(found, OPEN, LOOPS).tests == ()
+
+
+def test_what_is_settled_asks_nothing(monkeypatch):
+    found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
+    made = plan(found, {"stiction": 0.92, "deadband": 0.06, "none": 0.02}, LOOPS)
+    assert made.next_test is None
+    assert "stiction has a probability of 0.92" in made.why
+
+
+def test_unknown_by_single_samples_or_the_law_says_that_no_test_would_change_it(monkeypatch):
+    found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
+    found.worst_test, found.unexplained = (10.0, "valve"), {"valve": "MV strays"}
+    made = plan(found, {"unknown": 0.83, "stiction": 0.12, "none": 0.05}, LOOPS)
+    assert made.next_test is None
+    assert "MV strays" in made.why
+
+
+def test_of_another_unknown_a_test_leaves_less_to_the_known(monkeypatch):
+    found = stub(monkeypatch, {})
+    believed, unknown = expected._believed(found, LEFT)
+    assert unknown < LEFT["unknown"]
+    assert unknown + sum(believed.values()) == pytest.approx(1.0)
+    assert believed["stiction"] / believed["none"] == pytest.approx(2.0)
+
+
+def test_what_a_failed_simulation_refuted_is_believed_again(monkeypatch):
+    found = stub(monkeypatch, {})
+    believed, unknown = expected._believed(found, {"unknown": 0.7, "stiction": 0.0, "none": 0.3})
+    assert believed["stiction"] > unknown
+
+
+def test_what_gives_the_same_signals_is_left_however_unlikely_it_was_called(monkeypatch):
+    found = stub(monkeypatch, {})
+    believed, _ = expected._believed(found, {"stiction": 0.85, "none": 0.149, "deadband": 0.001})
+    assert believed["deadband"] > 0.03
+    assert sum(believed.values()) == pytest.approx(1.0)
+
+
+def test_the_test_that_observes_an_explanation_by_itself_tells_it(monkeypatch):
+    found = stub(monkeypatch, {"mv": np.zeros((3, 3)), "lab": np.zeros((3, 3)), "bump": np.zeros((3, 3))})
+    made = plan(found, {"none": 0.5, "stiction": 0.15, "deadband": 0.15, "valve_lag": 0.1, "drift": 0.1}, LOOPS, most=3)
+    right = {x.trial.id: x.p_right for x in made.tests}
+    assert right["mv"] == pytest.approx(right["bump"] + 0.1)
+    assert right["lab"] == pytest.approx(right["bump"] + 0.1)
+
+
+def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_a_drift(monkeypatch):
+    found = stub(monkeypatch, {"lab": -60.0 * (1 - np.eye(2))})
+    found.parameters, found.chosen = {"load_steps": {}, "drift": {}}, ["load_steps"]
+    likely = {"load_steps": 0.93, "none": 0.05, "drift": 0.02}
+    assert plan(found, likely, LOOPS, most=2).best.trial.id == "lab"
+    found.asked = ("lab",)
+    assert "would sooner unsettle it" in plan(found, likely, LOOPS, most=2).why
