@@ -121,22 +121,24 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
 def described(s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0) -> Discovery:
     """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
 
-    `known` assesses the effects of the library, where no law is certain.
+    A law stands unless another block carries half of the evidence, or it does not narrow the gap; `known` assesses the effects
+    of the library.
     """
     law, why = found.law, found.why
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
-        if seen.block != law.block:
-            why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
+        if seen.block != law.block and not seen.doubt:
+            why = f"the likeliest law ({law.text}) lies in another block ({law.block} {seen.shares[law.block]:.2f})"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
         elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
-        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.share)
+        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.shares[seen.block])
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
-    return Discovery(s, law, "", law.block, seen.share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
+    share = seen.shares[law.block]
+    return Discovery(s, law, "", law.block, share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
 
 
 def _simulated(
