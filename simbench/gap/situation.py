@@ -6,14 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
+from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.response import valve_response
 
+_UNNOTICED = 0.1  # of the loop's time scale: a valve's lag that short lies within what its baseline's times are trusted
 _LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
@@ -83,8 +86,19 @@ class Situation:
 
     @property
     def expected_mv(self) -> np.ndarray:
-        """MV (%) as the baseline's valve makes it of the recorded OP."""
-        return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)
+        """MV (%) as the baseline's valve makes it of the recorded OP, where MV was recorded."""
+        return self.expected_travel(self.op, np.asarray(self.record.mv), self.record.Ts)
+
+    def expected_travel(self, op: np.ndarray, mv: np.ndarray, Ts: float) -> np.ndarray:
+        """Return MV (%) as the baseline's valve makes it of OP, behind what lag an actuator has that no loop notices."""
+        made = np.clip(through_valve(op, self.baseline.valve, Ts), 0.0, 100.0)
+        longest = _UNNOTICED * load_memory(self) / _LOAD_MEMORY * self.record.Ts / Ts
+
+        def left(v: np.ndarray) -> float:
+            return float(np.mean((mv - v) ** 2))
+
+        tau = minimize_scalar(lambda x: left(lagged(made, x, mv[0])), bounds=(0.02 * longest, longest), method="bounded").x
+        return min(made, lagged(made, float(tau), mv[0]), key=left)
 
     @property
     def expected_band(self) -> float:

@@ -36,8 +36,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     total: Maps = {}
     strays = False
     for op, mv, Ts in seen:
-        expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
-        search = MapSearch(op, mv, Ts, expected, s.expected_band)
+        search = MapSearch(op, mv, Ts, s.expected_travel(op, mv, Ts), s.expected_band)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
