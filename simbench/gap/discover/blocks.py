@@ -18,7 +18,7 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 _NOISE = 6.0  # nats that any block may bring by chance, added to all
-_HALF = 0.5  # share of the evidence that a block must carry
+_LEAST = 0.4  # share of the evidence from which a block is said: it was right in 19 of 38 between that and a half
 _STEPS = 4  # in which all other numbers are fitted again beside a freedom
 _FINER, _PERIODS = 16, 3  # times the record's own frequencies, and whole periods, in which a period is looked for
 _EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an innovation is one
@@ -46,7 +46,7 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
     """Return the block of what a record shows; `forms` are block and nats of laws tried, `certain` needs no statistics.
 
     Every block stands by its best explanation, however many were tried. As no model of a left-out effect is quite true, nats
-    count as they are and not as exponents: shares so were right as often as they say on 165 development records.
+    count as they are and not as exponents: shares so were right about as often as they say (seeds 7401 and 7402, 216 records).
     """
     gains = found.log_likelihood_gains
     nearest = {block_of(e): e for e in sorted(EFFECTS, key=gains.__getitem__) if gains[e] > 0.0}
@@ -61,9 +61,8 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
     doubt = ""
     if best[first] < 0.0:
         doubt = f"no explanation stands out of the noise (best {best[first]:.1f} nats)"
-    elif shares[first] < _HALF:
-        likeliest = f"{first} {shares[first]:.2f}, {second} {shares[second]:.2f}"
-        doubt = f"cannot tell the block: none carries half of the evidence ({likeliest})"
+    elif shares[first] < _LEAST:
+        doubt = f"cannot tell the block: of the evidence {first} has {shares[first]:.2f}, {second} {shares[second]:.2f}"
     return Located(first, shares, doubt, nearest)
 
 

@@ -22,6 +22,7 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
+_HALF = 0.5  # share of the evidence in another block, from which a law does not stand
 _SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
 
 
@@ -128,7 +129,7 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
-        if seen.block != law.block and not seen.doubt:
+        if seen.block != law.block and seen.shares[seen.block] > _HALF:
             why = f"the likeliest law ({law.text}) lies in another block ({law.block} {seen.shares[law.block]:.2f})"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
