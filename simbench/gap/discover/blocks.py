@@ -69,32 +69,37 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
 def _freed(s: Situation, base: Fit) -> list[tuple[str, float]]:
     """Return block and nats of each freedom beside the fit without effect, all else fitted again and its numbers paid for."""
     engine, out = Engine(s.data, load_memory(s)), []
+    walk = 0.1 * float(np.std(s.data.y)) / np.sqrt(s.data.n)
     for block, spec, count in _freedoms(s, base):
         joined = base.spec.join(spec)
-        starts = [{**base.theta, "load": share * base.theta["load"]} for share in (1.0, 0.3)]
+        begin = {"walk": walk, "load_walk": walk, **base.theta}
+        starts = [{**begin, "load": share * base.theta["load"]} for share in (1.0, 0.3)]
         best = max(engine.fit(joined, theta, steps=_STEPS).loglik for theta in starts)
         out.append((block, best - base.loglik - size_penalty(s.data.n, count)))
     return out
 
 
 def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
-    """Yield block, freedom and numbers: plant and valve of another kind, any noise, a period, and events of load or reading."""
+    """Yield block, freedom and numbers: another plant or valve, any noise, a period, drift and events of load or reading."""
     d, x = s.data, np.asarray(base.residual)
+    at, T = np.arange(d.n), base.theta["T"] if d.T > 0 else 0.0
     for name, channels in directions(base, d).items():
         if name != "shape" or s.record.mv is None:
             yield RESIDUAL_LIMITS[f"{name} nats"][1], Spec(channels=channels), len(channels)
     yield "sensor", Spec(free=frozenset({"noise_std"})), 1.0
     lowest = _FINER * _PERIODS
     power = np.abs(np.fft.rfft(x - x.mean(), _FINER * d.n))[lowest:-_FINER]
-    angle = 2.0 * np.pi * (lowest + int(np.argmax(power))) / (_FINER * d.n) * np.arange(d.n)
+    angle = 2.0 * np.pi * (lowest + int(np.argmax(power))) / (_FINER * d.n) * at
     yield "disturbance", Spec(channels=(np.sin(angle), np.cos(angle))), 4.0
+    yield "sensor", Spec(walk=True, channels=(at / d.n,)), 2.0
+    yield "disturbance", Spec(load_walk=True, channels=(kernels.plant(at / d.n, T, 0.0, 0.0),)), 2.0
     x = x / (1.4826 * float(np.median(np.abs(x))) or 1.0)
     x[: kernels.SKIP] = 0.0
     # the largest innovation of each run of large ones
     large = [a + int(np.argmax(np.abs(x[a:b]))) for a, b in runs_of(np.abs(x) > _LARGE)]
     events = sorted(large, key=lambda k: -abs(x[k]))[:_EVENTS]
     if events:
-        at, T, count = np.arange(d.n), base.theta["T"] if d.T > 0 else 0.0, 2.0 * len(events)  # where each is counts as well
+        count = 2.0 * len(events)  # where each is counts as well
         yield "sensor", Spec(channels=tuple((at >= k).astype(float) for k in events)), count
         # a load passes the plant, and begins before it is seen
         loads = tuple(kernels.plant((at >= k - 1).astype(float), T, 0.0, 0.0) for k in events)

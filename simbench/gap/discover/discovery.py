@@ -22,7 +22,7 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
-_HALF = 0.5  # share of the evidence in another block, from which a law does not stand
+_MORE = 0.1  # share of the evidence that another block may have more, for a law to stand
 _SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
 
 
@@ -122,14 +122,14 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
 def described(s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0) -> Discovery:
     """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
 
-    A law stands unless another block carries half of the evidence, or it does not narrow the gap; `known` assesses the effects
-    of the library.
+    A law stands unless another block has plainly more of the evidence, or it does not narrow the gap; `known` assesses the
+    effects of the library.
     """
     law, why = found.law, found.why
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
-        if seen.block != law.block and seen.shares[seen.block] > _HALF:
+        if seen.shares[seen.block] > seen.shares[law.block] + _MORE:
             why = f"the likeliest law ({law.text}) lies in another block ({law.block} {seen.shares[law.block]:.2f})"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
