@@ -84,12 +84,7 @@ class Situation:
         }
         return {name: (block, words) for name, (seen, block, words) in found.items() if seen}
 
-    @property
-    def expected_mv(self) -> np.ndarray:
-        """MV (%) as the baseline's valve makes it of the recorded OP, where MV was recorded."""
-        return self.expected_travel(self.op, np.asarray(self.record.mv), self.record.Ts)
-
-    def expected_travel(self, op: np.ndarray, mv: np.ndarray, Ts: float) -> np.ndarray:
+    def expected_mv(self, op: np.ndarray, mv: np.ndarray, Ts: float) -> np.ndarray:
         """Return MV (%) as the baseline's valve makes it of OP, behind what lag an actuator has that no loop notices."""
         made = np.clip(through_valve(op, self.baseline.valve, Ts), 0.0, 100.0)
         longest = _UNNOTICED * load_memory(self) / _LOAD_MEMORY * self.record.Ts / Ts

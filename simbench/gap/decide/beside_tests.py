@@ -36,7 +36,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     total: Maps = {}
     strays = False
     for op, mv, Ts in seen:
-        search = MapSearch(op, mv, Ts, s.expected_travel(op, mv, Ts), s.expected_band)
+        search = MapSearch(op, mv, Ts, s.expected_mv(op, mv, Ts), s.expected_band)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))

@@ -27,7 +27,7 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
         return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
 
     learn, judge = slice(0, first), slice(first, n)
-    plain = s.expected_mv
+    plain = s.expected_mv(op, mv, Ts)
     tries: list[tuple[str, _Numbers, np.ndarray]] = []
     search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
     for module in (deadband, stiction):

@@ -1,6 +1,5 @@
 """What every room is told of a record: facts and the memory of an ordinary load, by hand."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -64,17 +63,17 @@ def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive,
 
 def test_a_baselines_valve_is_no_gap():
     bare = situation(op=SWING, valve={"model": "deadband", "S": 1.6})
-    held = replace(bare, record=replace(bare.record, mv=through_valve(SWING, bare.baseline.valve, 2.0)))
+    held = bare.expected_mv(SWING, through_valve(SWING, bare.baseline.valve, 2.0), 2.0)
     # the band of 1.6 lets 0.2 % of either swing through
-    assert held.expected_mv[6:10] == pytest.approx([49.8, 49.8, 50.2, 50.2])
-    assert np.ptp(held.expected_mv[10:]) == pytest.approx(0.4)
-    assert held.expected_band == 1.6
+    assert held[6:10] == pytest.approx([49.8, 49.8, 50.2, 50.2])
+    assert np.ptp(held[10:]) == pytest.approx(0.4)
+    assert bare.expected_band == 1.6
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.5}).expected_band == 0.0
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.0}).expected_band == 1.6
     assert situation().expected_band == 0.0
-    assert np.array_equal(situation(mv=OP).expected_mv, OP)
-    beyond = situation(op=OP + np.linspace(-60.0, 60.0, N), mv=OP)
-    assert (beyond.expected_mv.min(), beyond.expected_mv.max()) == (0.0, 100.0)
+    assert np.array_equal(situation().expected_mv(OP, OP, 2.0), OP)
+    beyond = situation().expected_mv(OP + np.linspace(-60.0, 60.0, N), OP, 2.0)
+    assert (beyond.min(), beyond.max()) == (0.0, 100.0)
 
 
 def test_stages_before_and_behind_a_valve_act_in_their_order():
@@ -96,6 +95,6 @@ def test_a_record_is_named_by_its_tag():
 def test_an_actuator_may_lag_by_a_tenth_of_the_loop_s_time_scale(lag, unnoticed):
     # a time scale of 18 samples
     mv = lagged(OP, lag, 50.5)
-    left = np.abs(situation(mv=mv).expected_mv - mv).max()
+    left = np.abs(situation().expected_mv(OP, mv, 2.0) - mv).max()
     assert (left < 1e-3) == unnoticed
     assert left < np.abs(OP - mv).max()
