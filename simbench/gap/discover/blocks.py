@@ -55,7 +55,7 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
         return Located(certain, {b: float(b == certain) for b in BLOCKS}, "", nearest)
     said = [*((block_of(e), nats) for e, nats in gains.items()), *forms, *_freed(found.situation, found.base)]
     best = {b: max((nats for one, nats in said if one == b), default=NOT_TRIED) for b in BLOCKS}
-    weights = {b: max(nats + _NOISE, 1e-9) for b, nats in best.items()}
+    weights = {b: max(float(nats) + _NOISE, 1e-9) for b, nats in best.items()}
     shares = {b: w / sum(weights.values()) for b, w in weights.items()}
     first, second = sorted(BLOCKS, key=lambda b: -best[b])[:2]
     doubt = ""
