@@ -80,9 +80,9 @@ def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, nam
 
 
 @pytest.mark.parametrize(("shrinkage", "shown", "trusted", "refuted"), [
-    (gap(), (), True, False), (gap(value=0.51), (), True, False), (gap(value=0.49), (), True, True),
+    (gap(), (), True, False), (gap(value=0.41), (), True, False), (gap(value=0.39), (), True, True),
     # beside an identified baseline, which is recalibrated already, to narrow the gap is enough
-    (gap(value=0.49), (), False, False), (gap(value=-0.1), (), False, True), (gap(value=None), (), True, False),
+    (gap(value=0.39), (), False, False), (gap(value=-0.1), (), False, True), (gap(value=None), (), True, False),
     # what single samples show stands unless the gap surely widens
     (gap(value=-0.1, hi=0.01), ("stiction",), True, False), (gap(value=-0.1, hi=-0.01), ("stiction",), True, True),
 ])  # fmt: skip
