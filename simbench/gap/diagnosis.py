@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-_CLOSES = 0.4  # share of the gap that an answer closes at least: right ones .49 and more, wrong ones .22 to .39 (seeds 7501, 7601)
+_CLOSES = 0.4  # share of the gap that an answer closes at least: right ones .49 and more, wrong ones to .39 (seeds 7501, 7601)
 _PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
 _EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
