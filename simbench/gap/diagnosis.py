@@ -39,7 +39,10 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-_CLOSES = 0.4  # share of the gap that an answer closes at least: right ones .49 and more, wrong ones to .39 (seeds 7501, 7601)
+_CLOSES = (
+    0.4  # share of a gap that an answer closes at least: right ones .49 and more, wrong ones to .39 (seeds 7501, 7601) ...
+)
+_PLAIN = 3.0  # ... if it is so many floors wide: the share of a narrower one is a draw
 _PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
 _EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
@@ -190,7 +193,7 @@ def named_by(weights: Classified, found: Assessment) -> list[str]:
 
 
 def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
-    """Return the probabilities with "unknown" in the place of an effect that leaves most of the simulated loop's gap.
+    """Return the probabilities with "unknown" in the place of an effect that leaves most of the simulated loop's plain gap.
 
     What single samples, the controller's law or MV show stands unless the gap widens beyond its interval: a twin may fail for
     its load's sake. Beside an identified baseline, which is recalibrated already, to narrow it is enough.
@@ -202,7 +205,7 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
     gap = runs.shrink(effects)
     if gap.value is None:
         return weights
-    least = _CLOSES if found.situation.trusted else 0.0
+    least = _CLOSES if found.situation.trusted and gap.before > _PLAIN * gap.floor else 0.0
     fails = gap.hi < 0.0 if found.shown(effects[0]) else gap.value <= least
     return weights.refuted(effects[0]) if fails else weights
 
