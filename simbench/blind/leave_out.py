@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
@@ -22,7 +21,7 @@ from simbench.blind import outcomes
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.score import true_circumstances
 from simbench.blind.world import OWN, WORLD_EFFECTS, WORLDS
-from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
+from simbench.files import folder, remove_stale_temporaries, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
 from simbench.gap.intake.recorded_test import read_test
@@ -68,7 +67,6 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     found = pd.read_csv(table, keep_default_na=False)
     found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
     write_table(summary(found), out / "table.csv")
-    draw(summary(found), out / "leave_out.png")
     return found
 
 
@@ -138,29 +136,3 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
             interval = binomtest(int(hits.sum()), len(seen)).proportion_ci(method="wilson")
             row |= {f"{name}_lo": float(interval.low), f"{name}_hi": float(interval.high)}
     return row
-
-
-def draw(table: pd.DataFrame, path: Path) -> None:
-    """Draw how much of the gap is left without each effect, and with it, filled where "unknown" was said; nothing of none."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    part = table[(table.effect != "all") & (table.n > 0)].iloc[::-1]
-    if part.empty:
-        return
-    figure = Figure(figsize=(8.0, 0.3 * len(part) + 1.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    y = np.arange(len(part))
-    axes.hlines(y, part.back, part.left, color="0.75", lw=2, zorder=1)
-    axes.scatter(part.back, y, marker="|", s=90, color="black", label="once it is back", zorder=3)
-    dots = axes.scatter(part.left, y, c=part.unknown, cmap="Blues", vmin=0, vmax=1, edgecolor="0.3", s=50, zorder=2)
-    dots.set_label("without the effect")
-    figure.colorbar(dots, ax=axes, label='share called "unknown" without it', shrink=0.6)
-    axes.axvline(1.0, color="0.5", lw=0.8, ls=":")
-    axes.set_yticks(y, [f"{e} ({b})" for e, b in zip(part.effect, part.block, strict=True)], fontsize=8)
-    axes.set_xlabel("share of the gap above its floor that is left (median)")
-    axes.set_xlim(left=0.0)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8, frameon=False)
-    with whole_file(path, "wb") as f:
-        figure.savefig(f, format="png", dpi=120)

@@ -94,7 +94,7 @@ def gap_discover(
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
 def leave_out_(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records and table.")],
     world: World = "own",
     n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
     seed: Annotated[int, typer.Option(min=0)] = 0,

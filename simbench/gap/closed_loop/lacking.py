@@ -41,11 +41,8 @@ class Lacking:
 
     @property
     def block(self) -> str:
-        """The block in which features like these arise, a load where many blocks could make them."""
-        weight: dict[str, float] = {}
-        for _, size, block in self.features:
-            weight[block] = max(weight.get(block, 0.0), abs(size))
-        return max(weight, key=lambda b: weight[b], default="disturbance")
+        """The block in which the plainest feature, the first, arises; a load where many blocks could make it."""
+        return self.features[0][2] if self.features else "disturbance"
 
     @property
     def sentence(self) -> str:

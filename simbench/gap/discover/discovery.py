@@ -14,6 +14,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.decide.assess import Assessment, assess
+from simbench.gap.decide.beside_tests import valve_maps, with_own_lag
 from simbench.gap.discover.blocks import located
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.search import Found, chance, search, where
@@ -22,6 +23,7 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
+_MORE = 0.1  # share of the evidence that another block may have more, for a law to stand
 _SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
 
 
@@ -114,6 +116,7 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     with one_thread():
         situation = check(record, baseline)
+        situation = with_own_lag(situation, valve_maps(situation, ())[0])
         found = search(situation, held_out(situation), progress)
         return described(situation, found, lambda: assess(situation), seed)
 
@@ -121,22 +124,24 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
 def described(s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0) -> Discovery:
     """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
 
-    `known` assesses the effects of the library, where no law is certain.
+    A law stands unless another block has plainly more of the evidence, or it does not narrow the gap; `known` assesses the
+    effects of the library.
     """
     law, why = found.law, found.why
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
-        if seen.block != law.block:
-            why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
+        if seen.shares[seen.block] > seen.shares[law.block] + _MORE:
+            why = f"the likeliest law ({law.text}) lies in another block ({law.block} {seen.shares[law.block]:.2f})"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
         elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
-        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.share)
+        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.shares[seen.block])
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
-    return Discovery(s, law, "", law.block, seen.share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
+    share = seen.shares[law.block]
+    return Discovery(s, law, "", law.block, share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
 
 
 def _simulated(

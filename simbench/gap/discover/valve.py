@@ -26,18 +26,21 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
     def misfit(v: np.ndarray, where: slice) -> float:
         return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
 
+    def behind(v: np.ndarray) -> np.ndarray:
+        return lagged(v, s.valve_lag / Ts, mv[0]) if s.valve_lag else v
+
     learn, judge = slice(0, first), slice(first, n)
-    plain = s.expected_mv
+    plain = behind(s.expected_mv)
     tries: list[tuple[str, _Numbers, np.ndarray]] = []
-    search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
+    search = MapSearch(op[learn], mv[learn], Ts, s.expected_mv[learn], s.expected_band, s.valve_lag / Ts)
     for module in (deadband, stiction):
         by_mv = module.RECOGNISER.by_mv
         assert by_mv is not None
         _, p = by_mv(search)
         band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
         kind = kernels.STICK if band["J"] > 0.0 else kernels.PLAY
-        whole = MapSearch(op, mv, Ts, plain)
-        tries.append(("memory", band, whole.moved(kind, band["S"], band["J"])))
+        whole = MapSearch(op, mv, Ts, s.expected_mv)
+        tries.append(("memory", band, behind(whole.moved(kind, band["S"], band["J"]))))
     knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
     X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
     beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]

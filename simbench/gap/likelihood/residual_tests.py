@@ -40,12 +40,20 @@ def of_load(x: np.ndarray, at: np.ndarray, fit: Fit) -> bool:
 
 
 def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
-    """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit.
+    """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit."""
+    out = {}
+    for name, channels in directions(fit, engine.data).items():
+        gain = engine.evaluate(fit.spec.join(Spec(channels=channels)), fit.theta)[0] - fit.loglik
+        out[f"{name} nats"] = float(gain - size_penalty(engine.data.n, len(channels)))
+    return out
+
+
+def directions(fit: Fit, d: Data) -> dict[str, tuple[np.ndarray, ...]]:
+    """Return signals by what would add them to PV.
 
     `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the
     record; `level`: a gain that changes with PV.
     """
-    d = engine.data
     T, Td = (fit.theta["T"] if d.T > 0 else 0.0), fit.theta["Td"]
     v = valve_of(fit.spec, fit.theta, d.u)
     v = v - v.mean()
@@ -54,18 +62,12 @@ def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
     t = np.linspace(-1.0, 1.0, d.n)
     lags = [lagged(v, pace * s) for s in (0.25, 0.7, 2.0)]
     slow = lagged(d.y - d.y.mean(), pace) / (float(np.std(d.y)) or 1.0)
-    groups = {
-        "dynamics": [kernels.plant(x, T, Td, 0.0) for x in lags] + [kernels.plant(v, T, 0.5 * Td, 0.0)],
-        "shape": [kernels.plant(size * (v / size) ** 2, T, Td, 0.0), kernels.plant(size * (v / size) ** 3, T, Td, 0.0)],
-        "aging": [kernels.plant(v * t, T, Td, 0.0), kernels.plant(v * t**2, T, Td, 0.0)],
-        "level": [kernels.plant(v * slow, T, Td, 0.0)],
+    return {
+        "dynamics": (*(kernels.plant(x, T, Td, 0.0) for x in lags), kernels.plant(v, T, 0.5 * Td, 0.0)),
+        "shape": (kernels.plant(size * (v / size) ** 2, T, Td, 0.0), kernels.plant(size * (v / size) ** 3, T, Td, 0.0)),
+        "aging": (kernels.plant(v * t, T, Td, 0.0), kernels.plant(v * t**2, T, Td, 0.0)),
+        "level": (kernels.plant(v * slow, T, Td, 0.0),),
     }
-    out = {}
-    for name, channels in groups.items():
-        spec = fit.spec.join(Spec(channels=tuple(channels)))
-        gain = engine.evaluate(spec, fit.theta)[0] - fit.loglik
-        out[f"{name} nats"] = float(gain - size_penalty(d.n, len(channels)))
-    return out
 
 
 def residual_tests(fit: Fit, data: Data) -> dict[str, float]:

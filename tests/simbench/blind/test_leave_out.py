@@ -62,7 +62,6 @@ def test_the_table_counts_resolvable_records_and_says_how_many_failed():
 def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "WORLD_EFFECTS", {e: WORLD_EFFECTS[e] for e in ("detuning", "saturation")})
     first = leave_out(tmp_path, "own", n=1, seed=5)
-    assert (tmp_path / "leave_out.png").stat().st_size > 5000
     monkeypatch.setattr(module, "_one", None)  # nothing is left to do
     pd.testing.assert_frame_equal(leave_out(tmp_path, "own", n=1, seed=5), first)
     told = first.set_index("effect")
