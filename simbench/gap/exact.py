@@ -216,16 +216,17 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
         return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first)
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     stands = np.append(False, np.diff(pv) == 0.0)
+    found = []
     ends = {name: end for name, end in (("low", float(pv.min())), ("high", float(pv.max()))) if np.mean(pv == end) > _ENDS}
     at_end = np.isin(pv, [*ends.values()])
     if ends and stands[at_end].mean() > 0.3:
-        return _read_off("clipped", ends, at_end, chance, first, at_end)
+        found.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
         numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts}
-        return _read_off("held", numbers, long, chance, first, long)
-    return None
+        found.append(_read_off("held", numbers, long, chance, first, long))
+    return max(found, key=lambda law: law.nats, default=None)
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:

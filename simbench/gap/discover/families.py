@@ -18,6 +18,7 @@ from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
 _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; a law's own numbers are not
+_LOADS, _QUICK = ("load", "load_time", "load_lag"), 5  # searched beside each guess of a family, in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
 
@@ -52,7 +53,7 @@ class Tried(NamedTuple):
 
 def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
     """Return the likeliest law of a family beside its null; None where none is near."""
-    spec, tries = family.spec, []
+    spec = family.spec
     if family.search is not None:
         best = family.search(engine, null)[0]
         if best.spec.valve == kernels.IDEAL:
@@ -62,11 +63,13 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
     else:
         guesses = family.starts
     joined = null.spec.join(spec)
-    for own, share in product(guesses, (1.0, 0.3)):
-        theta = {**null.theta, **own, "load": share * null.theta["load"]}
-        tries.append((engine.evaluate(joined, theta)[0], theta))
-    tries = sorted((t for t in tries if t[0] > null.loglik - _HOPELESS), key=lambda t: -t[0])
-    found = [engine.fit(joined, theta, steps=8) for _, theta in tries[:2]]
+    # the load that the null needed may hide a law: each guess is tried beside a load of its own
+    loads = ({}, {k: v for k, v in engine.start().items() if k in _LOAD})
+    quick = [
+        engine.fit(joined, {**null.theta, **own, **load}, search=_LOADS, steps=_QUICK) for own, load in product(guesses, loads)
+    ]
+    tries = sorted((f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik)
+    found = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
     if not found:
         return None
     best = max(found, key=lambda f: f.loglik)
