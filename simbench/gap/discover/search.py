@@ -90,7 +90,7 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)
     null, other = max(nulls, key=_worth)[0], max(others, key=_worth)[0]
-    level, there_level = max(map(_worth, nulls)), max(map(_worth, others))
+    level = max(map(_worth, nulls))
     bar.update(2)
     tries: list[tuple[float, Tried]] = []
     for family in families(s, first):
@@ -102,13 +102,17 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
     found: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
     for gain, law in tries[:_JUDGED]:
-        there, nats = max(
-            ((fit, fit.loglik - price - there_level) for base, price in others for fit in [judged(law, rest, base)]),
-            key=lambda t: t[1],
-        )
+        there, held = _judged(law, rest, others)
+        nats = held - float(np.log(2.0))
+        if nats <= _LEAST_NATS:
+            # the other way round, the better of both (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
+            back = [one for base, _ in others for one in [fitted(law.family, rest, base)] if one is not None]
+            if back:
+                likeliest = max(back, key=lambda one: one.fit.loglik)
+                nats = max(nats, _judged(likeliest, learn, nulls)[1] - float(np.log(2.0)))
         most = max(most, nats)
         if nats > _LEAST_NATS:
-            evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, nats))
+            evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, held))
             known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
             found.append((gain + nats, known, law.fit))
     # jumps of the load would take its spells for their own
@@ -122,6 +126,13 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
         return Found(None, null, null, why, forms=forms)
     _, best, fit = max(found, key=lambda t: t[0])
     return Found(best, null, fit, forms=forms)
+
+
+def _judged(law: Tried, engine: Engine, nulls: list[tuple[Fit, float]]) -> tuple[Fit, float]:
+    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its nats above the nulls."""
+    level = max(map(_worth, nulls))
+    tries = [(fit, fit.loglik - price - level) for base, price in nulls for fit in [judged(law, engine, base)]]
+    return max(tries, key=lambda t: t[1])
 
 
 def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:

@@ -30,14 +30,14 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
     plain = s.expected_mv
     tries: list[tuple[str, _Numbers, np.ndarray]] = []
     search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
-    for module in (deadband, stiction):
+    whole = MapSearch(op, mv, Ts, plain)
+    for module, kinds in ((deadband, (kernels.PLAY,)), (stiction, (kernels.STICK, kernels.CREEP))):
         by_mv = module.RECOGNISER.by_mv
         assert by_mv is not None
         _, p = by_mv(search)
         band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
-        kind = kernels.STICK if band["J"] > 0.0 else kernels.PLAY
-        whole = MapSearch(op, mv, Ts, plain)
-        tries.append(("memory", band, whole.moved(kind, band["S"], band["J"])))
+        # friction is only known up to its model
+        tries += [("memory", band, whole.moved(kind, band["S"], band["J"])) for kind in kinds]
     knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
     X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
     beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
