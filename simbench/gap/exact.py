@@ -80,7 +80,7 @@ def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: 
     """Return a law that shows in single samples, whose numbers are read off, not fitted.
 
     How often its `event` (n,) happens is learnt from one part of the record and judged on the other beside a chance `q` of
-    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit).
+    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit), or of the longest run that chance brings.
     """
     q = float(np.clip(q, 1e-6, 0.5))
 
@@ -89,7 +89,8 @@ def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: 
         return float(hits * np.log(p / q) + (judge.size - hits) * np.log((1.0 - p) / (1.0 - q)))
 
     parts = event[:first], event[first:]
-    return FoundLaw(form, numbers, max(nats(*parts), nats(*parts[::-1])) - float(np.log(2.0)), on=on)
+    longest = max((b - a for a, b in runs_of(event)), default=0) * -np.log(q) - np.log(event.size)
+    return FoundLaw(form, numbers, float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)), on=on)
 
 
 class _Controller(NamedTuple):
@@ -124,7 +125,7 @@ class _Controller(NamedTuple):
         counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
         change = np.diff(counts)
         adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
-        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / get("integral", 1.0) * adds
+        du = self.Kc * change + self.Ki / get("integral", 1.0) * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
@@ -165,13 +166,11 @@ class _Controller(NamedTuple):
     def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
         """Yield form, first guess and step of each term that may be missing."""
         e, op, Ts = float(np.std(self.e)) or 1.0, float(np.std(self.op)) or 1.0, self.Ts
-        for name, step, guess in (("square", 0.3 / e, 0.3 / e), ("side", 0.2, 0.2), ("schedule", 0.2 / op, 0.05 / op)):
-            for gain, value in ((1.0, 0.0), (0.3, guess)):
-                yield "regime", {"gain": gain, name: value}, {"gain": 0.3, name: step}
+        for name, step in (("square", 0.3 / e), ("side", 0.2), ("schedule", 0.2 / op)):
+            yield "regime", {"gain": 1.0, name: 0.0}, {"gain": 0.3, name: step}
         pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
         for share in (0.05, 0.3, 1.0):
             yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}, {"Td": 0.1 * pace, "filter": 0.05 * pace}
-        yield "weight", {"weight": 0.5}, {"weight": 0.5}
         fall, rise = (Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit) for side in (-1.0, 1.0))
         for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
             yield "ramps", guess, guess

@@ -105,11 +105,10 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
         there, held = _judged(law, rest, others)
         nats = held - float(np.log(2.0))
         if nats <= _LEAST_NATS:
-            # the other way round, the better of both (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
+            # the other way round too, and the mean of both ratios (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
             back = [one for base, _ in others for one in [fitted(law.family, rest, base)] if one is not None]
-            if back:
-                likeliest = max(back, key=lambda one: one.fit.loglik)
-                nats = max(nats, _judged(likeliest, learn, nulls)[1] - float(np.log(2.0)))
+            there_too = max(back, key=lambda one: one.fit.loglik, default=law)
+            nats = float(np.logaddexp(held, _judged(there_too, learn, nulls)[1] if back else -np.inf)) - float(np.log(2.0))
         most = max(most, nats)
         if nats > _LEAST_NATS:
             evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, held))

@@ -55,8 +55,14 @@ def test_what_is_read_off_pays_by_how_often_it_comes_in_the_part_it_was_not_lear
     onwards = 70 * np.log(p / q) + 280 * np.log((1 - p) / (1 - q))
     backwards = 130 * np.log((70.5 / 351) / q) + 520 * np.log((1 - 70.5 / 351) / (1 - q))
     law = _read_off("held", {}, often, q, first)
-    assert law.nats == pytest.approx(max(onwards, backwards) - np.log(2.0))
+    assert law.nats == pytest.approx(max(onwards, backwards) - np.log(3.0))
     assert _read_off("held", {}, never, q, first).nats < 0.0
+
+
+def test_one_long_run_needs_no_second_one_in_the_other_part():
+    once = np.zeros(1000, dtype=bool)
+    once[100:140] = True
+    assert _read_off("held", {}, once, 0.1, 650).nats == pytest.approx(40 * np.log(10.0) - np.log(3000.0))
 
 
 def test_another_tuning_is_fitted_to_the_first_part_and_pays_on_the_rest():
