@@ -99,7 +99,7 @@ def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int 
     except UserError as error:
         return row | {"error": str(error)}
     row |= {"cpu_s": time.process_time() - drawn, "block": found.block, "probability": found.probability, "form": None}
-    row["oracle"] = oracle(found.situation, world, item.answer, effect)
+    row |= {"why": found.why, "oracle": oracle(found.situation, world, item.answer, effect)}
     row |= {"true": drawn_by.FOREIGN.get(effect) or block_of(effect)}
     if found.law is not None and found.gap is not None:
         row |= {"form": found.law.form, "left": gap_left(found.gap), "nats": found.law.nats, "nearest": found.nearest}

@@ -125,7 +125,7 @@ class _Controller(NamedTuple):
         counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
         change = np.diff(counts)
         adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
-        du = self.Kc * change + self.Ki / get("integral", 1.0) * adds
+        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / get("integral", 1.0) * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
@@ -171,6 +171,7 @@ class _Controller(NamedTuple):
         pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
         for share in (0.05, 0.3, 1.0):
             yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}, {"Td": 0.1 * pace, "filter": 0.05 * pace}
+        yield "weight", {"weight": 0.5}, {"weight": 0.5}
         fall, rise = (Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit) for side in (-1.0, 1.0))
         for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
             yield "ramps", guess, guess

@@ -135,8 +135,8 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
             why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
-        elif gap.resolvable and gap.after > min(gap.before, gap.recalibrated):
-            why = f"the likeliest law ({law.text}) narrows the gap of the simulated loop no more than recalibration"
+        elif gap.resolvable and gap.after > gap.before:
+            why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
         return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.share)
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)

@@ -21,6 +21,7 @@ _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; 
 _LOADS, _QUICK = ("load", "load_time", "load_lag"), 5  # searched beside each guess of a family, in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
+Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,30 @@ def gain_of(law: Tried, engine: Engine, level: float) -> float:
     return law.fit.loglik - level - size_penalty(engine.data.n, len(law.own))
 
 
-def judged(law: Tried, engine: Engine, null: Fit) -> Fit:
-    """Return the fit of a law with its numbers held in another part of the record, the load searched anew."""
-    spec, own = null.spec.join(replace(law.spec, free=frozenset())), law.own
+def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
+    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its nats above the nulls."""
+    own, loads = law.own, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
     if law.spec.free:
         # another gain, lag or dead time is told of the baseline's
         engine, own = Engine(replace(engine.data, **own), engine.longest_load), {}
-    loads = {k: v for k, v in law.fit.theta.items() if k in _LOAD}
-    starts = MV_STARTS if spec.valve else (spec.start,)
-    tries = [engine.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
-    best = max(tries, key=lambda f: f.loglik)
-    return engine.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+    tries = []
+    for null, price in nulls:
+        spec = null.spec.join(replace(law.spec, free=frozenset()))
+        starts = MV_STARTS if spec.valve else (spec.start,)
+        begun = [engine.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
+        best = max(begun, key=lambda f: f.loglik)
+        fit = engine.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+        tries.append((fit, fit.loglik - price))
+    best, value = max(tries, key=lambda t: t[1])
+    return best, value - max(map(worth, nulls))
 
 
-def nulls_of(engine: Engine) -> list[tuple[Fit, float]]:
+def worth(null: tuple[Fit, float]) -> float:
+    """Return a fit's log-likelihood less its price."""
+    return null[0].loglik - null[1]
+
+
+def nulls_of(engine: Engine) -> Nulls:
     """Return the fits without a law, each with its price (nats): an ordinary load, and where it is worth it one that jumps."""
     plain = engine.of_higher_order(engine.base())
     jumping, count = load_steps.fit(engine, plain)

@@ -43,14 +43,13 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
     beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
     numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])}
     tries.append(("curve", numbers, X @ beta))
-    for rate in np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0):
-        tries.append(("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))))
-    for tau in np.geomspace(0.3, n / 20, 25):
-        tries.append(("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))))
+    rates = np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0)
+    tries += [("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))) for rate in rates]
+    tries += [("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))) for tau in np.geomspace(0.3, n / 20, 25)]
     best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
     form, numbers, v = best
     ratio = misfit(v, judge) / misfit(plain, judge)
-    if not ratio < _EXPLAINS:
+    if not ratio < (stiction.RECOGNISER.by_mv_leaves if numbers.get("J") else _EXPLAINS):
         return None
     evidence = 0.5 * np.log(((mv - plain) ** 2 + fine**2) / ((mv - v) ** 2 + fine**2))
     return FoundLaw(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)

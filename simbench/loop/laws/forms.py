@@ -95,7 +95,7 @@ def _plain_pi(s: Any) -> Any:
     gain, moves = s.sign * s.Kc, np.append(0.0, np.diff(s.sp))
     return LawPI(
         Kc=gain, Ki=gain * s.Ts / s.Ti if s.Ti else 0.0, lo=s.op_lo, hi=s.op_hi, base=1.0, square=0.0, side=0.0, schedule=0.0,
-        middle=s.op0, Kd=0.0, follow=1.0, down=np.inf, up=np.inf, moves=moves, idle=np.zeros(s.sp.size),
+        middle=s.op0, Kd=0.0, follow=1.0, down=np.inf, up=np.inf, ignored=0.0, moves=moves, idle=np.zeros(s.sp.size),
     )  # fmt: skip
 
 
@@ -172,6 +172,9 @@ LAW_FORMS: dict[str, Form] = {
         "side": Number("-", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain by the error's sign"),
         "schedule": Number("1/%", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain per % of OP")},
         lambda s, p, rng: _controller(s, base=p.gain, square=p.square, side=p.side, schedule=p.schedule)),
+    "weight": Form("controller", "OP answers the set point otherwise than PV", {
+        "weight": Number("-", low=-10.0, high=10.0, identity=1.0, says="of the set point in the gain")},
+        lambda s, p, rng: _controller(s, ignored=1.0 - p.weight)),
     "ramps": Form("controller", "OP moves at a limited speed", {
         "down": Number("s/%", low=0.0, identity=0.0, says="time for 1 % down"),
         "up": Number("s/%", low=0.0, identity=0.0, says="time for 1 % up")}, _ramps),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import namedtuple
 
 # numba tells named tuples apart by their names: no two in the loop may share one
-LawPI = namedtuple("LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up moves idle")
+LawPI = namedtuple("LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up ignored moves idle")
 LawSensor = namedtuple("LawSensor", "follow step lo hi idle")
 
 
@@ -23,9 +23,9 @@ def controller_step(e, sp, state, p):
     if p.idle[int(k)] > 0.0:
         return state[0], (before, slope, k + 1.0)
     counts = e * (p.base + p.square * abs(e)) + p.side * abs(e)
-    # the derivative is PV's
+    # the derivative is PV's, and the gain may answer the set point less
     now = slope + p.follow * (counts - before - p.moves[int(k)] - slope)
-    du = p.Kc * (counts - before) + p.Ki * counts
+    du = p.Kc * (counts - before - p.ignored * p.moves[int(k)]) + p.Ki * counts
     du = du * max(1.0 + p.schedule * (state[0] - p.middle), 0.05)
     du = min(max(du + p.Kd * (now - slope), -p.down), p.up)
     return min(max(state[0] + du, p.lo), p.hi), (counts, now, k + 1.0)

@@ -25,7 +25,7 @@ NUMBERS = {
     "zero": {"lead": -5, "lag": 3},
     "held": {"share": 0.2, "length": 10}, "clipped": {"low": 49, "high": 51},
     "stairs": {"step": 0.5}, "rough": {"std": 1.0, "share": 0.3, "length": 20},
-    "derivative": {"Td": 3, "filter": 1},
+    "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
     "regime": {"gain": 0.5, "square": 0.3, "side": 0.2, "schedule": 0.01}, "ramps": {"down": 2, "up": 3},
     "idle": {"share": 0.3, "length": 4}, "limits": {"low": 48, "high": 52}, "rest": {"width": 0.5, "step": 0.2},
     "tuning": {"gain": 1.5, "integral": 0.7},
