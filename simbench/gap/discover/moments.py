@@ -76,5 +76,5 @@ def matched(s: Situation, found: Found, seed: int) -> Found:
         if own:
             y, less = nearest([*_LOAD, *[_NUMBER] * len(own)], 2 * _TRIALS)
             x = y if less < _PLAINLY * least else x
-    law, fit = at(x)
-    return found._replace(law=law, fit=fit)
+    nearer, fit = at(x)
+    return found._replace(law=nearer, fit=fit)
