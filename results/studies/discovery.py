@@ -1,10 +1,12 @@
 """What the discovery of laws is worth: foreign kinds and effects left out of the library, records without effect, files.
 
 `python -m results.studies.discovery` prints the table; the seed is named here, and was before the first answer.
+`--real DIR` asks of recorded loops instead: the diagnosis' answer on an identified baseline, and the law.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -18,22 +20,26 @@ from scipy.stats import binomtest
 from detectors.compiled import one_thread
 from detectors.errors import UserError
 from detectors.records.io import read_record
+from results.studies.plant.recorded_loops import records
 from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
 from simbench.blind.world import WORLD_EFFECTS, WORLDS
 from simbench.contract import check_file
-from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.discover.discovery import discover
+from simbench.gap.closed_loop.gap import Runs, Shrinkage, held_out, measure
+from simbench.gap.closed_loop.summary_features import features
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.discover.discovery import described, discover
 from simbench.gap.discover.effect_file import lent_effect, write_effect
 from simbench.gap.discover.search import search
 from simbench.gap.effects import left_out
 from simbench.gap.intake.check import check
 from simbench.gap.law import FoundLaw
-from simbench.loop.effects import PLUGINS, block_of
+from simbench.gap.situation import Situation
+from simbench.loop.effects import NONE, PLUGINS, block_of
 from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
 
-SEED, WORLD_NAMES = 3501, ("own", "mill", "refinery")
+SEED, WORLD_NAMES = 3601, ("own", "mill", "refinery")
 _LOOP = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
@@ -44,16 +50,39 @@ _SPELLS = {
     "idle": {"share": 0.2, "length": 12.0}, "held": {"share": 0.2, "length": 12.0},
     "rough": {"std": 0.5, "share": 0.2, "length": 40.0}, "bursts": {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0},
 }  # fmt: skip
+_WINDOWS = 12  # records of each form that comes and goes
 _FLAT = ("stiction", "deadzone", "saturation", "quantisation")  # known effects whose law must be named after them
+_SOLVED = 0.2  # share of the gap that the true effect leaves, up to which a law is asked to close it
+_RUNS, _ANEW = 8, 5000  # runs of the true effect, and how far their seeds lie from the record's
 _PLAIN = 0.9  # probability of a block, from which it is said plainly
 _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
+
+
+def gap_left(gap: Shrinkage | None) -> float | None:
+    """Return the share of a gap above its floor that is left, None where nothing stands out of the floor."""
+    return max(gap.after - gap.floor, 0.0) / max(gap.before - gap.floor, 1e-6) if gap is not None and gap.resolvable else None
+
+
+def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> float | None:
+    """Return the share of the gap that the true effect leaves, in the baseline handed out, under the true load."""
+    part, drawn_by = slice(held_out(s), None), WORLDS.load(world)
+
+    def runs(acts: list[dict[str, Any]]) -> Runs:
+        seeds = range(int(answer["seed"]) + _ANEW, int(answer["seed"]) + _ANEW + _RUNS)
+        columns = [drawn_by.simulate(answer, acts, seed, nominal=True) for seed in seeds]
+        op, pv = (np.array([np.asarray(c[name])[part] for c in columns]) for name in ("op", "pv"))
+        return Runs(s.baseline, np.array([*features(op, pv, s.sp[part]).values()]).T, op[0], pv[0])
+
+    before, after = runs([]), runs([{"effect": effect, "parameters": answer["parameters"]}])
+    return gap_left(measure(s, before, before, after))
 
 
 def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED) -> dict[str, Any]:
     """Return what a discovery says of one drawn record, and what a file of its law keeps."""
     drawn_by, began = WORLDS.load(world), time.process_time()
     drawn_as = {k: v for k, v in entry.items() if k != "asked"}
-    files = write_item(drawn_by.draw(seed, index, drawn_as), place, f"{world}_{index}")
+    item = drawn_by.draw(seed, index, drawn_as)
+    files = write_item(item, place, f"{world}_{index}")
     drawn = time.process_time()
     effect = entry.get("effect", "none")
     row: dict[str, Any] = {"world": world, "effect": effect, "asked": entry.get("asked", ""), "drawing_s": drawn - began}
@@ -70,11 +99,10 @@ def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int 
     except UserError as error:
         return row | {"error": str(error)}
     row |= {"cpu_s": time.process_time() - drawn, "block": found.block, "probability": found.probability, "form": None}
+    row |= {"why": found.why, "oracle": oracle(found.situation, world, item.answer, effect)}
     row |= {"true": drawn_by.FOREIGN.get(effect) or block_of(effect)}
     if found.law is not None and found.gap is not None:
-        g = found.gap
-        left = max(g.after - g.floor, 0.0) / max(g.before - g.floor, 1e-6) if g.resolvable else None
-        row |= {"form": found.law.form, "left": left, "nats": found.law.nats, "nearest": found.nearest}
+        row |= {"form": found.law.form, "left": gap_left(found.gap), "nats": found.law.nats, "nearest": found.nearest}
         file = place / f"law_{world}_{index}.py"
         write_effect(found.law, file, found.law.text, file.stem)
         row["kept"] = check_file(file).kept
@@ -155,12 +183,46 @@ def _strange(rows: list[dict[str, Any]]) -> str:
     plain = [hit for hit, row in zip(right, rows) if row["block"] and row["probability"] > _PLAIN]
     laws = [row for row in rows if row["form"] is not None]
     left = [row["left"] for row in laws if row["left"] is not None]
+    solved = [row for row in rows if row["oracle"] is not None and row["oracle"] <= _SOLVED]
+    there = [row["left"] for row in solved if row["form"] is not None and row["left"] is not None]
     return (
         f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell {len(rows) - len(told)}, "
         f"right where it is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
         f"with the right block {share([row['block'] == row['true'] for row in laws])}, "
-        f"gap left {np.median(left) if left else np.nan:.2f} (median of {len(left)})"
+        f"gap left {_median(left)}; where the true effect leaves at most {_SOLVED}: {_median(there)}, "
+        f"law found {sum(row['form'] is not None for row in solved)} of {len(solved)}"
     )
+
+
+def _median(x: list[float]) -> str:
+    return f"{np.median(x) if x else np.nan:.2f} (median of {len(x)})"
+
+
+def recorded(where: Path) -> list[str]:
+    """Return what is said of the first record of every loop on a baseline identified from it, then the counts."""
+    lines, silent, closed = [], 0, {"answer": [], "law": []}
+    pairs = {line.loop: (line, record) for line, record in reversed(records(where, doubted=True))}
+    for line, record in pairs.values():
+        try:
+            report = diagnose(record)
+        except UserError as error:
+            lines.append(f"{line.id}: refused, {error}")
+            continue
+        assessed, gap = report.behind.found, report.gap
+        s = assessed.situation
+        with one_thread():
+            law = described(s, search(s, held_out(s)), lambda found=assessed: found)
+        silent += report.effect == NONE and gap.resolvable
+        if gap.resolvable:
+            closed["answer"].append(report.shrinkage["value"] if report.shrinkage else 0.0)
+            left = gap_left(law.gap)
+            closed["law"].append(max(1.0 - left, 0.0) if left is not None else 0.0)
+        lines.append(
+            f"{line.id}: {report.effect}, gap {gap.before:.2f} to {gap.after:.2f}, floor {gap.floor:.2f}; {law.one_line()}"
+        )
+    lines.append(f"{len(pairs)} loops; none beside a resolvable gap {silent}")
+    lines += [f"share of a resolvable gap closed by the {name}: {_median(x)}" for name, x in closed.items()]
+    return lines
 
 
 def main(none: int = 67, times: int = 2) -> None:
@@ -173,7 +235,7 @@ def main(none: int = 67, times: int = 2) -> None:
             print(f"{len(rows)} of {len(drawn)}", said, file=sys.stderr, flush=True)
     print("\n".join(summary(rows)))
     for form, numbers in _SPELLS.items():
-        found = [agreement(form, numbers, SEED + i) for i in range(3)]
+        found = [agreement(form, numbers, SEED + i) for i in range(_WINDOWS)]
         said = [f for f in found if f is not None]
         print(
             f"windows of {form}: {len(said)} of {len(found)} laws found, F1 {np.median(said) if said else np.nan:.2f} (median)"
@@ -181,4 +243,12 @@ def main(none: int = 67, times: int = 2) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("none", nargs="?", type=int, default=67)
+    parser.add_argument("times", nargs="?", type=int, default=2)
+    parser.add_argument("--real", type=Path)
+    given = parser.parse_args()
+    if given.real:
+        print("\n".join(recorded(given.real)))
+    else:
+        main(given.none, given.times)

@@ -6,6 +6,7 @@ A law is fitted to the first part of the record and judged by what it leaves on 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -36,12 +37,14 @@ _Numbers = dict[str, float]
 def controller_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
     told = _told(s, first)
-    if told or (s.law.known and not s.law.averaged) or s.baseline.controller.type == "PID":
+    if told or (s.law.known and not s.law.averaged and not s.unexplained_law) or s.baseline.controller.type == "PID":
         # a PID's terms are the baseline's own
         return max(told, key=lambda one: one.nats, default=None)
-    law = _Controller.of(s)
-    plain = law.left({})
-    found = [law.idle(first, plain), *(law.fitted(*term, first, plain) for term in law.terms())]
+    # an archive may store PV before the controller ran; where no law is exact, nothing has said so yet
+    aligned = [_Controller.of(s, late) for late in sorted({s.law.late, 1})]
+    plain = min((one.left({}) for one in aligned), key=aligned[0].misfit)
+    found = [one.idle(first, plain) for one in aligned]
+    found += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
     best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
     few = best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first)
@@ -62,11 +65,9 @@ def _told(s: Situation, first: int) -> list[FoundLaw]:
     if law.step > 0.0:
         out.append(_read_off("rest", {"step": law.step}, _on_lattice(op, law.step, unit), unit / law.step, first))
     if law.tuning is not None:
-        c, guess = _Controller.of(s), dict(zip(("gain", "integral"), law.tuning))
+        c, guess = _Controller.of(s, law.late), dict(zip(("gain", "integral"), law.tuning))
         by = {name: 0.1 * value for name, value in guess.items()}
-        # in the form of the integral that the examination found: in another one other numbers are the same law
-        own = min((c._replace(newest=share) for share in FORMS), key=lambda one: float(np.median(np.abs(one.left(guess)))))
-        one = own.fitted("tuning", guess, by, first, c.left({}))
+        one = c.fitted("tuning", guess, by, first, c.left({}))
         out += [one] if one is not None else []
     return out
 
@@ -79,7 +80,7 @@ def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: 
     """Return a law that shows in single samples, whose numbers are read off, not fitted.
 
     How often its `event` (n,) happens is learnt from one part of the record and judged on the other beside a chance `q` of
-    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit).
+    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit), or of the longest run that chance brings.
     """
     q = float(np.clip(q, 1e-6, 0.5))
 
@@ -88,7 +89,8 @@ def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: 
         return float(hits * np.log(p / q) + (judge.size - hits) * np.log((1.0 - p) / (1.0 - q)))
 
     parts = event[:first], event[first:]
-    return FoundLaw(form, numbers, max(nats(*parts), nats(*parts[::-1])) - float(np.log(2.0)), on=on)
+    longest = max((b - a for a, b in runs_of(event)), default=0) * -np.log(q) - np.log(event.size)
+    return FoundLaw(form, numbers, float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)), on=on)
 
 
 class _Controller(NamedTuple):
@@ -101,18 +103,18 @@ class _Controller(NamedTuple):
     Ts: float
     unit: float
     moves: np.ndarray
+    late: int
     newest: float = 1.0
 
     @classmethod
-    def of(cls, s: Situation) -> _Controller:
+    def of(cls, s: Situation, late: int) -> _Controller:
         pv = np.asarray(s.record.pv)
-        # an archive that stores PV before the controller ran
-        e = s.sp - (np.append(pv[0], pv[:-1]) if s.law.late else pv)
+        e = s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
         control, Ts = s.baseline.controller, s.record.Ts
         Kc = control.sign * control.Kc
         # digits of OP and PV, as far as they reach OP
         unit = max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
-        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit, np.diff(s.sp))
+        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit, np.diff(s.sp), late)
         # the form in which its integral counts the newest error
         forms = [law._replace(newest=share) for share in FORMS]
         return min(forms, key=lambda one: float(np.median(np.abs(one.left({})))))
@@ -126,7 +128,7 @@ class _Controller(NamedTuple):
         du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / get("integral", 1.0) * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
-            follow = 1.0 / (1.0 + max(get("filter", 0.0), 0.0) / self.Ts)
+            follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
             slope = lfilter([follow], [1.0, follow - 1.0], change - self.moves)
             du = du + self.Kc * get("Td", 0.0) / self.Ts * np.diff(np.append(0.0, slope))
         down, up = (self.Ts / x if x > 0.0 else np.inf for x in (get("down", 0.0), get("up", 0.0)))
@@ -137,40 +139,42 @@ class _Controller(NamedTuple):
         return float(np.mean(np.abs(left))) + self.unit
 
     def fitted(self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return a law with its numbers fitted robustly to the first part, from a guess and in steps of `by`."""
+        """Return a law with its numbers fitted robustly to the first part, from a guess and in steps of `by`.
+
+        How the integral counts the newest error is fitted too: under another form other numbers are the same law.
+        """
         scale = max(self.misfit(plain[:first]), self.unit)
 
         def misfit(x: np.ndarray) -> np.ndarray:
-            return self.left(dict(zip(guess, x)))[:first] / scale
+            return self._replace(newest=x[-1]).left(dict(zip(guess, x)))[:first] / scale
 
+        box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
             found = least_squares(
-                misfit, [*guess.values()], loss="soft_l1", f_scale=0.1, x_scale=[*by.values()], max_nfev=60
+                misfit, [*guess.values(), self.newest], bounds=tuple(zip(*box)), loss="soft_l1", f_scale=0.1,
+                x_scale=[*by.values(), 0.5], max_nfev=60,
             )  # fmt: skip
         numbers = {m: float(v) for m, v in zip(guess, found.x)}
-        if not all(np.isfinite(v) and (v >= 0.0 or m not in _POSITIVE) for m, v in numbers.items()):
-            return None
         spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(np.std(misfit(found.x)))
         intervals = {m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)}
-        left = self.left(numbers)
+        left = self._replace(newest=found.x[-1]).left(numbers)
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
         nats = -float(np.log(ratio)) * left[first:].size
-        return FoundLaw(form, numbers, nats, evidence, intervals=intervals) if ratio < _EXPLAINS else None
+        return FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late) if ratio < _EXPLAINS else None
 
     def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
         """Yield form, first guess and step of each term that may be missing."""
         e, op, Ts = float(np.std(self.e)) or 1.0, float(np.std(self.op)) or 1.0, self.Ts
-        for name, step, guess in (("square", 0.3 / e, 0.3 / e), ("side", 0.2, 0.2), ("schedule", 0.2 / op, 0.05 / op)):
-            for gain, value in ((1.0, 0.0), (0.3, guess)):
-                yield "regime", {"gain": gain, name: value}, {"gain": 0.3, name: step}
+        for name, step in (("square", 0.3 / e), ("side", 0.2), ("schedule", 0.2 / op)):
+            yield "regime", {"gain": 1.0, name: 0.0}, {"gain": 0.3, name: step}
         pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
         for share in (0.05, 0.3, 1.0):
             yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}, {"Td": 0.1 * pace, "filter": 0.05 * pace}
         yield "weight", {"weight": 0.5}, {"weight": 0.5}
         fall, rise = (Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit) for side in (-1.0, 1.0))
-        for down, up in ((fall, 0.0), (0.0, rise), (fall, rise)):
-            yield "ramps", {"down": down, "up": up}, dict.fromkeys(("down", "up"), max(down, up, 1e-9))
+        for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
+            yield "ramps", guess, guess
 
     def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
         """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
@@ -196,10 +200,10 @@ class _Controller(NamedTuple):
         length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
         if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
             return None
-        return _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle)
+        return replace(_read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle), late=self.late)
 
 
-_POSITIVE = ("gain", "integral", "Td", "down", "up")
+_POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
 
 
 @lru_cache(maxsize=4)
@@ -212,16 +216,17 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
         return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first)
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     stands = np.append(False, np.diff(pv) == 0.0)
+    found = []
     ends = {name: end for name, end in (("low", float(pv.min())), ("high", float(pv.max()))) if np.mean(pv == end) > _ENDS}
     at_end = np.isin(pv, [*ends.values()])
     if ends and stands[at_end].mean() > 0.3:
-        return _read_off("clipped", ends, at_end, chance, first, at_end)
+        found.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
         numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts}
-        return _read_off("held", numbers, long, chance, first, long)
-    return None
+        found.append(_read_off("held", numbers, long, chance, first, long))
+    return max(found, key=lambda law: law.nats, default=None)
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:

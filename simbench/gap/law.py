@@ -15,7 +15,8 @@ class FoundLaw:
     """A form with its numbers (units of the loop file), fitted to the first part of a record.
 
     `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by sample over the record,
-    `intervals` the values of each number that do little worse, `on` (n,) the spells of one that comes and goes.
+    `intervals` the values of each number that do little worse, `on` (n,) the spells of one that comes and goes;
+    `late` samples by which OP answers PV late in the archive.
     """
 
     form: str
@@ -24,6 +25,7 @@ class FoundLaw:
     evidence: np.ndarray | None = None
     on: np.ndarray | None = None
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    late: int = 0
 
     @property
     def block(self) -> str:

@@ -29,12 +29,14 @@ class Runs:
     pv: np.ndarray
 
 
-def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = _SEEDS) -> Runs | None:
-    """Simulate the record's whole length with several seeds and keep the held-out part's features.
+def simulate_runs(
+    situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = _SEEDS, part: slice | None = None
+) -> Runs | None:
+    """Simulate the record's whole length with several seeds and keep the features of a part, the held-out one if not said.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
     """
-    start = held_out(situation)
+    part = part or slice(held_out(situation), None)
     op, pv, best = [], [], None
     for i in range(seeds):
         try:
@@ -44,12 +46,12 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
         if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
             return None
         kept_op, kept_pv = as_archived(situation, np.asarray(record.op), np.asarray(record.pv))
-        op.append(kept_op[start:])
-        pv.append(kept_pv[start:])
+        op.append(kept_op[part])
+        pv.append(kept_pv[part])
         if best is None:
             best = record
     assert best is not None
-    found = features(np.array(op), np.array(pv), situation.sp[start:])
+    found = features(np.array(op), np.array(pv), situation.sp[part])
     return Runs(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
 
 

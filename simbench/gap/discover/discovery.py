@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.beside_tests import valve_maps, with_own_lag
 from simbench.gap.discover.blocks import located
 from simbench.gap.discover.effect_file import lent_effect
+from simbench.gap.discover.moments import matched, runs_with
 from simbench.gap.discover.search import Found, chance, search, where
 from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
@@ -127,6 +128,9 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
     A law stands unless another block has plainly more of the evidence, or it does not narrow the gap; `known` assesses the
     effects of the library.
     """
+    if found.law is not None and found.law.late:
+        s = replace(s, law=replace(s.law, late=found.law.late))
+    found = matched(s, found, seed)
     law, why = found.law, found.why
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
@@ -151,13 +155,9 @@ def _simulated(
     fit, null = found.fit, found.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
     tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
+    before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)
     with lent_effect(law) as name:
-        # a law of another gain or time is told of the baseline's
-        plant = "baseline" if law.form == "size" else "fitted"
-        with_law = fixed_loop(s, fit, {name: dict(law.numbers)}, plant=plant, load=fit)
-        kick = law.numbers["S"] if law.form == "memory" else 0.0
-        before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)
-        after = simulate_runs(s, with_law, seed, kick)
+        after = runs_with(s, fit, law, name, seed)
     if after is None or (before or again) is None:
         return None, {}
     first = before or again

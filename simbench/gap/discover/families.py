@@ -18,8 +18,10 @@ from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
 _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; a law's own numbers are not
+_LOADS, _QUICK = ("load", "load_time", "load_lag"), 5  # searched beside each guess of a family, in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
+Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Tried(NamedTuple):
 
 def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
     """Return the likeliest law of a family beside its null; None where none is near."""
-    spec, tries = family.spec, []
+    spec = family.spec
     if family.search is not None:
         best = family.search(engine, null)[0]
         if best.spec.valve == kernels.IDEAL:
@@ -62,11 +64,13 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
     else:
         guesses = family.starts
     joined = null.spec.join(spec)
-    for own, share in product(guesses, (1.0, 0.3)):
-        theta = {**null.theta, **own, "load": share * null.theta["load"]}
-        tries.append((engine.evaluate(joined, theta)[0], theta))
-    tries = sorted((t for t in tries if t[0] > null.loglik - _HOPELESS), key=lambda t: -t[0])
-    found = [engine.fit(joined, theta, steps=8) for _, theta in tries[:2]]
+    # the load that the null needed may hide a law: each guess is tried beside a load of its own
+    loads = ({}, {k: v for k, v in engine.start().items() if k in _LOAD})
+    quick = [
+        engine.fit(joined, {**null.theta, **own, **load}, search=_LOADS, steps=_QUICK) for own, load in product(guesses, loads)
+    ]
+    tries = sorted((f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik)
+    found = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
     if not found:
         return None
     best = max(found, key=lambda f: f.loglik)
@@ -79,20 +83,30 @@ def gain_of(law: Tried, engine: Engine, level: float) -> float:
     return law.fit.loglik - level - size_penalty(engine.data.n, len(law.own))
 
 
-def judged(law: Tried, engine: Engine, null: Fit) -> Fit:
-    """Return the fit of a law with its numbers held in another part of the record, the load searched anew."""
-    spec, own = null.spec.join(replace(law.spec, free=frozenset())), law.own
+def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
+    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its nats above the nulls."""
+    own, loads = law.own, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
     if law.spec.free:
         # another gain, lag or dead time is told of the baseline's
         engine, own = Engine(replace(engine.data, **own), engine.longest_load), {}
-    loads = {k: v for k, v in law.fit.theta.items() if k in _LOAD}
-    starts = MV_STARTS if spec.valve else (spec.start,)
-    tries = [engine.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
-    best = max(tries, key=lambda f: f.loglik)
-    return engine.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+    tries = []
+    for null, price in nulls:
+        spec = null.spec.join(replace(law.spec, free=frozenset()))
+        starts = MV_STARTS if spec.valve else (spec.start,)
+        begun = [engine.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
+        best = max(begun, key=lambda f: f.loglik)
+        fit = engine.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+        tries.append((fit, fit.loglik - price))
+    best, value = max(tries, key=lambda t: t[1])
+    return best, value - max(map(worth, nulls))
 
 
-def nulls_of(engine: Engine) -> list[tuple[Fit, float]]:
+def worth(null: tuple[Fit, float]) -> float:
+    """Return a fit's log-likelihood less its price."""
+    return null[0].loglik - null[1]
+
+
+def nulls_of(engine: Engine) -> Nulls:
     """Return the fits without a law, each with its price (nats): an ordinary load, and where it is worth it one that jumps."""
     plain = engine.of_higher_order(engine.base())
     jumping, count = load_steps.fit(engine, plain)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from simbench.gap.discover.families import Tried, families, fitted, gain_of, judged, nulls_of
+from simbench.gap.discover.families import Nulls, Tried, families, fitted, gain_of, judged, nulls_of, worth
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
@@ -58,7 +58,7 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
     with tqdm(total=16, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
         nulls = nulls_of(learn)
-        null = max(nulls, key=_worth)[0]
+        null = max(nulls, key=worth)[0]
         bar.update(3)
         for find in (controller_law, sensor_law, valve_law):
             law = find(s, first)
@@ -80,17 +80,12 @@ def _part(d: Data, begin: int, end: int) -> Data:
     return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
 
 
-def _worth(null: tuple[Fit, float]) -> float:
-    """Return a fit's log-likelihood less its price."""
-    return null[0].loglik - null[1]
-
-
-def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], first: int, bar: tqdm) -> Found:
+def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: tqdm) -> Found:
     """Return the law between OP and PV that pays, beside the nulls or in the place of the load's jumps."""
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)
-    null, other = max(nulls, key=_worth)[0], max(others, key=_worth)[0]
-    level, there_level = max(map(_worth, nulls)), max(map(_worth, others))
+    null, other = max(nulls, key=worth)[0], max(others, key=worth)[0]
+    level = max(map(worth, nulls))
     bar.update(2)
     tries: list[tuple[float, Tried]] = []
     for family in families(s, first):
@@ -102,13 +97,16 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
     found: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
     for gain, law in tries[:_JUDGED]:
-        there, nats = max(
-            ((fit, fit.loglik - price - there_level) for base, price in others for fit in [judged(law, rest, base)]),
-            key=lambda t: t[1],
-        )
+        there, held = judged(law, rest, others)
+        nats = held - float(np.log(2.0))
+        if nats <= _LEAST_NATS:
+            # the other way round too, and the mean of both ratios (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
+            back = [one for base, _ in others for one in [fitted(law.family, rest, base)] if one is not None]
+            there_too = max(back, key=lambda one: one.fit.loglik, default=law)
+            nats = float(np.logaddexp(held, judged(there_too, learn, nulls)[1] if back else -np.inf)) - float(np.log(2.0))
         most = max(most, nats)
         if nats > _LEAST_NATS:
-            evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, nats))
+            evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, held))
             known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
             found.append((gain + nats, known, law.fit))
     # jumps of the load would take its spells for their own
