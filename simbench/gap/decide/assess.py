@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
-from simbench.gap.decide.beside_tests import Maps, joint_engine, lab_gains, valve_maps, with_own_lag
+from simbench.gap.decide.beside_tests import VALVE_LAG, Maps, joint_engine, lab_gains, valve_maps, with_own_lag
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
@@ -122,12 +122,16 @@ def _fitted(
     within = with_own_lag(s, maps[0])
     if within is s:
         return _by_maps(s, tests, maps)
-    found = _by_maps(within, tests, valve_maps(within, tests))
+    behind, strays = valve_maps(within, tests)
+    found = _by_maps(within, tests, (behind, strays))
     *_, base, candidates = found
-    best = max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values()))
-    if joint_engine(s, tests, maps[0]).base().loglik <= base.loglik + best:
+    later_by = joint_engine(s, tests, maps[0]).base().loglik - base.loglik
+    if later_by <= max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values())):
         return found
-    return _by_maps(s, tests, maps)
+    # MV shows the lag, but only PV that the baseline lacks it
+    gain, p = maps[0][VALVE_LAG]
+    s, _, engine, base, candidates = _by_maps(s, tests, maps)
+    return s, ({**behind, VALVE_LAG: (min(gain, later_by), p)}, strays), engine, base, candidates
 
 
 def _by_maps(

@@ -21,7 +21,7 @@ from simbench.loop.response import stages_response
 
 _BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
 _DIGITS = 6  # decimals of MV (%) that are read
-_LAG = "valve_lag"
+VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
 _ANOTHER = 25.0  # nats by which a plant of its own must explain a test better than any explanation of the record ...
@@ -55,7 +55,7 @@ def with_own_lag(s: Situation, maps: Maps) -> Situation:
 
     Every actuator lags, and a plant identified from OP has that in its dead time.
     """
-    gain, found = maps.get(_LAG, (0.0, {}))
+    gain, found = maps.get(VALVE_LAG, (0.0, {}))
     tau, Ts = float(found.get("tau", 0.0)), s.record.Ts
     if gain <= _BY_MV or tau > s.data.Td * Ts or not s.trusted:
         return s

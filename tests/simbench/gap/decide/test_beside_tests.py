@@ -78,3 +78,8 @@ def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, own):
     # what is handed on is the baseline's dead time again
     assert found.situation.data.Td == s.data.Td
     assert found.base.theta["Td"] == pytest.approx(6.0, rel=0.15)
+
+
+def test_of_a_lag_that_the_dead_time_could_hold_only_pv_says_that_it_is_missing():
+    nats = [assess(lagging(6.0, tau)).log_likelihood_gains["valve_lag"] for tau in (1.5, 3.0, 9.0)]
+    assert 5.0 < nats[0] < nats[1] < 0.5 * nats[2]
