@@ -163,7 +163,8 @@ def _feedforward(s: Prepared, rng, p) -> None:
     """Another signal is added to OP behind the controller, as a feed-forward or a decoupler does."""
     tau = max(2.0, s.case.speed / s.case.Ts)
     wander = np.cumsum((_spells(s, rng, tau, 1.0) > 0) * rng.standard_normal(s.size))
-    wander = wander - np.convolve(wander, np.ones(int(20 * tau)) / int(20 * tau), "same")
+    width = min(int(20 * tau), wander.size)  # a short test of a slow loop
+    wander = wander - np.convolve(wander, np.ones(width) / width, "same")
     s.op_add = s.op_add + p["size"] * wander / max(wander.std(), 1e-9)
 
 

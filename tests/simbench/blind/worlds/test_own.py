@@ -128,6 +128,15 @@ def test_every_fault_shows_at_full_strength(name):
     assert max(np.abs(a.op - b.op).max(), np.abs(a.pv - b.pv).max() / case.unit) > 0.05
 
 
+@pytest.mark.parametrize("name", faults.FOREIGN)
+def test_a_short_test_of_a_slow_loop_can_be_run_with_every_foreign_kind(name):
+    case = drawing.draw(RNG(4), plant=faults.NEEDS_PLANT.get(name, "foptd"), sp_moves=True)
+    slow = replace(case, speed=400.0 * case.Ts)
+    habit = sizes.Habit(case.op0 - 10, case.op0 + 10, 4.0, 2.0 * case.unit)
+    fault = faults.fault(name, sizes.scale(name, case, habit, RNG(1))(1.0))
+    assert np.isfinite(loops.simulate(replace(slow, n=100), 3, (fault,)).pv).all()
+
+
 def test_there_are_at_least_six_foreign_kinds_over_four_blocks_and_none_is_a_known_effect():
     assert len(faults.FOREIGN) >= 6
     assert set(faults.FOREIGN.values()) == set(BLOCKS) - {"disturbance"}
