@@ -39,7 +39,7 @@ from simbench.loop.effects import NONE, PLUGINS, block_of
 from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
 
-SEED, WORLD_NAMES = 3601, ("own", "mill", "refinery")
+SEED, WORLD_NAMES = 3701, ("own", "mill", "refinery")
 _LOOP = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
