@@ -91,9 +91,9 @@ def root_lattice(x: np.ndarray) -> float:
     return _anywhere(levels * np.abs(levels), _coarsest_unit(levels) * slope) / (slope or 1.0)
 
 
-def hides_nothing(step: float, x: np.ndarray) -> bool:
-    """Return whether rounding to a step adds next to nothing to a signal's moves."""
-    return step**2 / 12.0 < _IMMATERIAL * float(np.var(np.diff(x)))
+def hides_nothing(step: float, x: np.ndarray, noise: float = 0.0) -> bool:
+    """Return whether rounding to a step adds next to nothing to a signal's moves, or to those of its noise unfiltered."""
+    return step**2 / 12.0 < _IMMATERIAL * max(float(np.var(np.diff(x))), 2.0 * noise**2)
 
 
 class Written(NamedTuple):

@@ -86,6 +86,8 @@ def test_rounding_is_weighed_against_the_moves_it_hides():
     # step^2/12 over the variance of the changes, 2
     assert hides_nothing(0.3, x)
     assert not hides_nothing(0.4, x)
+    # what a filter took off the noise does not make the same digits coarser
+    assert hides_nothing(0.4, x, noise=2.0)
 
 
 @pytest.mark.parametrize(("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)])

@@ -63,3 +63,13 @@ def test_lines_between_samples_kept_are_seen_in_few_digits_where_the_noise_is_kn
     # nor does a sensor stand still for being written in few digits
     still = np.where(k < 1500, noisy, 5.0)
     assert share_on_lines(np.round(still, 2), 0.01, 0.1) < 0.04
+
+
+def test_a_filtered_signal_written_in_few_digits_lies_on_lines_by_chance():
+    # behind a lag the bends of the noise are no larger than the rounding, or a few times that
+    white = 0.1 * np.random.default_rng(11).standard_normal(3000)
+    smooth = white.copy()
+    for pole in (0.8, 0.9, 0.94):
+        for k in range(1, white.size):
+            smooth[k] = pole * smooth[k - 1] + (1.0 - pole) * white[k]
+        assert share_on_lines(np.round(smooth, 2), 0.01, 0.1) == 0.0

@@ -72,7 +72,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
         size = float(np.quantile(np.abs(pv - kept), 0.98))
         # noise that the archive's own mean has smoothed lies on lines sooner
         band = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > it.noise else 0.0
-    elif not hides_nothing(samples.digits, pv):
+    elif not hides_nothing(samples.digits, pv, it.noise):
         step = samples.digits
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
     blurred = seen is not None and (law.averaged or _lines_where_apart(it))
