@@ -16,7 +16,7 @@ from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
-_SECOND = 12.0  # nats a second effect must bring on top of the first
+_SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
 _FAINT = -5.0  # nats alone, below which an effect is not tried on top of another
 
 
@@ -86,7 +86,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     final, on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
-        if best is not None and gains[best] > (0.0 if not chosen else _SECOND):
+        if best is not None and gains[best] > (_asked_beside(chosen[0], situation, best) if chosen else 0.0):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
     if len(chosen) == 1:
@@ -94,7 +94,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
             situation, engine, final, [e for e in order if block_of(e) not in map(block_of, chosen)], gains, candidates
         )
         runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if runner is not None and on_top[runner] > _SECOND:
+        if runner is not None and on_top[runner] > _asked_beside(chosen[0], situation, runner):
             chosen.append(runner)
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
@@ -164,6 +164,12 @@ def _scores(
         if recogniser(effect).masked_by_archive(s):
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
+
+
+def _asked_beside(first: str, s: Situation, effect: str) -> float:
+    """Return the nats asked of a second effect: those of a first one where OP alone proves the other and PV is whole."""
+    by_op = first in s.proven and block_of(first) == "controller"
+    return LEAST_NATS if by_op and block_of(effect) != "sensor" else _SECOND
 
 
 def _gains_on_top(

@@ -13,7 +13,7 @@ from scipy.special import softmax
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.decide.beside_tests import through_effect
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import recogniser
@@ -126,6 +126,8 @@ def plan(
 ) -> PlannedTests:  # fmt: skip
     """Simulate every test of the menu under the likeliest explanations and say what each would tell."""
     s, limits = found.situation, limits or Limits()
+    first = _open_beside(found, probability)
+    probability = _second(found) if first else probability
     believed, unknown = _believed(found, probability)
     ranking = sorted(((e, p) for e, p in believed.items() if e in found.parameters or e == NONE), key=lambda kv: -kv[1])
     shown = [x for i, x in enumerate(x for x in ranking if x[0] not in s.proven) if i < 2 or x[1] > _LIKELY][:most]
@@ -133,7 +135,7 @@ def plan(
     why = _no_need(found, probability, effects)
     if why:
         return PlannedTests(effects, p, (), (), max(probability.values()), why)
-    files = {e: loops.loop([] if e == NONE else [e]) for e in effects}
+    files = {e: loops.loop([*first, *([] if e == NONE else [e])]) for e in effects}
     bands = [band(found.parameters[e]) for e in effects if e in found.parameters and (band := recogniser(e).band) is not None]
     others = {e: x for e, x in believed.items() if e not in effects}
 
@@ -183,6 +185,20 @@ def _believed(found: Assessment, probability: Mapping[str, float]) -> tuple[dict
     return {e: (1.0 - unknown) * x / whole for e, x in p.items()}, unknown
 
 
+def _open_beside(found: Assessment, probability: Mapping[str, float]) -> list[str]:
+    """Return the effect that OP alone proves, if a second is named beside it by likelihood only; none otherwise."""
+    first, second = found.chosen[:1], found.chosen[1:]
+    by_op = [e for e in first if e in found.situation.proven and block_of(e) == "controller" and probability[e] > 0.5]
+    return by_op if second and not found.shown(second[0]) else []
+
+
+def _second(found: Assessment) -> dict[str, float]:
+    """Return the probabilities of second effects, and of none, beside the first."""
+    gains = found.log_likelihood_gains_on_top or found.log_likelihood_gains
+    others = {e: gain for e, gain in gains.items() if block_of(e) != block_of(found.chosen[0])} | {NONE: LEAST_NATS}
+    return dict(zip(others, softmax(TEMPERATURE * np.array(list(others.values()))).tolist()))
+
+
 def _look_alikes(found: Assessment, effect: str) -> list[str]:
     """Return the fitted effects that give the same signals as one in some records."""
     groups = set(EFFECTS[effect].alike) if effect in EFFECTS else set()
@@ -192,7 +208,7 @@ def _look_alikes(found: Assessment, effect: str) -> list[str]:
 def _no_need(found: Assessment, probability: Mapping[str, float], effects: Sequence[str]) -> str:
     """Return why no test is needed, or would help; "" where one might."""
     first = max(probability, key=lambda e: probability[e])
-    if set(found.chosen) & set(found.situation.proven) and probability[found.chosen[0]] > 0.5:
+    if set(found.chosen) & set(found.situation.proven) and probability.get(found.chosen[0], 0.0) > 0.5:
         return f"{found.chosen[0]} is shown by the record itself; no test would tell more"
     # of a slow load and a drift no other test says which it is
     unsettled = "lab" not in found.asked and any(_seen_by("lab", e) for e in _look_alikes(found, first))

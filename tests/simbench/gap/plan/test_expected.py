@@ -93,6 +93,22 @@ def test_what_the_record_itself_shows_needs_no_test(monkeypatch):
     assert "no test would tell more" in plan(found, {"stiction": 0.9, "none": 0.1}, LOOPS).why
 
 
+@pytest.mark.parametrize("shown", [False, True])
+def test_a_second_effect_named_by_likelihood_alone_beside_a_proven_law_is_asked_for(monkeypatch, shown):
+    found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
+    found.situation.proven, found.chosen, found.shown = {"detuning": {}}, ["detuning", "stiction"], lambda effect: shown
+    gains = {"detuning": 1000.0, "stiction": 13.0, "deadband": 12.0}
+    found.log_likelihood_gains, found.log_likelihood_gains_on_top = gains, {}
+    simulated = []
+    made = plan(found, {"detuning": 0.8, "stiction": 0.2}, SimpleNamespace(loop=simulated.append))
+    if shown:
+        assert "detuning is shown by the record itself" in made.why
+        return
+    assert made.next_test["test"] == "bump"
+    assert made.effects == ("stiction", "deadband", "none")
+    assert simulated == [["detuning", "stiction"], ["detuning", "deadband"], ["detuning"]]
+
+
 def test_a_test_that_was_run_is_not_asked_for_again(monkeypatch):
     found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
     found.asked = ("bump",)
