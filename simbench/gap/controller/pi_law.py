@@ -258,7 +258,8 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
     if fitted.plain:
         seen = recover_pv(asked.op, fitted.e, asked.pv, free.inside, fit.a, fit.b, Ti is None)
         law = replace(law, recovered_pv=seen)
-        if Ti and leak(asked.op, fitted.e, free.rows, asked.Kc, asked.Ki, free.size) > _LEAKS:
+        obeys = free.rows & ~np.isin(np.arange(1, asked.op.size), fit.strays)
+        if Ti and leak(asked.op, fitted.e, obeys, asked.Kc, asked.Ki, free.size) > _LEAKS:
             law = replace(law, foreign="OP leans back to one level beside the law: the integral leaks")
     # a baseline that explains OP as well is the simpler truth
     if (fit.base < fitted.tolerance and fitted.coarse) or fit.base < 1.5 * fit.residual:
