@@ -10,20 +10,20 @@ _DEGREES = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0)  # of freedom of Student's t that are
 _NARROWEST = 0.01  # of the robust variance; values that stand still would draw the mixture's core together to a point
 
 
-def heavy_tails(x: np.ndarray) -> bool:
-    """Return whether Student's t is likelier than Gaussian samples among which some are far wider."""
+def heavy_tails(x: np.ndarray, most: float = 0.5) -> bool:
+    """Return whether Student's t is likelier than Gaussian samples of which a share, `most` at most, are far wider."""
     scale = 1.4826 * float(np.median(np.abs(x)))
     if scale == 0.0:
         return False
     z2 = (x / scale) ** 2
     t = max(_loglik_t(z2, df) for df in _DEGREES)
-    share, narrow, wide = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0
+    share, narrow, wide = min(0.02, most), 1.0, float(np.quantile(z2, 0.99)) + 1.0
     far = near = z2
     for _ in range(30):
         far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)
         near = (1.0 - share) * np.exp(-0.5 * z2 / narrow) / np.sqrt(narrow)
         odds = far / (far + near + 1e-300)
-        share = float(np.clip(odds.mean(), 1e-6, 0.5))
+        share = float(np.clip(odds.mean(), 1e-6, most))
         wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
         narrow = max(float((1.0 - odds) @ z2 / (1.0 - odds).sum()), _NARROWEST)
     mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)

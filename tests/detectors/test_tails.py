@@ -23,3 +23,13 @@ def test_values_that_stand_still_do_not_draw_the_mixture_to_a_point():
     x = np.random.default_rng(0).standard_normal(4000)
     x[:1800] = 0.0  # as on a line that a historian drew: numpy's warnings are errors here
     assert not heavy_tails(x)
+
+
+def test_a_wide_share_that_no_spikes_can_be_is_the_noise():
+    x = np.random.default_rng(8).standard_normal(3000)
+    x[::6] *= 2.5
+    assert not heavy_tails(x)
+    assert heavy_tails(x, 0.01)
+    x = np.random.default_rng(8).standard_normal(3000)
+    x[::300] += 12.0
+    assert not heavy_tails(x, 0.01)

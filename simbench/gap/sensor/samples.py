@@ -45,7 +45,9 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
     unit, step = is_written.unit, is_written.step
     rounding = max(unit, step)
     spikes, heights = isolated(pv, rounding)
-    heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0])
+    # a spike is off the line of its neighbours, and in the line of four: where more is wide, that is not the spikes
+    most = min(5.0 * spikes.size / len(pv), 0.5)
+    heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most)
     if heavy:
         spikes, heights = spikes[:0], heights[:0]
     return Samples(
