@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.lattice import written
+from detectors.signal.lattice import hides_nothing, lattice, resolution, written
 from simbench.gap.situation import Situation
 
 
@@ -16,7 +16,14 @@ def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[n
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
         pv = _mean_like(real_pv, situation.law.recovered_pv, pv)
-    return _rounded(op, written(real_op, real_pv).digits), _rounded(pv, written(real_pv, real_op).digits)
+    return _rounded(op, _digits(real_op, real_pv)), _rounded(pv, _digits(real_pv, real_op))
+
+
+def _digits(x: np.ndarray, other: np.ndarray) -> float:
+    """Return the step a column is written in, a transmitter's counts that were rounded once more to decimals included."""
+    digits = written(x, other).digits
+    counts = lattice(x, resolution(x) / 3.0)  # its levels lie up to half a decimal off
+    return counts if counts > digits and hides_nothing(counts, x) else digits
 
 
 def _rounded(x: np.ndarray, unit: float) -> np.ndarray:

@@ -31,6 +31,11 @@ def means(r):
     return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
 
 
+def counts(r):
+    """A transmitter's counts, rounded once more to two decimals."""
+    return replace(r, pv=np.round(0.033 * np.round(r.pv / 0.033), 2))
+
+
 @pytest.mark.parametrize("archive", [digits, late, means])
 def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
     other = recorded(LOADED, seed=9)
@@ -38,6 +43,12 @@ def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
     op, pv = as_archived(check(archive(record), LOOP), other.op, other.pv)
     assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)
     assert np.sqrt(np.mean((pv - wanted.pv)[2:-2] ** 2)) < 0.02 * np.std(np.diff(other.pv))
+
+
+def test_counts_that_were_rounded_to_decimals_repeat_as_often_in_the_simulation(record):
+    other = recorded(LOADED, seed=9)
+    _, pv = as_archived(check(counts(record), LOOP), other.op, other.pv)
+    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(np.mean(np.diff(counts(other).pv) == 0.0), rel=0.3)
 
 
 def test_a_faithful_archive_changes_nothing(record):
