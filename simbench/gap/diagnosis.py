@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-_CLOSES = 0.4  # share of a gap that an answer closes at least: right ones .49, wrong ones .39 at most (development draws) ...
-_PLAIN = 3.0  # ... if it is so many floors wide: the share of a narrower one is a draw
 _PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
 _EXPLANATIONS = 5  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
@@ -191,21 +189,18 @@ def named_by(weights: Classified, found: Assessment) -> list[str]:
 
 
 def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
-    """Return the probabilities with "unknown" in the place of an effect that leaves most of the simulated loop's plain gap.
+    """Return the probabilities with "unknown" in the place of an effect that does not narrow the simulated loop's gap.
 
     What single samples, the controller's law or MV show stands unless the gap widens beyond its interval: a twin may fail for
-    its load's sake. Beside an identified baseline, which is recalibrated already, to narrow it is enough.
+    its load's sake.
     """
     named = named_by(weights, found)
     effects = [e for e in named if e in EFFECTS]
     if not effects:
         return _unless_wide(weights, found, runs) if named == [NONE] else weights
     gap = runs.shrink(effects)
-    if gap.value is None:
-        return weights
-    least = _CLOSES if found.situation.trusted and gap.before > _PLAIN * gap.floor else 0.0
-    fails = gap.hi < 0.0 if found.shown(effects[0]) else gap.value <= least
-    return weights.refuted(effects[0]) if fails else weights
+    widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
+    return weights.refuted(effects[0]) if gap.resolvable and widens else weights
 
 
 def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
