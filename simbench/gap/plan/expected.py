@@ -106,7 +106,9 @@ class PlannedTests:
 
     def as_text(self) -> str:
         """Return the plan for a terminal."""
-        lines = [self.sentence(), "", "p_right  information  minutes  PV excursion  test"]
+        lines = [self.sentence()]
+        if self.tests:
+            lines += ["", "p_right  information  minutes  PV excursion  test"]
         lines += [
             f"{x.p_right:7.2f}  {x.information:11.2f}  {x.trial.minutes:7.0f}  {x.pv_excursion:12.3g}  {x.trial.says}"
             for x in self.tests

@@ -166,3 +166,7 @@ def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_
     assert plan(found, likely, LOOPS, most=2).best.trial.id == "lab"
     found.asked = ("lab",)
     assert "would sooner unsettle it" in plan(found, likely, LOOPS, most=2).why
+
+
+def test_a_plan_that_asks_nothing_says_why_and_draws_no_table():
+    assert PlannedTests(("stiction",), np.ones(1), (), (), 0.97, "stiction is plain").as_text() == "stiction is plain"
