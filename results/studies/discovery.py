@@ -89,7 +89,7 @@ def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int 
     try:
         record, loop = read_record(files[0]), load_loop(files[1])
         if entry["kind"] == "none":
-            # whether a law is named rests on the search alone, the dearest part is not needed
+            # a law that the search finds may still be refused for its block or its gap: the strict count, and the cheap one
             with one_thread():
                 situation = check(record, loop)
                 law = search(situation, held_out(situation)).law

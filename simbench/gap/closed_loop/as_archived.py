@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from detectors.signal.lattice import hides_nothing, lattice, resolution, written
@@ -10,13 +12,20 @@ from simbench.gap.situation import Situation
 
 def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return OP and PV of a simulated loop with what the archive did to the recorded ones."""
-    real_op, real_pv = situation.op, np.asarray(situation.record.pv)
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
-        pv = _mean_like(real_pv, situation.law.recovered_pv, pv)
-    return _rounded(op, _digits(real_op, real_pv)), _rounded(pv, _digits(real_pv, real_op))
+        pv = _mean_like(np.asarray(situation.record.pv), situation.law.recovered_pv, pv)
+    op_digits, pv_digits = _digits_of(situation)
+    return _rounded(op, op_digits), _rounded(pv, pv_digits)
+
+
+@lru_cache(maxsize=4)
+def _digits_of(s: Situation) -> tuple[float, float]:
+    """Return the steps OP and PV are written in: one record is simulated many times."""
+    pv = np.asarray(s.record.pv)
+    return _digits(s.op, pv), _digits(pv, s.op)
 
 
 def _digits(x: np.ndarray, other: np.ndarray) -> float:

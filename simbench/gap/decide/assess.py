@@ -121,29 +121,27 @@ def _fitted(
     maps = valve_maps(s, tests)
     within = with_own_lag(s, maps[0])
     if within is s:
-        return _by_maps(s, tests, maps)
+        s, engine, base, candidates = _by_maps(s, tests, maps[0])
+        return s, maps, engine, base, candidates
     behind, strays = valve_maps(within, tests)
-    found = _by_maps(within, tests, (behind, strays))
-    *_, base, candidates = found
+    within, engine, base, candidates = _by_maps(within, tests, behind)
     later_by = joint_engine(s, tests, maps[0]).base().loglik - base.loglik
     if later_by <= max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values())):
-        return found
+        return within, (behind, strays), engine, base, candidates
     # MV shows the lag, but only PV that the baseline lacks it
     gain, p = maps[0][VALVE_LAG]
-    s, _, engine, base, candidates = _by_maps(s, tests, maps)
+    s, engine, base, candidates = _by_maps(s, tests, maps[0])
     return s, ({**behind, VALVE_LAG: (min(gain, later_by), p)}, strays), engine, base, candidates
 
 
-def _by_maps(
-    s: Situation, tests: Sequence[ModelledTest], maps: tuple[Maps, bool]
-) -> tuple[Situation, tuple[Maps, bool], Engine, Fit, dict[str, Candidate]]:
-    """Return what `_fitted` does under one reading of MV."""
-    engine = joint_engine(s, tests, maps[0]) if tests else Engine(s.data, load_memory(s))
+def _by_maps(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> tuple[Situation, Engine, Fit, dict[str, Candidate]]:
+    """Return the situation with the engine's data, the engine, its base and every effect on top, under one reading of MV."""
+    engine = joint_engine(s, tests, maps) if tests else Engine(s.data, load_memory(s))
     shown = {e: p for t in tests for e, p in t.proven.items()}
     s = replace(s, data=engine.data, proven={**shown, **s.proven})
     base = engine.base()
     by_mv = s.record.mv is not None or any(t.mv is not None for t in tests)
-    return s, maps, engine, base, fit_candidates(engine, base, possible_effects(s, by_mv))
+    return s, engine, base, fit_candidates(engine, base, possible_effects(s, by_mv))
 
 
 def _scores(

@@ -76,7 +76,7 @@ def _by_stem(s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray
         return data
     sound = maps[winner][0] <= _BY_MV
     made = through_valve(op, s.baseline.valve, Ts) if sound else through_effect(s, winner, maps[winner][1], op, Ts)
-    made = lagged(made, s.valve_lag / Ts) if s.valve_lag else made
+    made = lagged(made, s.valve_lag / Ts)
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
         made = np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv

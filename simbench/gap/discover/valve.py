@@ -27,7 +27,7 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
         return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
 
     def behind(v: np.ndarray) -> np.ndarray:
-        return lagged(v, s.valve_lag / Ts, mv[0]) if s.valve_lag else v
+        return lagged(v, s.valve_lag / Ts, mv[0])
 
     learn, judge = slice(0, first), slice(first, n)
     plain = behind(s.expected_mv)

@@ -46,7 +46,7 @@ class MapSearch:
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's valve is known."""
         fine = (1e-3 * self.span) ** 2
-        v = lagged(v, self.lag, self.mv[0]) if self.lag > 0.0 else v
+        v = lagged(v, self.lag, self.mv[0])
         return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
@@ -112,6 +112,8 @@ class MapSearch:
 
 
 def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
-    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest."""
+    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest; itself behind none."""
+    if tau <= 0.0:
+        return op
     a, start = np.exp(-1.0 / tau), op[0] if first is None else first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, zi=[(1.0 - a) * (start - op[0])])[0]
