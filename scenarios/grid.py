@@ -23,6 +23,7 @@ _Range = Real | tuple[Real, Real]
 _Names = str | tuple[str, ...]
 _Scale = Literal["S", "J", "period", "pv"]
 _GRID_KEYS = ("seed", "repeats")
+_UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 
@@ -87,6 +88,7 @@ class GridFile(_Table):
 
     title: str = "own grid"
     source: str = "own"
+    version: Annotated[Whole, Field(ge=1)] = 1
     expected: int | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
     repeats: Annotated[Whole, Field(ge=1, le=_MOST_REPEATS)] = 1
@@ -146,13 +148,13 @@ class Grid:
     @property
     def hash(self) -> str:
         """16 hex digits that change with anything that changes the list of scenarios."""
-        kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in _UNHASHED}
         return content_hash({"content": kept, "overrides": self.overrides})
 
     @property
     def cells_hash(self) -> str:
         """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
-        without = ("title", "source", "expected", *_GRID_KEYS)
+        without = (*_UNHASHED, *_GRID_KEYS)
         kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
         return content_hash({"content": kept, "overrides": self.overrides})
 

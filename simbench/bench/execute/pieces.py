@@ -15,6 +15,7 @@ import numpy as np
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.work import Chunk
 from simbench.bench.score.scoring import score_book
+from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
 from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, digest, opened, partition, sealed
 from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.store.place import Place, place_of
@@ -110,6 +111,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     book = RunArrays.read(place, whole)
     hashes = np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b"")
     whole["records_hash"] = digest(hashes)
+    whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.ids.astype(str).tolist())
     score_book(book).write(place)
     write_manifest(place, whole)
     place.remove(_RECEIPTS)
