@@ -68,7 +68,7 @@ class Member(_Table):
     valve: _Names
     tuning: _Names | None = None
     disturbance: _Names | None = None
-    where: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
 
 
 class Block(_Table):
@@ -394,6 +394,9 @@ def make_grid(
             if isinstance(values, list) and len(values) > _MOST_VALUES:
                 raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed")
     content = checked(GridFile, table, name)
+    # an axis replaced from outside may leave a member no value; a file that allows none is mistaken
+    for block, member, key in [(b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v]:
+        raise SpecError(f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one is needed")
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:

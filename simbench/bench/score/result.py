@@ -106,7 +106,7 @@ class Scores:
         """Return the tables for a terminal."""
         m, table = self.manifest, self.table
         size = int(table.n_all.max()) if len(table) else 0
-        lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios{benchmark_text(m)}"]
+        lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, seed {m.get('seed')}{benchmark_text(m)}"]
         modes = (self.first, next(x for x in ("front end", "raw") if x != self.first))
         blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
         for mode, process in blocks:
