@@ -156,6 +156,28 @@ def check(
         raise typer.Exit(1)
 
 
+@app.command(epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2"))
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the scenarios that are simulated and judged again.")
+    ] = 0.05,
+    jobs: Jobs = 1,
+    plugin: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable.")
+    ] = None,
+    time_limit: Limit = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Simulate a random share of a run again, judge it again, and recompute every score; exit 1 with each contradiction."""
+    from simbench.bench.execute.verify import verify_run
+
+    found = verify_run(folder, share, jobs, plugin or [], time_limit)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+    if found.contradictions:
+        raise typer.Exit(1)
+
+
 @app.command(epilog=examples("history results/baseline -o history.svg"))
 def history(
     baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path("results/baseline"),

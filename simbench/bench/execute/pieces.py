@@ -109,12 +109,16 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
         TABLES: marks_of(receipts),
     }
     book = RunArrays.read(place, whole)
-    hashes = np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b"")
-    whole["records_hash"] = digest(hashes)
+    whole["records_hash"] = records_hash(book)
     whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.ids.astype(str).tolist())
     score_book(book).write(place)
     write_manifest(place, whole)
     place.remove(_RECEIPTS)
+
+
+def records_hash(book: RunArrays) -> str:
+    """Return 16 hex digits of all records of a run, in order."""
+    return digest(np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b""))
 
 
 def marks_of(receipts: Sequence[Receipt]) -> dict[str, list[str]]:
