@@ -160,7 +160,8 @@ def check(
 def verify(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     share: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Share of the scenarios that are simulated and judged again.")
+        float,
+        typer.Option(help="Share of the scenarios to simulate and judge again; at least 1000 by fast methods, 100 by others."),
     ] = 0.05,
     jobs: Jobs = 1,
     plugin: Annotated[

@@ -64,6 +64,7 @@ OPTIONS = {
     "confirm travel": "--record --json",
     "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --fresh-seeds --json",
     "score": "--paired --report --json",
+    "verify": "--share -j --plugin --json",
     "check": "--against",
     "calibrate": "--false-alarm",
     "worst": "",
@@ -193,6 +194,7 @@ def test_diagnose_and_confirm(answer, place):
 def test_score_and_the_run_tables(answer, place, capsys):
     found = answer("score run")
     assert isinstance(found["resolution"], float)
+    assert set(found["benchmark"]) >= {"name", "version", "hash"}
     rows = pd.DataFrame(found["rows"])
     assert set(rows) == {
         "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",

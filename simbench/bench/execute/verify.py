@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detectors.errors import UnknownName
+from detectors.errors import ParameterError, UnknownName
+from detectors.judge import check_thresholds
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from scenarios.grid import Grid, chunks, grid_names, load_grid
@@ -22,6 +23,7 @@ from simbench.bench.execute import adaptive
 from simbench.bench.execute.pieces import Receipt, partition_file, records_hash
 from simbench.bench.execute.plugin_host import said_of, settled, truth
 from simbench.bench.execute.run import about_method
+from simbench.bench.execute.verify_result import Notes, Verification
 from simbench.bench.execute.work import scenario_columns, work
 from simbench.bench.execute.workers import on_processes
 from simbench.bench.scenario.oracle import ORACLE
@@ -32,52 +34,15 @@ from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, check_
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import read_scenario
-from simbench.bench.store.tables import SCENARIOS, VERDICT_SCHEMA
 from simbench.files import csv_text, record_text
 from simbench.loop.hosted import add_parts, hosted_parts
 
 SHARE = 0.05  # of the scenarios
 # scenarios that are simulated again whatever the share: with every method, and with the methods of budget "fast"
 _LEAST, _LEAST_FAST = 100, 1000
-_SURE = 0.95  # probability with which a change of the stated size is detected
 _RUNTIMES = {"runtime_s", "median_ms"}  # columns that may differ
 _PARTS = ("valve ", "effect ", "plant ", "controller ")  # before the names of plug-ins of loops, in a manifest
-_SCHEMAS = {"scenarios": SCENARIOS, "verdicts": VERDICT_SCHEMA}
 _CHECKED_FILES = {MANIFEST, "scores.csv", "scores_by_axis.csv", "records", *(f"{kind}.parquet" for kind in TABLE_KINDS)}
-
-
-@dataclass(frozen=True)
-class Verification:
-    """What a verification compared, and what contradicted the run."""
-
-    folder: str
-    stated: dict[str, Any]  # the run's benchmark
-    scenarios: int  # of the run
-    simulated: int = 0  # how many of them were simulated again
-    asked: dict[str, int] = field(default_factory=dict)  # on how many records each method was asked again
-    unchecked: tuple[str, ...] = ()  # what was not checked
-    contradictions: tuple[str, ...] = ()
-
-    def as_text(self) -> str:
-        """Return one sentence where nothing contradicts the run, else every contradiction."""
-        if self.contradictions:
-            return "\n".join([f"{self.folder} is refuted:", *(f"- {c}" for c in self.contradictions)])
-        groups: dict[int, list[str]] = {}
-        for method, n in self.asked.items():
-            groups.setdefault(n, []).append(method)
-        asked = "; ".join(f"{', '.join(some)} on {n}{_escape(n, self.scenarios)}" for n, some in sorted(groups.items()))
-        return (
-            f"{self.folder} is verified as a run of benchmark {self.stated['name']} ({self.stated['hash']}): the "
-            f"definitions of all {self.scenarios} scenarios and every score were computed again, {self.simulated} scenarios "
-            f"were simulated again, and methods were asked again: {asked or 'none'}. "
-            f"Not checked: {', '.join(self.unchecked)}."
-        )
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the same as JSON types."""
-        numbers = {"scenarios": self.scenarios, "simulated": self.simulated, "asked": self.asked}
-        lists = {"unchecked": list(self.unchecked), "contradictions": list(self.contradictions)}
-        return {"verified": not self.contradictions, BENCHMARK: self.stated, **numbers, **lists, "text": self.as_text()}
 
 
 def verify_run(
@@ -88,75 +53,44 @@ def verify_run(
     The grid is that of the package where the run names one, else the copy in the manifest. RunError for a folder that is
     damaged, a baseline, or whose loops need plug-ins that are not given.
     """
+    if not 0.0 <= share <= 1.0:
+        raise RunError(f"share = {share}; a number from 0 to 1 is needed")
     place = place_of(folder)
     manifest = read_manifest(place)
     check_tables(place, manifest)
     if "grid_content" not in manifest:
         raise RunError(f"{place} keeps no grid, as baselines do; the folder of a run is needed")
-    files, mismatched = _plugin_files(place, manifest, plugins)
-    stated = manifest.get(BENCHMARK) or {"name": "none", "hash": "none"}
-    if mismatched:
-        return Verification(str(place), stated, 0, contradictions=tuple(mismatched))
-    notes = _Notes()
-    stages = tuple(tuple(files.get(kind, ())) for kind in _PARTS)
-    with registry.hosted(files.get("", ()), seconds) as added, hosted_parts(*stages, seconds=seconds):
-        asked, unasked = _methods(manifest, added, notes)
+    notes, marks = Notes(), manifest[TABLES]
+    files = _plugin_files(place, manifest, plugins, notes)
+    stages = tuple(tuple(files[kind]) for kind in _PARTS)
+    with registry.hosted(files[""], seconds), hosted_parts(*stages, seconds=seconds):
+        asked, unasked = _methods(manifest, notes)
         try:
-            grid = grid_of(manifest)
-            book = read_book(place)
-            _compare_stated(manifest, grid, asked, book, notes)
+            grid, book = grid_of(manifest), read_book(place)
+            origin = _compare_stated(manifest, grid, asked, book, notes)
             _compare_scores(place, book, notes)
             pieces = list(_pieces(place, manifest, grid))
         except (RunError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             notes.add("the shape of tables and manifest", "", "a run", said_of(error))
-            return Verification(str(place), stated, 0, contradictions=tuple(notes.sentences()))
-        if len(pieces) != len(manifest[TABLES]["scenarios"]):
-            notes.add("number of table files", "", len(manifest[TABLES]["scenarios"]), len(pieces))
-        n = sum(grid.size(group) for groups in pieces for group in groups)
+            return Verification(str(place), "", 0, contradictions=tuple(notes.sentences()))
+        for kind in TABLE_KINDS:
+            notes.compare(f"number of files of table {kind}", "", len(marks[kind]), len(pieces))
         fast = [m for m in asked if m != ORACLE and registry.load(m).METHOD.budget == "fast"]
-        order = np.random.default_rng().permutation([group for groups in pieces for group in groups])
-        held = np.cumsum([grid.size(int(group)) for group in order])
-        deep, wide = (
-            {int(g) for g in order[: np.searchsorted(held, max(math.ceil(share * n), min(n, least))) + 1]}
-            for least in (_LEAST, _LEAST_FAST)
-        )
-        settings = {"plugins": files.get("", ()), "thresholds": manifest["thresholds"], "seconds": seconds, "stages": stages}
-        ask = {**settings, "front_end": manifest["front_end"]}
-        task = _Task(place.absolute(), manifest, grid, (tuple(fast), tuple(asked)), (frozenset(wide), frozenset(deep)), ask)
+        order = np.random.default_rng().permutation([group for groups in pieces for group in groups]).tolist()
+        n, held = sum(map(grid.size, order)), np.cumsum([grid.size(group) for group in order])
+        least = [max(math.ceil(share * n), min(n, some)) for some in (_LEAST_FAST, _LEAST)]
+        wide, deep = (frozenset(order[: int(np.searchsorted(held, some)) + 1]) for some in least)
+        settings = {"thresholds": manifest["thresholds"], "front_end": manifest["front_end"], "plugins": files[""]}
+        about = {**settings, "seconds": seconds, "stages": stages}
+        task = _Task(place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about)
         with on_processes(jobs) as run:
-            for found in run(task, list(enumerate(pieces))[: len(manifest[TABLES]["scenarios"])]):  # pyright: ignore
+            for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
                 notes.merge(found)  # pyright: ignore
         _compare_records(place, notes)
-    sizes = {m: sum(grid.size(g) for g in (wide if m in fast else deep)) for m in asked}
-    other = sorted(set(place.names()) - _CHECKED_FILES)
-    unchecked = (*unasked, *(f"file {name}" for name in other), "run times, machine, commit and command")
-    simulated = sum(grid.size(g) for g in wide)
-    return Verification(str(place), stated, n, simulated, sizes, unchecked, tuple(notes.sentences()))
-
-
-class _Notes:
-    """Contradictions by what they concern, counted, each with its first example."""
-
-    def __init__(self) -> None:
-        self.found: dict[str, tuple[int, str, Any, Any]] = {}
-
-    def add(self, what: str, where: str, stated: Any, again: Any) -> None:
-        count, *first = self.found.get(what, (0, where, stated, again))
-        self.found[what] = (count + 1, *first)
-
-    def compare(self, what: str, where: str, stated: Any, again: Any) -> None:
-        if stated != again:
-            self.add(what, where, stated, again)
-
-    def merge(self, other: _Notes) -> None:
-        for what, (count, *first) in other.found.items():
-            before, *earlier = self.found.get(what, (0, *first))
-            self.found[what] = (before + count, *earlier)
-
-    def sentences(self) -> Iterator[str]:
-        for what, (count, where, stated, again) in self.found.items():
-            times = f" {count} times, first in {where}" if where else ""
-            yield f"{what} differs{times}: the run states {str(stated)[:200]}, computed again it is {str(again)[:200]}"
+    sizes = {m: sum(map(grid.size, wide if m in fast else deep)) for m in asked}
+    others = (f"file {name}" for name in sorted(set(place.names()) - _CHECKED_FILES))
+    unchecked = (*unasked, *others, "run times, machine, commit and command")
+    return Verification(str(place), origin, n, sum(map(grid.size, wide)), sizes, unchecked, tuple(notes.sentences()))
 
 
 @dataclass(frozen=True)
@@ -164,125 +98,114 @@ class _Task:
     """What is done with every piece of a run: one file of each table, and the groups that stand in it."""
 
     place: Place
-    manifest: dict[str, Any]
+    marks: dict[str, list[str]]  # checksums of both tables' files
     grid: Grid
     methods: tuple[tuple[str, ...], tuple[str, ...]]  # of budget "fast", and all that can be asked
     sampled: tuple[frozenset[int], frozenset[int]]  # groups simulated again, and those of them that all methods judge again
     settings: dict[str, Any]  # how `work` asks
 
-    def __call__(self, number: int, groups: Sequence[int]) -> _Notes:
+    def __call__(self, number: int, groups: Sequence[int]) -> Notes:
         add_parts(*self.settings["stages"], seconds=self.settings["seconds"])
-        notes = _Notes()
-        stored = {kind: self._stored(kind, number, notes) for kind in TABLE_KINDS}
+        notes = Notes()
+        files = [(partition_file(kind, number), self.marks[kind][number]) for kind in TABLE_KINDS]
+        stored_verdicts, stored_scenarios = (_rows(verified(self.place, *file)) for file in files)
         (fast, every), (wide, deep) = self.methods, self.sampled
         rows = {g: [scenario_columns(s, g) for s, _ in settled(self.grid.group(g))] for g in groups if g not in wide}
         verdicts: list[dict[str, Any]] = []
         for methods, some in ((every, wide & deep), (fast, wide - deep)):
             chosen = [g for g in groups if g in some]
             chunk = work(self.grid, number, chosen, methods, **self.settings)
-            for row in _table(chunk.scenarios).to_pylist():
+            for row in _rows(chunk.scenarios):
                 rows.setdefault(row["group"], []).append(row)
-            verdicts += _table(chunk.verdicts).to_pylist()
+            verdicts += _rows(chunk.verdicts)
         expected = [row for g in groups for row in rows.get(g, ())]
-        ids = [[row["scenario_id"] for row in some] for some in (stored["scenarios"], expected)]
+        ids = [[row["scenario_id"] for row in some] for some in (stored_scenarios, expected)]
         notes.compare("list of scenario ids", f"file {number}", *ids)
-        _compare_rows("scenario", stored["scenarios"], expected, lambda row: (row["scenario_id"],), notes)
-        _compare_rows("verdict", stored["verdicts"], verdicts, lambda row: (row["scenario_id"], row["method"]), notes)
+        _compare_rows(stored_scenarios, expected, notes)
+        _compare_rows(stored_verdicts, verdicts, notes)
         return notes
 
-    def _stored(self, kind: str, number: int, notes: _Notes) -> list[dict[str, Any]]:
-        content = verified(self.place, partition_file(kind, number), self.manifest[TABLES][kind][number])
-        table = _table(content)
-        notes.compare(f"columns of table {kind}", f"file {number}", table.schema.names, _SCHEMAS[kind].names)
-        return table.to_pylist()
+
+def _rows(content: bytes) -> list[dict[str, Any]]:
+    return pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False).to_pylist()
 
 
-def _table(content: bytes) -> pa.Table:
-    return pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
-
-
-def _compare_rows(kind: str, stored: list[dict], again: list[dict], key: Callable[[dict], tuple], notes: _Notes) -> None:
-    there = {key(row): row for row in stored}
-    if len(there) < len(stored):
-        notes.add(f"{kind} rows", key(stored[0])[0], f"{len(stored)} rows", f"{len(there)} of them different")
+def _compare_rows(stored: list[dict[str, Any]], again: list[dict[str, Any]], notes: Notes) -> None:
+    there = {(row["scenario_id"], row.get("method", "scenario")): row for row in stored}
     for row in again:
-        was, name = there.get(key(row)), row.get("method", "scenario")
-        if was is None:
-            notes.add(f"{name}: {kind}", row["scenario_id"], "no row", "a row")
-            continue
-        for column in row.keys() - _RUNTIMES:
-            notes.compare(f"{name}: {column}", row["scenario_id"], was.get(column), row[column])
+        key = row["scenario_id"], row.get("method", "scenario")
+        if key not in there:
+            notes.add(f"{key[1]}: row", key[0], "none", "one")
+        for column in row.keys() - _RUNTIMES if key in there else ():
+            notes.compare(f"{key[1]}: {column}", key[0], there[key].get(column), row[column])
 
 
 def _plugin_files(
-    place: Place, manifest: Mapping[str, Any], plugins: Iterable[str | Path]
-) -> tuple[dict[str, list[str]], list[str]]:
-    """Return the files given by kind of plug-in ("" for detectors), and what contradicts the digests that the run states."""
-    stated, files, wrong = manifest["plugins"], {}, []
-    for file in (Path(p).resolve() for p in plugins):
-        kind = next((kind for kind in ("", *_PARTS) if f"{kind}{file.stem}" in stated), None)
-        if kind is None:
-            raise RunError(f"{place} states no plug-in {file.stem!r}; it states: {', '.join(stated) or 'none'}")
-        files.setdefault(kind, []).append(str(file))
-        if (found := file_digest(file)) != stated[f"{kind}{file.stem}"]:
-            wrong.append(f"plug-in {file}: the run states digest {stated[f'{kind}{file.stem}']}, the file given has {found}")
-    for name in stated:
-        kind = next((kind for kind in _PARTS if name.startswith(kind)), None)
-        if kind and name.removeprefix(kind) not in [Path(f).stem for f in files.get(kind, ())]:
+    place: Place, manifest: Mapping[str, Any], plugins: Iterable[str | Path], notes: Notes
+) -> dict[str, list[str]]:
+    """Return the files given by kind of plug-in ("" for detectors), those whose digest is another one left out."""
+    stated, files = manifest["plugins"], {kind: [] for kind in ("", *_PARTS)}
+    given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
+    for file in plugins:
+        if not any(f"{kind}{Path(file).stem}" in stated for kind in files):
+            raise RunError(f"{place} states no plug-in {Path(file).stem!r}; it states: {', '.join(stated) or 'none'}")
+    for name, digest in stated.items():
+        kind, file = given.get(name, ("", None))
+        if file is None and name.startswith(_PARTS):
             raise RunError(f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin")
-    return files, wrong
+        if file is not None:
+            notes.compare(f"digest of plug-in {name}", "", digest, file_digest(file))
+            files[kind] += [str(file)] * (digest == file_digest(file))
+    return files
 
 
-def _methods(manifest: Mapping[str, Any], added: Sequence[str], notes: _Notes) -> tuple[list[str], list[str]]:
+def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list[str]]:
     """Return the methods that can be asked again, and a phrase about each that cannot."""
     asked, unasked = [], []
     for name in manifest["methods"]:
         try:
             if name != ORACLE:
-                registry.load(name)
+                check_thresholds(name, registry.load(name).METHOD, manifest["thresholds"].get(name, {}))
             asked.append(name)
-            continue
+        except ParameterError as error:
+            notes.add(f"thresholds of method {name}", "", "others", str(error))
         except UnknownName:
-            pass
-        if name in manifest["plugins"] or f"own {name}" in manifest["plugins"]:
-            unasked.append(f"method {name} (plug-in without its file)")
-        else:
-            notes.add(f"method {name}", "", "a method", "neither built in nor a plug-in that the run states")
-    notes.compare("plug-ins among the methods", "", sorted(set(added) - set(asked)), [])
+            unasked.append(f"method {name} (a plug-in whose file is not given)")
+            if not {name, f"own {name}"} & set(manifest["plugins"]):
+                notes.add(f"method {name}", "", "a method", "neither built in nor a plug-in that the run states")
     return asked, unasked
 
 
-def _compare_stated(manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str], book: Any, notes: _Notes) -> None:
-    """Compare what the manifest states with what its grid, this installation and its tables give."""
+def _compare_stated(manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str], book: Any, notes: Notes) -> str:
+    """Compare what the manifest states with what its grid, this installation and its tables give; return the benchmark."""
+    benchmark, installed = benchmark_of(grid, book.ids.astype(str).tolist()), describe({})
     counts = {"scenarios": book.ids.size, "verdicts": book.verdict.size, "errors": int(book.failed.sum())}
     again = {
         "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "seed": grid.content.seed, "scenarios": len(grid),
-        "counts": counts, "records_hash": records_hash(book), BENCHMARK: benchmark_of(grid, book.ids.astype(str).tolist()),
-        **{key: describe({})[key] for key in ("format", "code", "versions")},
+        "counts": counts, "records_hash": records_hash(book), BENCHMARK: benchmark,
+        **{key: installed[key] for key in ("format", "code", "versions")},
     }  # fmt: skip
     for key, value in again.items():
-        notes.compare(f"{key} in the manifest", "", manifest.get(key), value)
-    if grid.name in grid_names():
-        published = load_grid(grid.name)
-        same = {"seed": grid.content.seed, "repeats": grid.content.repeats}
-        if published.cells_hash == grid.cells_hash and published.content.model_copy(update=same) != grid.content:
-            notes.add(f"text of grid {grid.name}", "", "another title, source or version", "that of the package")
+        notes.compare(f"manifest: {key}", "", manifest.get(key), value)
     for name in asked:
-        notes.compare(f"what the manifest states of method {name}", "", manifest["methods"][name], about_method(name))
-    notes.compare("thresholds of methods that the run has not", "", sorted(set(manifest["thresholds"]) - set(book.methods)), [])
+        notes.compare(f"manifest: method {name}", "", manifest["methods"][name], about_method(name))
+    published = load_grid(grid.name).content if grid.name in grid_names() else None
+    kept = {"seed": grid.content.seed, "repeats": grid.content.repeats}
+    of_package = published is not None and published.model_copy(update=kept) == grid.content and not grid.overrides
+    source = "of the package" if of_package else "as the run keeps it"
+    return f"benchmark {benchmark['name']} ({benchmark['hash']}), grid {source} ({grid.hash})"
 
 
-def _compare_scores(place: Place, book: Any, notes: _Notes) -> None:
+def _compare_scores(place: Place, book: Any, notes: Notes) -> None:
     """Compare the score files in the folder with the scores of its tables."""
     scores = score_book(book)
     for name, frame in (("scores.csv", scores.table), ("scores_by_axis.csv", scores.by_axis)):
         if name in place.names():
             texts = (place.read(name).decode(), csv_text(frame, float_format="%.5g"))
             stated, again = (pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False) for text in texts)
-            columns = [column for column in again if column not in _RUNTIMES]
-            notes.compare(f"columns of {name}", "", list(stated), list(again))
-            same = set(columns) <= set(stated) and stated[columns].equals(again[columns])
-            notes.compare(name, "", "other scores" if not same else "", "")
+            stated, again = (table.drop(columns=_RUNTIMES, errors="ignore") for table in (stated, again))
+            if not stated.equals(again):
+                notes.add(name, "", "other scores", "what the tables give")
 
 
 def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[Sequence[int]]:
@@ -298,16 +221,13 @@ def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[S
         groups = list(adaptive.next_round(grid, place, receipts, width, list(manifest["methods"]), {}))
 
 
-def _compare_records(place: Place, notes: _Notes) -> None:
+def _compare_records(place: Place, notes: Notes) -> None:
     """Simulate the records again that the run kept."""
     for name in place.names("records"):
-        scenario = read_scenario(str(place), name.removesuffix(".csv"))
+        try:
+            scenario = read_scenario(str(place), name.removesuffix(".csv"))
+        except RunError as error:
+            notes.add("a record that was kept", name, "of this run", str(error))
+            continue
         again = record_text(truth(scenario.loop, scenario.seed)[0].record)
         notes.compare("a record that was kept", name, place.read(f"records/{name}").decode(), again)
-
-
-def _escape(asked: int, scenarios: int) -> str:
-    if asked >= scenarios:
-        return " (all)"
-    least = math.ceil(math.log(1 - _SURE) / math.log1p(-asked / scenarios))
-    return f" (fewer than {least} changed verdicts of a method can escape with a probability above {1 - _SURE:.0%})"

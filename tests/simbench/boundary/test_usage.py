@@ -166,6 +166,10 @@ WRONG = [
     ("score LOOP", "loop.toml"), ("score DIR extra", "argument"), ("check none --against DIR", "none"),
     ("check DIR --margin nan", "margin"), ("check DIR --margin x", "margin"), ("check REC --against DIR", "rec.csv"),
     ("run smoke -o OUT --until-width 2", "until_width"), ("run smoke -o OUT --backend slurm", "slurm"),
+    ("verify", "RUN"), ("verify DIR", "run"), ("verify none", "none"), ("verify REC", "rec.csv"), ("verify OUT", "out"),
+    ("verify RECS", "records"), ("verify DIR extra", "argument"), ("verify DIR --share 2", "share"),
+    ("verify DIR --share nan", "share"), ("verify DIR --share x", "share"), ("verify DIR -j 0", "-j"),
+    ("verify DIR --jsn", "--json"), ("verify DIR --plugin", "--plugin"),
     ("run smoke -o OUT --time-limit nan", "time limit"), ("simulate LOOP -o OUT --time-limit -1", "time limit"),
 ]  # fmt: skip
 

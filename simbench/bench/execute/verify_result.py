@@ -1,0 +1,83 @@
+"""The answer of a verification: what was compared, what contradicts the run, and how much can escape."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from simbench.bench.store.benchmark import BENCHMARK
+
+_SURE = 0.95  # probability with which a change of the stated size is detected
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What a verification compared, and what contradicted the run."""
+
+    folder: str
+    origin: str  # the run's benchmark, and where its grid comes from
+    scenarios: int  # of the run
+    simulated: int = 0  # how many of them were simulated again
+    asked: dict[str, int] = field(default_factory=dict)  # on how many records each method was asked again
+    unchecked: tuple[str, ...] = ()  # what was not checked
+    contradictions: tuple[str, ...] = ()
+
+    def as_text(self) -> str:
+        """Return one sentence where nothing contradicts the run, else every contradiction."""
+        if self.contradictions:
+            return "\n".join([f"{self.folder} is refuted:", *(f"- {c}" for c in self.contradictions)])
+        groups: dict[int, list[str]] = {}
+        for method, n in self.asked.items():
+            groups.setdefault(n, []).append(method)
+        asked = "; ".join(f"{', '.join(some)} on {n}{_escape(n, self.scenarios)}" for n, some in sorted(groups.items()))
+        return (
+            f"{self.folder} is verified as a run of {self.origin}: the definitions of all {self.scenarios} scenarios and "
+            f"every score were computed again, {self.simulated} scenarios, drawn at random, were simulated again, and "
+            f"methods were asked again: {asked or 'none'}. "
+            f"Not checked: {', '.join(self.unchecked)}."
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the same as JSON types."""
+        numbers = {"scenarios": self.scenarios, "simulated": self.simulated, "asked": self.asked}
+        lists = {"unchecked": list(self.unchecked), "contradictions": list(self.contradictions)}
+        return {"verified": not self.contradictions, BENCHMARK: self.origin, **numbers, **lists, "text": self.as_text()}
+
+
+class Notes:
+    """Contradictions by what they concern, counted, each with its first example."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, tuple[int, str, Any, Any]] = {}
+
+    def add(self, what: str, where: str, stated: Any, again: Any) -> None:
+        count, *first = self.found.get(what, (0, where, stated, again))
+        self.found[what] = (count + 1, *first)
+
+    def compare(self, what: str, where: str, stated: Any, again: Any) -> None:
+        if isinstance(stated, dict) and isinstance(again, dict):
+            for key in {**stated, **again}:
+                self.compare(f"{what}: {key}", where, stated.get(key), again.get(key))
+        elif stated != again:
+            self.add(what, where, stated, again)
+
+    def merge(self, other: Notes) -> None:
+        for what, (count, *first) in other.found.items():
+            before, *earlier = self.found.get(what, (0, *first))
+            self.found[what] = (before + count, *earlier)
+
+    def sentences(self) -> Iterator[str]:
+        if "scenario: record_hash" in self.found:
+            yield "records differ; they also do on a processor of another kind, which this cannot tell from a change"
+        for what, (count, where, stated, again) in self.found.items():
+            times = f" {count} times, first in {where}" if where else ""
+            yield f"{what} differs{times}: the run states {str(stated)[:200]}, computed again it is {str(again)[:200]}"
+
+
+def _escape(asked: int, scenarios: int) -> str:
+    if asked >= scenarios:
+        return " (all)"
+    least = math.ceil(math.log(1 - _SURE) / math.log1p(-asked / scenarios))
+    return f" (fewer than {least} changed verdicts of a method can escape with a probability above {1 - _SURE:.0%})"
