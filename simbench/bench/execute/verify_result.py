@@ -53,10 +53,12 @@ class Notes:
         self.found: dict[str, tuple[int, str, Any, Any]] = {}
 
     def add(self, what: str, where: str, stated: Any, again: Any) -> None:
+        """Note one contradiction: what differs, in which scenario or file, what the run states, what was computed again."""
         count, *first = self.found.get(what, (0, where, stated, again))
         self.found[what] = (count + 1, *first)
 
     def compare(self, what: str, where: str, stated: Any, again: Any) -> None:
+        """Note a contradiction unless both are equal; of tables, one for every key."""
         if isinstance(stated, dict) and isinstance(again, dict):
             for key in {**stated, **again}:
                 self.compare(f"{what}: {key}", where, stated.get(key), again.get(key))
@@ -64,11 +66,13 @@ class Notes:
             self.add(what, where, stated, again)
 
     def merge(self, other: Notes) -> None:
+        """Take over the contradictions of a piece."""
         for what, (count, *first) in other.found.items():
             before, *earlier = self.found.get(what, (0, *first))
             self.found[what] = (before + count, *earlier)
 
     def sentences(self) -> Iterator[str]:
+        """Yield a sentence about each kind of contradiction."""
         if "scenario: record_hash" in self.found:
             yield "records differ; they also do on a processor of another kind, which this cannot tell from a change"
         for what, (count, where, stated, again) in self.found.items():
