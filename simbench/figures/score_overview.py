@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from detectors.verdict import NO_STICTION, STICTION
 from simbench.bench.score.result import HOME_MARKS, LEAST
-from simbench.bench.score.scoring import answers_of, blind_answers, score_book
+from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.figures._score import SHARE_COLOURS, hatch
@@ -42,7 +42,7 @@ def overview(book: RunArrays) -> pd.DataFrame:
     cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
     band = np.isinf(book.axes["S_over_2J"])
     parts = (healthy & rests & still, healthy & rests & ~still, ~healthy & rests, cycles & ~band, cycles & band)
-    answers = {a.method: a for a in (*answers_of(book), blind_answers(book))}
+    answers = {a.method: a for a in (*answers_of(book), no_waveform_answers(book))}
     rows = []
     for r in score_book(book).ranking().itertuples():
         a = answers[str(r.method)]
