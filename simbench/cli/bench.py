@@ -149,7 +149,7 @@ def score(
     _end(failed, allow_failed)
 
 
-@app.command(epilog=examples("check runs/ci --against results/baseline"))
+@app.command(epilog=examples("check runs/ci --against results/baseline --exact"))
 def check(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
@@ -157,6 +157,9 @@ def check(
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
     update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
     margin: Annotated[float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Fail on every changed verdict of a built-in method, and list them.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed, or when nobody could tell."""
@@ -168,7 +171,7 @@ def check(
     if update:
         print(update_baseline(folder, against))
         return
-    result = check_and_ask_again(folder, against, margin)
+    result = check_and_ask_again(folder, against, margin, exact)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
         if path is not None:
             with whole_file(path) as f:

@@ -84,7 +84,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
                 here = members if name is None else members & (book.axes["process"] == name)
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process, "population": population}
                 block = _block(book, truth, here, place, blind)
-                found = [_row(block, a, undecided) for a in everyone]
+                # where nothing oscillates no score tells loops apart
+                found = [_row(block, a, undecided, interval=population != NOT_OSCILLATING) for a in everyone]
                 standing[truth, mode, process, population], ranked = _rank(block, everyone, found, undecided, failing)
                 rows += found
                 if (mode, process, population) == (first, ALL, OSCILLATING):
