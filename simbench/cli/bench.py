@@ -123,15 +123,16 @@ def score(
 ) -> None:
     """Score a run: rank its methods on the loops that oscillate, with intervals."""
     from simbench.bench.execute.failures import read_failures
-    from simbench.bench.score.scoring import score_run
-    from simbench.bench.store.reading import TRUTHS
+    from simbench.bench.score.scoring import score_book
+    from simbench.bench.store.reading import TRUTHS, RunArrays
     from simbench.files import refuse_own_input
 
     if truth not in TRUTHS:
         raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
 
     refuse_own_input([report], [folder, against])
-    scores, failed = score_run(folder, raw, cost, allow_failed), read_failures(folder)
+    book = RunArrays.read(folder)
+    scores, failed = score_book(book, raw, cost, allow_failed), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()}
     if not as_json:
         content = scores.as_text(truth, full, _where(folder, full) if report is None else "")
@@ -143,8 +144,9 @@ def score(
     show(content, as_json)
     if report is not None:
         from simbench.report import write_report
+        from simbench.report.data import RunData
 
-        write_report(folder, report)
+        write_report(folder, report, RunData(folder, book, scores))
         print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
     _end(failed, allow_failed)
 

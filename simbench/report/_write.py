@@ -12,9 +12,10 @@ from simbench.report.page import render
 _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
 
 
-def write_report(run_folder: str | Path, path: str | Path) -> None:
-    """Write a run's report: one self-contained HTML file, readable in light and dark and on a phone."""
-    run = RunData.read(run_folder)
+def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:
+    """Write a run's report, which may be read already: one self-contained HTML file, readable in light and dark and on a phone.
+    """
+    run = run or RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]
     origin = f"commit {commit}, grid {manifest['grid']} ({manifest['grid_hash']}), records {manifest.get('records_hash', '-')}"

@@ -135,9 +135,10 @@ def _changed(now: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]
     if not pairs.now.size:
         yield "exact: the run has no record of the baseline"
     elif differ:
-        yield f"exact: {differ} of {pairs.now.size} records differ from the baseline's, so that verdicts cannot be compared there"
-    own = flips[~flips["method"].isin(list(now.manifest.get("plugins", ())))] if len(flips) else flips
-    for method, rows in own.groupby("method", sort=False) if len(own) else ():
+        yield f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts cannot be compared there"
+    strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
+    built_in = flips[~flips["method"].isin(strangers)] if len(flips) else flips
+    for method, rows in built_in.groupby("method", sort=False) if len(built_in) else ():
         yield f"exact: {len(rows)} of {pairs.now.size} verdicts of {method} changed"
 
 
