@@ -86,7 +86,7 @@ def _title(scores: Scores) -> list[str]:
     lines = [f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, {seal}"]
     words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
-    return [*lines, f"{counts[OSCILLATING]} of {counts['scenarios']} loops oscillate; loops that cycle by themselves: {said}."]
+    return [*lines, *_wrapped(f"{counts[OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
 
 
 def _sentences(scores: Scores, truth: str, where: str) -> list[str]:
