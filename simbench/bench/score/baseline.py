@@ -24,7 +24,7 @@ _EMPTY = {
 }
 _KEPT = (
     "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
-    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
+    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "benchmark",
 )  # fmt: skip
 _BASELINE_COLUMNS = (
     "method", "truth", "process", "population", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided",

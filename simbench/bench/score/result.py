@@ -138,7 +138,7 @@ class Scores:
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
-            "sealed": bool(self.manifest.get("sealed")),
+            "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
             "rows": _records(table[list(_ROWS)] if len(table) else table),
             "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
@@ -188,6 +188,12 @@ class Scores:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
             place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
+
+
+def benchmark_text(manifest: dict[str, Any]) -> str:
+    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an older simbench."""
+    stated = manifest.get("benchmark")
+    return f", benchmark {stated['name']} ({stated['hash']})" if stated else ""
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

@@ -20,6 +20,7 @@ from simbench.bench.score.result import (
     RAW,
     ROLE_YARDSTICK,
     Scores,
+    benchmark_text,
 )
 from simbench.bench.score.stability import HALVES
 
@@ -82,8 +83,8 @@ def full_text(scores: Scores, truth: str = "cycled", where: str = "") -> list[st
 
 def _title(scores: Scores) -> list[str]:
     m, counts = scores.manifest, scores.counts
-    seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
-    lines = [f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, {seal}"]
+    about = f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed {m.get('seed')}{benchmark_text(m)}"
+    lines = _wrapped(about)
     words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
     return [*lines, *_wrapped(f"{counts[OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
