@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simbench.bench.score.result import benchmark_text
+from simbench.bench.score.names import benchmark_text
 from simbench.files import whole_file
 from simbench.report import axes, disagreement, failures, maps, overview, provenance, roc, slowest, summary
 from simbench.report.data import RunData

@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.bench.score.result import ALL, FRONT, NOT_OSCILLATING, OSCILLATING, RAW, Scores
+from simbench.bench.score.names import ALL, FRONT, NOT_OSCILLATING, OSCILLATING, RAW
+from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import HALVES
 from simbench.html.table import percent, sortable
 from simbench.report.data import RunData

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.score.history import remember
-from simbench.bench.score.result import FRONT, NOT_OSCILLATING
+from simbench.bench.score.names import FRONT, NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from detectors.views import page_part
+from simbench.bench.score.names import ALL, FRONT, OSCILLATING, UNDECIDED, kind_of
 from simbench.bench.score.ranks import Ranks
 from simbench.bench.score.stability import Stability
+from simbench.bench.score.table import full_text, headline
 from simbench.bench.store.place import Place, place_of
 from simbench.files import csv_text
 
@@ -18,15 +20,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-FRONT, RAW = "front end", "raw"
-ALL = "all"
-OSCILLATING, NOT_OSCILLATING = "oscillating", "not oscillating"
-UNDECIDED = 0.5  # cost of no decision; an error costs 1
-LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
-ROLE_YARDSTICK = "yardstick"
-NO_WAVEFORM = "no_waveform"  # the reference row that knows everything but the waveform
-# after a method's name, by where its constants were fitted: on loops of this grid, of one with the same blocks, of neither
-HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 _PLACE = ("method", "truth", "front_end", "process", "population")
 _ROWS = (
     *_PLACE, "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms",
@@ -127,8 +120,6 @@ class Scores:
         -------
         str
         """
-        from simbench.bench.score.table import full_text, headline
-
         return "\n".join(full_text(self, truth, where) if full else headline(self, truth, where))
 
     def as_json(self) -> dict[str, Any]:
@@ -188,20 +179,6 @@ class Scores:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
             place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
-
-
-def benchmark_text(manifest: dict[str, Any]) -> str:
-    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an older simbench."""
-    stated = manifest.get("benchmark")
-    return f", benchmark {stated['name']} ({stated['hash']})" if stated else ""
-
-
-def kind_of(role: str, sees_mv: bool) -> int:
-    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
-    """
-    if role in ("oracle", ROLE_YARDSTICK):
-        return 2
-    return 3 if role == "nonlinearity" else int(sees_mv)
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

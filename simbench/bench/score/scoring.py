@@ -17,9 +17,7 @@ from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names
 from scenarios.spec import read_toml
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
-from simbench.bench.score.quantification import quantification
-from simbench.bench.score.ranks import RANKED_LOOPS, Ranks, rank_methods
-from simbench.bench.score.result import (
+from simbench.bench.score.names import (
     ALL,
     FRONT,
     NO_WAVEFORM,
@@ -28,9 +26,11 @@ from simbench.bench.score.result import (
     RAW,
     ROLE_YARDSTICK,
     UNDECIDED,
-    Scores,
     kind_of,
 )
+from simbench.bench.score.quantification import quantification
+from simbench.bench.score.ranks import RANKED_LOOPS, Ranks, rank_methods
+from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import Stability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays

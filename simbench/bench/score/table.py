@@ -1,4 +1,7 @@
-"""Text tables of a run's scores: the ranking on oscillating loops, and every other table on request."""
+"""Text tables of a run's scores: the ranking on oscillating loops, and every other table on request.
+
+`scores` is a `simbench.bench.score.result.Scores`, which prints itself by these functions.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from detectors.report.report import columns
-from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
-from simbench.bench.score.result import (
+from simbench.bench.score.names import (
     ALL,
     FRONT,
     HOME_MARKS,
@@ -19,9 +21,9 @@ from simbench.bench.score.result import (
     OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
-    Scores,
     benchmark_text,
 )
+from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.stability import HALVES
 
 if TYPE_CHECKING:
@@ -49,7 +51,7 @@ _LEGEND = (
 )
 
 
-def headline(scores: Scores, truth: str = "cycled", where: str = "") -> list[str]:
+def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and three sentences."""
     title, rows = _title(scores), scores.ranking(truth)
     tail = [*_wrapped(_LEGEND.format(undecided=scores.undecided)), "", *_sentences(scores, truth, where)]
@@ -64,7 +66,7 @@ def headline(scores: Scores, truth: str = "cycled", where: str = "") -> list[str
     return [*title, "", *_ranking(rows, scores, room), "", *tail]
 
 
-def full_text(scores: Scores, truth: str = "cycled", where: str = "") -> list[str]:
+def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return every table of a run."""
     lines = headline(scores, truth)
     for process in ("self-regulating", "integrating"):
@@ -81,7 +83,7 @@ def full_text(scores: Scores, truth: str = "cycled", where: str = "") -> list[st
     return [*lines, *(["", *_wrapped(where)] if where else [])]
 
 
-def _title(scores: Scores) -> list[str]:
+def _title(scores: Any) -> list[str]:
     m, counts = scores.manifest, scores.counts
     about = f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed {m.get('seed')}{benchmark_text(m)}"
     lines = _wrapped(about)
@@ -90,7 +92,7 @@ def _title(scores: Scores) -> list[str]:
     return [*lines, *_wrapped(f"{counts[OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
 
 
-def _sentences(scores: Scores, truth: str, where: str) -> list[str]:
+def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     """Return which differences are resolved, how often the winner wins, and where the report is."""
     standing, stable = scores.standing[truth, scores.first, ALL, OSCILLATING], scores.stability[truth]
     rows = scores.ranking(truth)
@@ -109,7 +111,7 @@ def _sentences(scores: Scores, truth: str, where: str) -> list[str]:
     return [line for sentence in (*said, where) for line in _wrapped(sentence)]
 
 
-def _why_not(scores: Scores, rows: pd.DataFrame) -> str:
+def _why_not(scores: Any, rows: pd.DataFrame) -> str:
     n = 0 if rows.empty else int(rows.iloc[0].n)
     if n < RANKED_LOOPS:
         return f"{n} oscillating loops have a clear label, and {RANKED_LOOPS} are needed"
@@ -120,7 +122,7 @@ def _why_not(scores: Scores, rows: pd.DataFrame) -> str:
     return f"no method covers 95 % of the {n} loops; {most.method} covers {most.applicable}"
 
 
-def _ranking(rows: pd.DataFrame, scores: Scores, room: int = 10_000) -> list[str]:
+def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     """Return a ranking, within so many lines below its head; what reference rows cannot spare the last methods do."""
     body: list[tuple[str, Any]] = []
     before = (0, False, None)
@@ -143,7 +145,7 @@ def _ranking(rows: pd.DataFrame, scores: Scores, room: int = 10_000) -> list[str
     return [*out, *([f"... and {len(dropped)} more methods: --full"] if dropped else [])]
 
 
-def _group(r: Any, scores: Scores) -> str:
+def _group(r: Any, scores: Any) -> str:
     if not r.partial:
         return _KINDS[r.kind]
     if r.method in scores.failing:
@@ -175,7 +177,7 @@ def _cells(rows: Sequence[Any]) -> list[str]:
     return text
 
 
-def _resolution(scores: Scores, truth: str, process: str) -> str:
+def _resolution(scores: Any, truth: str, process: str) -> str:
     standing = scores.standing[truth, scores.first, process, OSCILLATING]
     if math.isnan(standing.resolution):
         return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
@@ -183,7 +185,7 @@ def _resolution(scores: Scores, truth: str, process: str) -> str:
     return f"Methods closer than {_rate(standing.resolution)} share a rank; 9 of 10 runs would resolve {more}."
 
 
-def _still(scores: Scores, truth: str) -> list[str]:
+def _still(scores: Any, truth: str) -> list[str]:
     """Return the second table: false alarms and no decision on loops that do not oscillate."""
     rows, raw = (scores.ranking(truth, mode, population=NOT_OSCILLATING) for mode in (FRONT, RAW))
     if rows.empty or rows.iloc[0].n < LEAST:
@@ -198,7 +200,7 @@ def _still(scores: Scores, truth: str) -> list[str]:
     return [title, *columns(lines)]
 
 
-def _neighbours(scores: Scores, truth: str) -> list[str]:
+def _neighbours(scores: Any, truth: str) -> list[str]:
     lines = [("adjacent pair", "", "only first right", "only second right", "p", "separated")]
     for pair in scores.stability[truth].pairs:
         counts = (str(pair["only_first"]), str(pair["only_second"]))
@@ -207,7 +209,7 @@ def _neighbours(scores: Scores, truth: str) -> list[str]:
     return [title, *columns(lines)] if len(lines) > 1 else ["no two methods are ranked"]
 
 
-def _over_no_waveform(scores: Scores, truth: str) -> list[str]:
+def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     rows = scores.ranking(truth)
     rows = rows[(rows.kind < 2) & (rows.applicable >= LEAST)]
     lines = [("method", "n", "cost over no_waveform", "95 %", "less than no_waveform")]
@@ -220,7 +222,7 @@ def _over_no_waveform(scores: Scores, truth: str) -> list[str]:
     return [title, *columns(lines)] if len(lines) > 1 else ["too few loops oscillate for a comparison with no_waveform"]
 
 
-def _details(scores: Scores, truth: str, mode: str) -> list[str]:
+def _details(scores: Any, truth: str, mode: str) -> list[str]:
     """Return what the headline leaves out, over all loops."""
     rows = scores.ranking(truth, mode, population=ALL)
     if rows.empty:
@@ -240,12 +242,12 @@ def _details(scores: Scores, truth: str, mode: str) -> list[str]:
     return [title, *columns(lines), *_wrapped(legend)]
 
 
-def _marked(scores: Scores) -> dict[str, str]:
+def _marked(scores: Any) -> dict[str, str]:
     """Return the names of the methods that are scored, with their marks; of loops left out alone there are others."""
     return {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
 
 
-def _left_out(scores: Scores) -> list[str]:
+def _left_out(scores: Any) -> list[str]:
     rows, names = scores.left_out, _marked(scores)
     rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
@@ -258,7 +260,7 @@ def _left_out(scores: Scores) -> list[str]:
     return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 
 
-def _dead_band(scores: Scores) -> list[str]:
+def _dead_band(scores: Any) -> list[str]:
     rows = scores.by_axis
     rows = rows[(rows.axis == "S_over_2J") & (rows["mode"] == scores.first) & (rows.value == "inf") & (rows.positives > 0)]
     rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.applicable > 0)]
@@ -268,7 +270,7 @@ def _dead_band(scores: Scores) -> list[str]:
     return _wrapped(f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}")
 
 
-def _quantified(scores: Scores) -> list[str]:
+def _quantified(scores: Any) -> list[str]:
     """Return S and J side by side, one row for a method on a family of valves."""
     t, names = scores.quantification, _marked(scores)
     lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]

@@ -23,9 +23,9 @@ from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
 from simbench.bench.score.check_result import SHOWN, Check
+from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods
-from simbench.bench.score.result import kind_of
 from simbench.bench.store import manifest
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
 

@@ -18,8 +18,8 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import scoring
 from simbench.bench.score.compare import between_methods
+from simbench.bench.score.names import ALL, NOT_OSCILLATING, OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
-from simbench.bench.score.result import ALL, NOT_OSCILLATING, OSCILLATING
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
