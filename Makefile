@@ -19,7 +19,7 @@ export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
 	$(BIN)/simbench run chapter -o runs/bench --method fast,oracle -j 2
-	$(BIN)/simbench score runs/bench --report runs/bench/report.html
+	$(BIN)/simbench score runs/bench --truth predicted --report runs/bench/report.html
 
 test: $(READY_TEST) rules  ## the tests of every change, and the rules of the house
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
@@ -34,10 +34,10 @@ rules: $(READY_TEST)       ## how the code is written, and who imports whom
 lint: rules                ## these, and the types, which take as long as a quarter of the tests
 	$(BIN)/pyright
 
-check: $(READY)            ## has any detector's accuracy regressed against the committed baseline?
+check: $(READY)            ## has any verdict changed against the committed baseline?
 	rm -rf runs/ci
 	$(BIN)/simbench run ci -o runs/ci -j 2 >/dev/null
-	$(BIN)/simbench check runs/ci --against results/baseline
+	$(BIN)/simbench check runs/ci --against results/baseline --exact
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
 	@mkdir -p runs

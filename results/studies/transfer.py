@@ -3,8 +3,10 @@
 Every method that does without MV judges as many loops of each home, half of them sticky; its cost is that of the score table
 (an error 1, no decision .5), sticky and sound loops counting the same. Spearman's rank correlation of the costs between two
 homes says how far an order won on one holds on the other. Learned yardsticks stand beside the methods: gradient boosting on
-features of OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Answers are
-kept in the folder; it goes on where it stopped.
+features of OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Slow methods
+judge the first loops only and are left out of the correlations. An order cannot agree with another home's better than with
+itself: the last table has how far two halves of a home agree, the whole home by Spearman and Brown, and how many loops an
+agreement of .9 would take. Answers are kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ LENGTH, CYCLES = 256, 8  # samples and cycles of a record that the convolutions 
 DILATIONS = (1, 2, 4, 8, 16)
 BIASES = (-1.0, 0.3, 1.0)
 FOLDS, DRAWS = 5, 1000
+WANTED = 0.9  # agreement of a home with itself
 
 
 def methods() -> list[str]:
@@ -54,17 +57,23 @@ def methods() -> list[str]:
     return [name for name, m in about.items() if not m.needs_mv and m.role != "nonlinearity"]
 
 
-def asked(home: str, number: int) -> dict[str, Any]:
-    """Judge one simulated loop, odd numbers sticky, by every method.
+def slow(names: list[str]) -> list[str]:
+    """Return the methods that are too dear for every loop."""
+    about = {name: registry.load(name).METHOD for name in names}
+    return [name for name in names if about[name].budget == "full" or name in registry.lent]
+
+
+def asked(home: str, number: int, names: list[str]) -> dict[str, Any]:
+    """Judge one simulated loop, odd numbers sticky, by some methods.
 
     Keys: sticky, group, said (method to 1, 0, or -1 for no decision), features, trace.
     """
     sticky = number % 2 == 1
     if home in GRIDS:
-        return _judged(_of_grid(home, number, sticky), sticky, number)
+        return _judged(_of_grid(home, number, sticky), sticky, number, names)
     item = WORLDS.load(home).draw(SEED, number, entry(number))
     with tempfile.TemporaryDirectory() as place:
-        return _judged(read_record(write_item(item, Path(place), "loop")[0]), sticky, number)
+        return _judged(read_record(write_item(item, Path(place), "loop")[0]), sticky, number, names)
 
 
 def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
@@ -77,8 +86,8 @@ def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
                 return run.record.without_mv()
 
 
-def _judged(record: LoopRecord, sticky: bool, group: Any) -> dict[str, Any]:
-    said = {v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in judge(record, methods())}
+def _judged(record: LoopRecord, sticky: bool, group: Any, names: list[str]) -> dict[str, Any]:
+    said = {v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in judge(record, names)}
     return {"sticky": sticky, "group": group, "said": said, "features": features(record), "trace": trace(record)}
 
 
@@ -157,9 +166,12 @@ class Home:
     def __init__(self, rows: list[dict[str, Any]]) -> None:
         self.sticky = np.array([r["sticky"] for r in rows])
         self.groups = np.unique([str(r["group"]) for r in rows], return_inverse=True)[1]
+        self._members = [np.flatnonzero(self.groups == g) for g in range(self.groups.max() + 1)]
         self.x = {"features": np.array([r["features"] for r in rows])}
         self.x["kernels"] = convolved(np.array([r["trace"] for r in rows]))
-        self.costs = {m: _cost(np.array([r["said"][m] for r in rows]), self.sticky) for m in rows[0]["said"]}
+        # NaN where a slow method was not asked
+        said = {m: np.array([r["said"].get(m, np.nan) for r in rows]) for m in rows[0]["said"]}
+        self.costs = {m: np.where(np.isnan(x), np.nan, _cost(x, self.sticky)) for m, x in said.items()}
 
     def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
         """Train a yardstick here and judge every home; its own by folds."""
@@ -176,20 +188,20 @@ class Home:
             home.costs[f"{name}, {source}"] = _cost(said.astype(int), home.sticky)
 
     def mean(self, names: list[str], at: np.ndarray | None = None) -> np.ndarray:
-        """Return balanced costs of some methods, of all loops or of some."""
+        """Return balanced costs of some methods, of all loops or of some, where they were asked."""
         cost = np.array([self.costs[m] for m in names])
         cost, sticky = (cost, self.sticky) if at is None else (cost[:, at], self.sticky[at])
-        return 0.5 * (cost[:, sticky].mean(axis=1) + cost[:, ~sticky].mean(axis=1))
+        return 0.5 * (np.nanmean(cost[:, sticky], axis=1) + np.nanmean(cost[:, ~sticky], axis=1))
 
     def drawn(self, rng: np.random.Generator, half: int | None = None) -> np.ndarray:
         """Return loops drawn again by whole groups, or those of one half of the groups.
 
         `rng`: source of chance; the same state gives both halves.
         """
-        members = [np.flatnonzero(self.groups == g) for g in range(self.groups.max() + 1)]
+        size = len(self._members)
         while True:
-            chosen = rng.integers(len(members), size=len(members)) if half is None else rng.permutation(len(members))[half::2]
-            at = np.concatenate([members[g] for g in chosen])
+            chosen = rng.integers(size, size=size) if half is None else rng.permutation(size)[half::2]
+            at = np.concatenate([self._members[g] for g in chosen])
             if 0 < self.sticky[at].sum() < at.size:
                 return at
 
@@ -205,7 +217,8 @@ def _rank(one: np.ndarray, other: np.ndarray) -> float:
 def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
     """Yield Spearman's correlation of the methods' costs between any two homes, and between the halves of one.
 
-    Keys: first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits).
+    Keys: first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits); of
+    halves also whole (the agreement of the whole home by Spearman and Brown) and loops (how many would give `WANTED`).
     """
     rng = np.random.default_rng(SEED)
     for a, b in combinations(homes, 2):
@@ -218,21 +231,44 @@ def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
             halves = [home.drawn(np.random.default_rng([SEED, k]), half) for half in (0, 1)]
             many.append(_rank(*(home.mean(names, at) for at in halves)))
         ends = np.nanquantile(many, [0.025, 0.5, 0.975])
-        yield {"first": name, "second": name, "spearman": float(ends[1]), "lo": float(ends[0]), "hi": float(ends[2])}
+        half = {"first": name, "second": name, "spearman": float(ends[1]), "lo": float(ends[0]), "hi": float(ends[2])}
+        whole, loops = reliability(half["spearman"], home.sticky.size)
+        yield {**half, "whole": whole, "loops": loops}
 
 
-def kept(out: Path, count: int, real: Path) -> dict[str, Home]:
-    """Return every home with so many loops; answers given before are read from the folder.
+def reliability(half: float, loops: int) -> tuple[float, float]:
+    """Return how far as many other loops would agree with these, from the agreement of halves, and how many give `WANTED`.
+
+    Spearman (1910) and Brown (1910), Br. J. Psychol. 3, 271 and 296: k times as many loops agree by k r / (1 + (k - 1) r). Both
+    are NaN where halves do not agree at all.
+
+    >>> whole, loops = reliability(0.5, 100)
+    >>> round(whole, 3), round(loops)
+    (0.667, 450)
+    """
+    if not half > 0.0:
+        return float("nan"), float("nan")
+    whole = 2.0 * half / (1.0 + half)
+    return whole, loops * WANTED * (1.0 - whole) / (whole * (1.0 - WANTED)) if whole < 1.0 else float(loops)
+
+
+def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
+    """Return every home with so many loops, of which slow methods judge the first; answers in the folder are read.
 
     `real`: folder of real records; left out where it does not exist.
     """
     folder(out)
+    names, dear = methods(), slow(methods())
+    fast = [m for m in names if m not in dear]
     jobs = [(h, i) for i in range(count) for h in (*GRIDS, *BLIND)]
     rows: dict[str, list[dict[str, Any]]] = {h: [] for h in (*GRIDS, *BLIND)}
     for h, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
-        rows[h].append(answered(out / f"{h}-{i}.json", partial(asked, h, i)))
+        row = answered(out / f"{h}-{i}.json", partial(asked, h, i, fast))
+        if i < slow_count:
+            row["said"] |= answered(out / f"{h}-{i}-slow.json", partial(asked, h, i, dear))["said"]
+        rows[h].append(row)
     if real.exists():
-        ask = [(m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group)) for m, r in records(real)]
+        ask = [(m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group, names)) for m, r in records(real)]
         rows[REAL] = [answered(out / f"{REAL}-{m.id}.json", one) for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)]
     return {h: Home(found) for h, found in rows.items()}
 
@@ -248,6 +284,18 @@ def table(homes: dict[str, Home], names: list[str]) -> list[str]:
     for m in sorted(rows, key=abroad.__getitem__):
         lines.append((m, f"{abroad[m]:.3f}", *(f"{c:.3f}{'*' * (h in fitted[m])}" for h, c in rows[m].items())))
     return columns(lines)
+
+
+def agreement(found: list[dict[str, Any]]) -> list[str]:
+    """Return the correlations of homes with each other, and the agreement of each with itself."""
+    cells = {k: tuple(f"{f[k]:.2f}" for f in found) for k in ("spearman", "lo", "hi")}
+    rows = [(f["first"], f["second"], *(cells[k][i] for k in cells)) for i, f in enumerate(found)]
+    between = [row for row, f in zip(rows, found, strict=True) if "whole" not in f]
+    own = [(*row[:1], *row[2:], f"{f['whole']:.2f}", f"{f['loops']:.0f}")
+           for row, f in zip(rows, found, strict=True) if "whole" in f]  # fmt: skip
+    text = "agreement of each home with itself: halves (median, spread), the whole by Spearman and Brown, and loops for .9"
+    head = ("home", "halves", "lo", "hi", "whole", "loops for .9")
+    return [*columns([("first", "second", "spearman", "lo", "hi"), *between]), "", text, "", *columns([head, *own])]
 
 
 def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
@@ -286,15 +334,18 @@ def main(arguments: list[str] | None = None) -> int:
     """Print costs, how far the order of the methods holds, and draw both."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.transfer", description=__doc__)
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where answers are kept; goes on where it stopped.")
-    parser.add_argument("-n", type=int, default=400, help="Loops of each grid and world [400].")
+    parser.add_argument("-n", type=int, default=1000, help="Loops of each grid and world [1000].")
+    parser.add_argument("--slow", type=int, default=60, metavar="N", help="Of these, loops for slow methods [60].")
     parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
     parser.add_argument("--picture", type=Path, help="SVG to write")
     given = parser.parse_args(arguments)
-    homes, names = kept(given.out, given.n, given.records), methods()
+    homes, names = kept(given.out, given.n, given.slow, given.records), methods()
+    dear = slow(names)
+    fast = [m for m in names if m not in dear]
     for name in LEARNED:
         for source in (*GRIDS, *BLIND):
             homes[source].learn(name, homes, source)
-    found = list(order(homes, names))
+    found = list(order(homes, fast))
     print(
         f"{', '.join(f'{h} {home.sticky.size} loops ({home.sticky.sum()} sticky)' for h, home in homes.items())}; seed {SEED}"
     )
@@ -303,12 +354,11 @@ def main(arguments: list[str] | None = None) -> int:
     )
     print("a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n")
     print("\n".join(table(homes, names)))
-    print(f"\nSpearman's correlation of the costs of {len(names)} methods, 95 % by drawing loops again; a home with itself:")
-    print("two halves of its loops, median and spread: an order cannot agree better with another home's than with itself\n")
-    lines = [(f["first"], f["second"], *(f"{f[k]:.2f}" for k in ("spearman", "lo", "hi"))) for f in found]
-    print("\n".join(columns([("first", "second", "spearman", "lo", "hi"), *lines])))
+    print(f"{', '.join(dear)}: on the first {min(given.slow, given.n)} loops of each grid and world, and on all real ones")
+    print(f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops again\n")
+    print("\n".join(agreement(found)))
     if given.picture is not None:
-        draw(found, homes, names, given.picture)
+        draw(found, homes, fast, given.picture)
     return 0
 
 

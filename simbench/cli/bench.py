@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
@@ -29,6 +29,18 @@ from simbench.cli.common import (
     show,
     threshold_file,
 )
+
+if TYPE_CHECKING:
+    from simbench.bench.execute.failures import Failures
+
+Full = Annotated[bool, typer.Option("--full", help="Print every table.")]
+AllowFailed = Annotated[
+    float,
+    typer.Option(
+        metavar="SHARE", min=0.0, max=1.0,
+        help="Share of scenarios or of a method's records that may fail; above it: no rank for the method, exit code 1.",
+    ),
+]  # fmt: skip
 
 
 @app.command(epilog=examples("run smoke -o runs/smoke", "run chapter -o runs/chapter -j 2 --method fast,oracle --resume"))
@@ -56,12 +68,11 @@ def run(
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
     axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
     thresholds: Thresholds = None,
-    allow_failed: Annotated[
-        float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="Of scenarios, or of a built-in method's records.")
-    ] = 0.0,
+    allow_failed: AllowFailed = 0.0,
     large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
     fresh_seeds: Annotated[bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")] = False,
     sealed: Annotated[bool, typer.Option("--sealed", hidden=True)] = False,  # the former name of --fresh-seeds
+    full: Full = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
@@ -86,48 +97,62 @@ def run(
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
         raise typer.Exit(130) from None
-    scores, failed = score_run(folder, raw=raw), read_failures(folder)
-    told = {"run": str(folder), "failed": failed.as_json(), **scores.as_json()}
-    show(told if as_json else f"{scores.as_text()}\n\n{_line(failed)}run: {folder}", as_json)
-    if as_json and failed.methods:  # a plug-in's failures end no run, and are told where people look
-        print(failed, file=sys.stderr)
-    if failed.above(allow_failed):
-        print(f"failed: {failed}", file=sys.stderr)
-        raise typer.Exit(1)
+    scores, failed = score_run(folder, raw, allow_failed=allow_failed), read_failures(folder)
+    if as_json:
+        show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
+    else:
+        show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
+    _end(failed, allow_failed)
 
 
-@app.command(epilog=examples("score runs/chapter --report report.html", "score runs/new --compare runs/old"))
+@app.command(epilog=examples("score runs/chapter --report report.html", "score runs/chapter --truth predicted --full"))
 def score(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
     against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario.")] = None,
     paired: Annotated[bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")] = False,
-    cost: Annotated[float, typer.Option("--cost", min=0.0, max=1.0, help="Of no decision; an error costs 1.")] = 0.5,
+    cost: Annotated[
+        float, typer.Option("--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1.")
+    ] = 0.5,
+    truth: Annotated[
+        str, typer.Option(metavar="cycled|predicted|sticky", help="The label that answers are compared with.")
+    ] = "cycled",
+    allow_failed: AllowFailed = 0.0,
+    full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
+    """Score a run: rank its methods on the loops that oscillate, with intervals."""
     from simbench.bench.execute.failures import read_failures
-    from simbench.bench.score.scoring import score_run
+    from simbench.bench.score.scoring import score_book
+    from simbench.bench.store.reading import TRUTHS, RunArrays
     from simbench.files import refuse_own_input
 
+    if truth not in TRUTHS:
+        raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
+
     refuse_own_input([report], [folder, against])
-    scores, failed = score_run(folder, raw, cost), read_failures(folder)
-    content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
+    book = RunArrays.read(folder)
+    scores, failed = score_book(book, raw, cost, allow_failed), read_failures(folder)
+    content: Any = {**scores.as_json(), "failed": failed.as_json()}
+    if not as_json:
+        content = scores.as_text(truth, full, _where(folder, full) if report is None else "")
     if against is not None or paired:
         from simbench.bench.score.compare import compare
 
-        comparison = compare(folder, against, raw=raw)
+        comparison = compare(folder, against, truth, raw)
         content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
     show(content, as_json)
     if report is not None:
         from simbench.report import write_report
+        from simbench.report.data import RunData
 
-        write_report(folder, report)
+        write_report(folder, report, RunData(folder, book, scores))
         print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+    _end(failed, allow_failed)
 
 
-@app.command(epilog=examples("check runs/ci --against results/baseline"))
+@app.command(epilog=examples("check runs/ci --against results/baseline --exact"))
 def check(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
@@ -135,6 +160,9 @@ def check(
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
     update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
     margin: Annotated[float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Fail on every changed verdict of a built-in method, and list them.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed, or when nobody could tell."""
@@ -146,7 +174,7 @@ def check(
     if update:
         print(update_baseline(folder, against))
         return
-    result = check_and_ask_again(folder, against, margin)
+    result = check_and_ask_again(folder, against, margin, exact)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
         if path is not None:
             with whole_file(path) as f:
@@ -248,5 +276,13 @@ def figure(
     show(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
 
 
-def _line(failed: Any) -> str:
-    return f"failed: {failed}\n\n" if str(failed) else ""
+def _where(folder: Path, full: bool) -> str:
+    return f"A report with pictures: simbench score {folder} --report report.html{'' if full else '; every table: --full'}."
+
+
+def _end(failed: Failures, allowed: float) -> None:
+    """Report what failed, and end with 1 where it is more than allowed."""
+    if str(failed):
+        print(f"failed: {failed}", file=sys.stderr)
+    if failed.above(allowed):
+        raise typer.Exit(1)

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from simbench.bench.score.result import HOME_MARKS, LEAST
+from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.scoring import answers_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays

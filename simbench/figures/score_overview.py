@@ -14,8 +14,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.verdict import NO_STICTION, STICTION
-from simbench.bench.score.result import HOME_MARKS, LEAST
-from simbench.bench.score.scoring import answers_of, blind_answers, score_book
+from simbench.bench.score.names import ALL, FRONT, HOME_MARKS, LEAST
+from simbench.bench.score.result import Scores
+from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.figures._score import SHARE_COLOURS, hatch
@@ -36,15 +37,15 @@ def data(run: str | Path) -> pd.DataFrame:
     return overview(RunArrays.read(run))
 
 
-def overview(book: RunArrays) -> pd.DataFrame:
-    """Count for a run in memory; see `data`."""
+def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
+    """Count for a run in memory, whose scores may be known already; see `data`."""
     healthy, still = book.truth["sticky"] == 0, book.axes["disturbance"] == "none"
     cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
     band = np.isinf(book.axes["S_over_2J"])
     parts = (healthy & rests & still, healthy & rests & ~still, ~healthy & rests, cycles & ~band, cycles & band)
-    answers = {a.method: a for a in (*answers_of(book), blind_answers(book))}
+    answers = {a.method: a for a in (*answers_of(book), no_waveform_answers(book))}
     rows = []
-    for r in score_book(book).ranking().itertuples():
+    for r in (scores or score_book(book)).ranking("cycled", FRONT, population=ALL).itertuples():
         a = answers[str(r.method)]
         for process, name in PROCESSES.items():
             for loops, part in zip(LOOP_KINDS, parts, strict=True):

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score.families import rates, read
-from simbench.bench.score.result import HOME_MARKS
+from simbench.bench.score.names import HOME_MARKS
 from simbench.bench.score.scoring import home_of
 from simbench.bench.store.reading import RunArrays
 from simbench.figures._score import SHARE_COLOURS

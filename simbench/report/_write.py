@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simbench.bench.score.result import benchmark_text
+from simbench.bench.score.names import benchmark_text
 from simbench.files import whole_file
 from simbench.report import axes, disagreement, failures, maps, overview, provenance, roc, slowest, summary
 from simbench.report.data import RunData
@@ -13,9 +13,10 @@ from simbench.report.page import render
 _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
 
 
-def write_report(run_folder: str | Path, path: str | Path) -> None:
-    """Write a run's report: one self-contained HTML file, readable in light and dark and on a phone."""
-    run = RunData.read(run_folder)
+def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:
+    """Write a run's report, which may be read already: one self-contained HTML file, readable in light and dark and on a phone.
+    """
+    run = run or RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]
     grid = f"grid {manifest['grid']} ({manifest['grid_hash']}){benchmark_text(manifest)}"

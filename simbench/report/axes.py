@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from simbench.bench.score.result import LEAST
+from simbench.bench.score.names import LEAST
 from simbench.html.table import sortable
 from simbench.report.data import RunData
 from simbench.report.page import render

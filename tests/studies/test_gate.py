@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from results.studies.gate import BROKEN, finer, study
+from results.studies.gate import BROKEN, SEMANTIC, finer, study
 
 
 def test_finer_steps_keep_the_old_ones():
@@ -39,3 +39,12 @@ def test_a_detector_that_is_not_itself_is_caught(rows):
     moody = [row for row in rows if row["what"] == "2 % at random"]
     assert len(moody) == 2
     assert all(row["failed"] == row["as_wanted"] for row in moody)
+
+
+def test_small_changes_of_what_a_method_computes_are_caught_by_exact(rows):
+    small = [row for row in rows if row["what"] in SEMANTIC]
+    assert {row["method"] for row in small} == {"he", "yamashita"}  # of the four methods asked
+    # on 48 loops a small change need not change a verdict
+    assert all(row["exact"] for row in small if row["flips"])
+    assert any(row["flips"] for row in small)
+    assert all(row["exact"] for row in rows if row["what"] in BROKEN and row["flips"])

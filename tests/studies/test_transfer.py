@@ -4,7 +4,23 @@ import numpy as np
 import pytest
 
 from detectors.example_loop import example_loop
-from results.studies.transfer import LEARNED, LENGTH, Home, convolved, draw, features, methods, order, table, trace
+from results.studies import transfer
+from results.studies.transfer import (
+    LEARNED,
+    LENGTH,
+    Home,
+    agreement,
+    convolved,
+    draw,
+    features,
+    kept,
+    methods,
+    order,
+    reliability,
+    slow,
+    table,
+    trace,
+)
 
 QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
 
@@ -76,3 +92,42 @@ def test_the_picture_and_its_numbers_are_written(tmp_path):
     homes = {"a": home(0), "b": home(1)}
     draw(list(order(homes, list(QUALITY))), homes, list(QUALITY), tmp_path / "transfer.svg")
     assert {f.name for f in tmp_path.iterdir()} == {"transfer.svg", "transfer.csv"}
+
+
+def test_twice_the_loops_agree_as_spearman_and_brown_say():
+    rng = np.random.default_rng(0)
+    quality = rng.normal(size=200)
+
+    def measured(loops):
+        return quality + rng.normal(0, 4.0 / np.sqrt(loops), 200)
+
+    halves = np.mean([np.corrcoef(measured(50), measured(50))[0, 1] for _ in range(200)])
+    whole, loops = reliability(float(halves), 100)
+    assert whole == pytest.approx(np.mean([np.corrcoef(measured(100), measured(100))[0, 1] for _ in range(200)]), abs=0.02)
+    assert 0.9 == pytest.approx(np.mean([np.corrcoef(measured(loops), measured(loops))[0, 1] for _ in range(200)]), abs=0.02)
+    assert np.isnan(reliability(-0.1, 100)).all()
+    lines = agreement(list(order({"a": home(0), "b": home(1)}, list(QUALITY))))
+    assert sum(line.startswith(("a ", "b ")) for line in lines) == 3
+
+
+def test_slow_methods_are_asked_about_the_first_loops_alone(tmp_path, monkeypatch):
+    assert "likelihood" in slow(methods())
+    assert not {"he", "horch", "procedure"} & set(slow(methods()))
+    asked = []
+
+    def answer(name, number, names):
+        asked.append((name, number, tuple(names)))
+        about = {"sticky": number % 2 == 1, "group": number, "features": [0.0], "trace": np.zeros((2, LENGTH)).tolist()}
+        return {**about, "said": dict.fromkeys(names, number % 2)}
+
+    monkeypatch.setattr(transfer, "asked", answer)
+    homes = kept(tmp_path / "kept", 6, 2, tmp_path / "no real records")
+    dear = tuple(slow(methods()))
+    assert sum(names == dear for *_, names in asked) == 2 * len(homes)
+    chapter = homes["chapter"]
+    assert np.isnan(chapter.costs["likelihood"]).sum() == 4
+    assert not np.isnan(chapter.costs["he"]).any()
+    assert chapter.mean(["likelihood", "he"]).tolist() == [0.0, 0.0]
+    asked.clear()
+    kept(tmp_path / "kept", 6, 2, tmp_path / "no real records")
+    assert not asked

@@ -22,9 +22,9 @@ from simbench.loop.simulate import simulate
 _ASKED_AGAIN = 200  # records of a run
 
 
-def check_and_ask_again(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
+def check_and_ask_again(folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False) -> Check:
     """Compare a run with a baseline as `check_run` does, and ask its methods once more about a share of its records."""
-    check = check_run(folder, against, margin)
+    check = check_run(folder, against, margin, exact)
     return replace(check, problems=(*check.problems, *differing(folder)))
 
 

@@ -21,7 +21,6 @@ class Failures:
     scenarios: int  # how many could not be simulated
     # on how many of the others each method raised; those that never did are left out
     methods: dict[str, int] = field(default_factory=dict)
-    plugins: tuple[str, ...] = ()  # methods that came from the user's files
     # error texts of scenarios ("simulation: ...") and methods ("ID: ..."), most frequent first
     reasons: dict[str, int] = field(default_factory=dict)
 
@@ -35,10 +34,9 @@ class Failures:
         return f"{'; '.join(said)} (most often: {first})" if said else ""
 
     def above(self, share: float) -> bool:
-        """Return whether more than a share of the scenarios, or of the records of one built-in method, failed."""
+        """Return whether more than a share of the scenarios, or of the records of one method, failed."""
         judged = max(self.of - self.scenarios, 1)
-        own = [n / judged for m, n in self.methods.items() if m not in self.plugins]
-        return max([self.scenarios / max(self.of, 1), *own]) > share
+        return max([self.scenarios / max(self.of, 1), *(n / judged for n in self.methods.values())]) > share
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON types."""
@@ -54,4 +52,4 @@ def read_failures(folder: str | Path) -> Failures:
     rows = [(m, e) for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True) if s not in lost]
     reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
     methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
-    return Failures(of, len(lost), dict(methods), tuple(manifest.get("plugins", {})), dict(reasons.most_common(20)))
+    return Failures(of, len(lost), dict(methods), dict(reasons.most_common(20)))

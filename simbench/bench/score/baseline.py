@@ -10,7 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.score.history import remember
-from simbench.bench.score.scoring import FRONT, score_run
+from simbench.bench.score.names import FRONT, NOT_OSCILLATING
+from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import RunArrays, read_table
@@ -26,8 +27,8 @@ _KEPT = (
     "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "benchmark",
 )  # fmt: skip
 _BASELINE_COLUMNS = (
-    "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
-    "found", "false_alarms", "accuracy_all", "auc", "found_at_5", "cost", "risk_coverage", "rank", "errors",
+    "method", "truth", "process", "population", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided",
+    "no_decision", "found", "false_alarms", "accuracy_all", "auc", "found_at_5", "cost", "risk_coverage", "rank", "errors",
 )  # fmt: skip
 
 
@@ -60,7 +61,8 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    write_table(table.loc[table["mode"] == FRONT, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
+    shown = (table["mode"] == FRONT) & (table["population"] != NOT_OSCILLATING)
+    write_table(table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 
 

@@ -39,7 +39,7 @@ _COUNTED = {
 }
 
 
-def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
+def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False) -> Check:
     """Compare a run with a baseline.
 
     Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for the
@@ -48,14 +48,15 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided two-sample tests of
     a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the very same records,
     where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count. Where a drop that
-    matters (`_REACH`) would not have been found, the check cannot tell, and fails.
+    matters (`_REACH`) would not have been found, the check cannot tell, and fails. With `exact`, every changed verdict of a
+    built-in method fails as well, and so do records that are not the baseline's, on which nobody could tell.
     """
     now, before = read_book(folder), read_book(against)
     refuse_other_benchmark(now.manifest, before.manifest)
-    return replace(compare_books(now, before, margin), home=str(against))
+    return replace(compare_books(now, before, margin, exact), home=str(against))
 
 
-def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> Check:
+def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN, exact: bool = False) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
     grids, cells = ([b.manifest.get(key) for b in (now, before)] for key in ("grid", "cells_hash"))
     if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
@@ -92,6 +93,8 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> 
     unseen = (*_unseen(tests, basis), *untold)
     said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be found in 8 of 10 such runs"
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
+    if exact:
+        problems += _changed(now, pairs, every)
     return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
 
 
@@ -128,6 +131,19 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
         if raised and (pairs.now.size or not was.any()):
             found.append(f"method {method} raised an error on {raised} scenarios where it had none")
     return found
+
+
+def _changed(now: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]:
+    """Return what an exact comparison does not let pass: changed verdicts of built-in methods, and other records."""
+    differ = int((~pairs.same).sum())
+    if not pairs.now.size:
+        yield "exact: the run has no record of the baseline"
+    elif differ:
+        yield f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts cannot be compared there"
+    strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
+    built_in = flips[~flips["method"].isin(strangers)] if len(flips) else flips
+    for method, rows in built_in.groupby("method", sort=False) if len(built_in) else ():
+        yield f"exact: {len(rows)} of {pairs.now.size} verdicts of {method} changed"
 
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:

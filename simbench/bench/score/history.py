@@ -58,7 +58,8 @@ def read_history(baseline: str | Path) -> History:
 
 def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> None:
     """Add a baseline's scores to its history; the same records and the same scores are not written twice."""
-    rows = table[(table["truth"] == "cycled") & table["front_end"] & (table["process"] == "all")]
+    everything = (table["process"] == "all") & (table["population"] == "all")
+    rows = table[(table["truth"] == "cycled") & table["front_end"] & everything]
     rows = rows[rows["role"] != "yardstick"]
     file = baseline / _HISTORY_FILE
     old = read_history(baseline).table if file.is_file() else pd.DataFrame(columns=list(_HISTORY_COLUMNS))

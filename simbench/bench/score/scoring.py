@@ -1,20 +1,37 @@
-"""Score a run: every detector where it applies, by truth, front end and process type, and by axis; yardsticks beside it."""
+"""Score a run: every detector where it applies, by truth, oscillation detection, process and population, and by axis."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.resources import files
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from detectors.verdict import NO_STICTION, STICTION
-from scenarios.grid import grid_names, load_grid
+from scenarios.grid import grid_names
+from scenarios.spec import read_toml
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.names import (
+    ALL,
+    FRONT,
+    NO_WAVEFORM,
+    NOT_OSCILLATING,
+    OSCILLATING,
+    RAW,
+    ROLE_YARDSTICK,
+    UNDECIDED,
+    kind_of,
+)
 from simbench.bench.score.quantification import quantification
-from simbench.bench.score.ranks import Ranks, rank_methods
-from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
+from simbench.bench.score.ranks import RANKED_LOOPS, Ranks, rank_methods
+from simbench.bench.score.result import Scores
+from simbench.bench.score.stability import Stability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import AXES
@@ -44,35 +61,51 @@ class _Answers(NamedTuple):
     home: str = "no"
 
 
-def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
+def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:
     """Score a finished run."""
-    return score_book(RunArrays.read(folder), raw, undecided)
+    return score_book(RunArrays.read(folder), raw, undecided, allow_failed)
 
 
-def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
-    """Score a run that is in memory; see `score_run`."""
-    rows, by_axis, standing, left_out = [], [], {}, []
-    told = blind_answers(book)
+def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:
+    """Score a run that is in memory; see `score_run`.
+
+    A method that raised an error on more than `allow_failed` of its records has no rank.
+    """
+    rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
+    standing, stable = {}, {}
+    blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
+    populations = {ALL: np.ones(book.ids.size, dtype=bool), OSCILLATING: book.oscillating, NOT_OSCILLATING: ~book.oscillating}
     for mode in (FRONT, RAW):
         # the order of the scores is all that counts, and found once
-        everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), told)]
+        everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)]
         left_out += _left_out(book, mode, everyone)
         for truth in TRUTHS:
-            for process, name in _PROCESSES.items():
-                here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
-                place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
-                block = _block(book, truth, here, place, told)
-                found = [_row(block, a, undecided) for a in everyone]
-                standing[truth, mode, process] = _rank(block, everyone, found, undecided)
+            for (process, name), (population, members) in product(_PROCESSES.items(), populations.items()):
+                here = members if name is None else members & (book.axes["process"] == name)
+                place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process, "population": population}
+                block = _block(book, truth, here, place, blind)
+                # where nothing oscillates no score tells loops apart
+                found = [_row(block, a, undecided, interval=population != NOT_OSCILLATING) for a in everyone]
+                standing[truth, mode, process, population], ranked = _rank(block, everyone, found, undecided, failing)
                 rows += found
+                if (mode, process, population) == (first, ALL, OSCILLATING):
+                    stable[truth] = _stability(block, ranked, undecided, book)
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
                 place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
-                block = _block(book, "cycled", chosen, place, told)
+                block = _block(book, "cycled", chosen, place, blind)
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    beside = _disagreement(book), _frame(left_out, {}), quantification(book)
-    return Scores(*frames, *beside, standing, book.manifest, RAW if raw else FRONT, undecided)
+    other = _disagreement(book), _frame(left_out, {}), quantification(book)
+    counts = {"scenarios": int(book.ids.size), OSCILLATING: int(book.oscillating.sum())}
+    return Scores(*frames, *other, standing, book.manifest, counts, stable, failing, first, undecided)
+
+
+def _failing(book: RunArrays, allowed: float) -> dict[str, int]:
+    """Return on how many simulated records each method raised an error that raised more than is allowed."""
+    simulated = book.hashes != b""
+    counts = (book.failed & simulated).sum(axis=1)
+    return {m: int(k) for m, k in zip(book.methods, counts, strict=True) if k > allowed * simulated.sum()}
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
@@ -102,20 +135,38 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
 def home_of(method: str, book: RunArrays) -> str:
     """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
     known = [name for name in book.manifest["methods"][method].get("fitted_on", ()) if name in grid_names()]
-    blocks = {block.name for name in known for block in load_grid(name).content.block}
     if book.manifest["grid"] in known:
         return "fitted here"
-    return "siblings" if blocks & set(book.axes["block"]) else "no"
+    return "siblings" if any(_blocks(name) & set(book.axes["block"]) for name in known) else "no"
 
 
-def blind_answers(book: RunArrays) -> _Answers:
-    """Return what a classifier says that knows sampling, length, noise and process of an oscillating loop, and no signal."""
+@cache
+def _blocks(grid: str) -> frozenset[str]:
+    # as the file names them: building a grid only to ask for names takes longer than the scoring
+    table = read_toml(Path(str(files("scenarios") / "grids" / f"{grid}.toml")))
+    return frozenset(block["name"] for block in table.get("block", ()))
+
+
+_classified: WeakKeyDictionary[RunArrays, _Answers] = WeakKeyDictionary()
+
+
+def no_waveform_answers(book: RunArrays) -> _Answers:
+    """Return what a classifier answers of an oscillating loop from everything but its waveform, learned on other groups.
+
+    It is trained once for a run in memory.
+    """
+    if book not in _classified:
+        _classified[book] = _without_waveform(book)
+    return _classified[book]
+
+
+def _without_waveform(book: RunArrays) -> _Answers:
     known = book.oscillating & (book.truth["cycled"] >= 0)
-    chance = np.full(book.ids.size, -np.inf)  # behind the front end, as all others
+    chance = np.full(book.ids.size, -np.inf)  # after the oscillation detection, as all others
     chance[book.oscillating] = 0.5
     chance[known] = out_of_fold(book.design[known], book.truth["cycled"][known] == 1, book.groups[known])
     said, nothing = (chance > 0.5).astype(np.int8), np.zeros(book.ids.size)
-    return _Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
+    return _Answers(NO_WAVEFORM, ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -132,7 +183,7 @@ def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 class _Block(NamedTuple):
     """The loops of one row: how many, which have the truth asked for; of these which are positive, in what group and fold.
 
-    `oscillating` and `blind` are what the front end and the blind classifier say of these.
+    `blind` is what the classifier that knows no waveform says of these.
     """
 
     place: dict[str, Any]
@@ -141,21 +192,20 @@ class _Block(NamedTuple):
     positive: np.ndarray
     groups: np.ndarray
     folds: np.ndarray
-    oscillating: np.ndarray
     blind: np.ndarray
 
 
 def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
     positive, groups = book.truth[truth][use] == 1, book.groups[use]
-    return _Block(place, int(chosen.sum()), use, positive, groups, folds_of(groups), book.oscillating[use], blind.said[use])
+    return _Block(place, int(chosen.sum()), use, positive, groups, folds_of(groups), blind.said[use])
 
 
 def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict[str, Any]:
     use, applies, positive = block.use, a.applies[block.use], block.positive
-    here, groups, folds, going, blind = use, block.groups, block.folds, block.oscillating, block.blind
+    here, groups, folds, blind = use, block.groups, block.folds, block.blind
     if not applies.all():
-        here, positive, groups, folds, going, blind = (x[applies] for x in (use, positive, groups, folds, going, blind))
+        here, positive, groups, folds, blind = (x[applies] for x in (use, positive, groups, folds, blind))
     said = a.said[here]
     n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
@@ -173,10 +223,8 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
     row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - earned, groups)
     score = a.score[here]
     if interval:
-        row["oscillating"] = int(going.sum())
-        over = _earned(blind, positive, cost) - earned
-        for name, values, least in (("cost_oscillating", 1.0 - earned, 0.0), ("cost_over_blind", over, -1.0)):
-            row[name], row[f"{name}_lo"], row[f"{name}_hi"] = _mean_of_groups(values[going], groups[going], least)
+        over = _mean_of_groups(_earned(blind, positive, cost) - earned, groups, -1.0)
+        row["cost_over_no_waveform"], row["cost_over_no_waveform_lo"], row["cost_over_no_waveform_hi"] = over
         ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
         row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
         ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
@@ -227,20 +275,35 @@ def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict
     return rows
 
 
-def _rank(block: _Block, everyone: list[_Answers], rows: list[dict[str, Any]], cost: float) -> Ranks:
-    """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
-    use, standing = block.use, []
+def _rank(
+    block: _Block, everyone: list[_Answers], rows: list[dict[str, Any]], cost: float, failing: dict[str, int]
+) -> tuple[Ranks, list[_Answers]]:
+    """Write a rank into each row of a block, and return what it can resolve with the methods ranked together.
+
+    Methods with MV are ranked among themselves. No rank have reference rows, methods made for a part of the loops, methods that
+    failed too often, and anyone where too few loops have a label.
+    """
+    use, standing, enough = block.use, [], block.use.size >= RANKED_LOOPS
     for row in rows:
         row["rank"] = None
     for kind in (0, 1):
-        mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
+        mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind and a.method not in failing]
         # a rank compares methods on the same loops
-        members = [k for k in mine if rows[k]["applicable"] >= _COVERED * max(rows[k]["n"], 1)]
+        members = [k for k in mine if enough and rows[k]["applicable"] >= _COVERED * rows[k]["n"]]
         earned = [_earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use] for k in members]
-        standing.append(rank_methods(np.reshape(earned, (len(members), use.size)), block.groups))
-        for k, rank in zip(members, standing[-1].rank, strict=True):
+        ranks = rank_methods(np.reshape(earned, (len(members), use.size)), block.groups)
+        for k, rank in zip(members, ranks.rank, strict=True):
             rows[k]["rank"] = int(rank)
-    return standing[0] if standing[0].rank.size else standing[1]
+        standing.append((ranks, [everyone[k] for k in members]))
+    return standing[0] if standing[0][1] else standing[1]
+
+
+def _stability(block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays) -> Stability:
+    """Return how stable the order of the ranked methods is, with halves drawn from the run's seed."""
+    use = block.use
+    earned = {a.method: _earned(a.said[use], block.positive, cost) * a.applies[use] for a in ranked}
+    right = {a.method: a.said[use] == block.positive for a in ranked}
+    return stability(earned, right, block.groups, int(book.manifest.get("seed") or 0))
 
 
 def _disagreement(book: RunArrays) -> pd.DataFrame:

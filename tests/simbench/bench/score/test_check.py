@@ -349,3 +349,37 @@ def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):
     (base / "verdicts.parquet").write_bytes(content[:-40])
     with pytest.raises(RunError, match=r"damaged|not the table"):
         read_book(base)
+
+
+def test_exact_fails_on_one_changed_verdict_and_lists_it(base, with_answers):
+    said = base.verdict[0].copy()
+    said[7] = 1 - said[7]
+    now = with_answers(base, "m0", said, base.score[0])
+    assert not compare_books(now, base).failed
+    check = compare_books(now, base, exact=True)
+    assert check.failed
+    assert check.reasons == ["exact: 1 of 600 verdicts of m0 changed"]
+    assert base.ids[7].decode() in check.as_text()
+    assert compare_books(base, base, exact=True).answer == "passed"
+
+
+def test_exact_lists_twenty_changes_and_counts_all(base, with_answers):
+    said = np.where(np.arange(N) < 50, 2, base.verdict[1])
+    changed = int((said != base.verdict[1]).sum())
+    check = compare_books(with_answers(base, "m1", said), base, exact=True)
+    text = check.as_text()
+    assert f"{changed} verdicts changed, the first 20:" in text
+    assert sum(f"{k:016d}" in text[: text.index("simulate one")] for k in range(N)) == 20
+    assert len(check.as_json()["flips"]) == changed
+
+
+def test_exact_asks_for_the_same_records_and_lets_plug_ins_change(base, with_answers):
+    other = replace(base, hashes=np.where(np.arange(N) < 3, b"other", base.hashes).astype("S16"))
+    assert "exact: 3 of 600 records differ" in compare_books(other, base, exact=True).reasons[0]
+    elsewhere = replace(base, hashes=np.char.add(b"x", base.hashes).astype("S16"), manifest={**base.manifest, "grid_hash": "h"})
+    assert "exact: the run has no record of the baseline" in compare_books(elsewhere, base, exact=True).reasons
+    said = base.verdict[0].copy()
+    said[7] = 1 - said[7]
+    run = with_answers(base, "m0", said, base.score[0])
+    stranger = replace(run, manifest={**run.manifest, "plugins": {"m0": "digest"}})
+    assert compare_books(stranger, base, exact=True).answer == "passed"

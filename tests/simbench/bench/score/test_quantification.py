@@ -59,7 +59,7 @@ def test_healthy_loops_and_methods_without_s_have_no_row(sized, book):
     healthy = replace(sized(*held(0.9)), friction=np.zeros((N, 2)))
     assert quantification(healthy).empty
     assert quantification(book(np.ones(5), np.ones(5))).empty
-    assert "no method gives S or J" in score_book(healthy).as_text()
+    assert "no method gives S or J" in score_book(healthy).as_text(full=True)
 
 
 def test_the_gate_passes_what_did_not_change(sized):
@@ -114,7 +114,7 @@ def test_a_run_is_scored_printed_drawn_and_kept_as_baseline(finished, tmp_path):
     assert own["median_error"] < 0.3
     assert own["coverage"] > 0.6
     assert rows["kano_a", "choudhury", "S"]["coverage"] is None
-    assert "S and J of sticky loops" in score_run(finished).as_text()
+    assert "S and J of sticky loops" in score_run(finished).as_text(full=True)
     (drawn,) = make_figures(["quantification"], tmp_path / "figure", run=finished)
     assert len(drawn.files) == 3
     assert set(data(finished).method) == {"hammerstein", "kano_a"}

@@ -1,0 +1,55 @@
+"""How stable a ranking is: how often the winner wins on half of the loops, and which neighbours an exact test separates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from simbench.bench.statistics import holm, mcnemar
+
+HALVES = 50
+_LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Stability:
+    """How far the order of some methods depends on the loops that were drawn."""
+
+    winner: str | None = None  # the method of lowest cost; None where no two methods are ranked
+    wins: int = 0  # of `HALVES` random halves of the groups: in how many no other method costs less
+    # first, second (adjacent in the ranking), only_first, only_second (loops that only one got right), p (exact McNemar test
+    # with Holm's correction), separated
+    pairs: tuple[dict[str, Any], ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """Return JSON types."""
+        return {"winner": self.winner, "wins": self.wins, "halves": HALVES, "pairs": list(self.pairs)}
+
+
+def stability(earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], groups: np.ndarray, seed: int) -> Stability:
+    """Rank methods on random halves of the groups, and test neighbours of the whole ranking.
+
+    `earned`: 1 less the cost of every answer; `right`: whether it was right; both (n,) by method. McNemar (1947), Holm (1979).
+    """
+    order = sorted(earned, key=lambda method: -float(earned[method].mean()))
+    if len(order) < 2:
+        return Stability()
+    _, place = np.unique(groups, return_inverse=True)
+    sums = np.array([np.bincount(place, earned[method]) for method in order])
+    rng, wins = np.random.default_rng(seed), 0
+    for _ in range(HALVES):
+        half = rng.permutation(sums.shape[1])[: max(sums.shape[1] // 2, 1)]
+        total = sums[:, half].sum(axis=1)
+        wins += bool(total[0] >= total.max() - 1e-9)  # sums of the same loops: equal but for rounding
+    rows = []
+    for first, second in pairwise(order):
+        one, other = right[first], right[second]
+        rows.append((first, second, int((one & ~other).sum()), int((~one & other).sum())))
+    p = holm([mcnemar(a, b) for *_, a, b in rows])
+    names = ("first", "second", "only_first", "only_second")
+    pairs = ({**dict(zip(names, row, strict=True)), "p": float(q), "separated": bool(q < _LEVEL)} for row, q in zip(rows, p))
+    return Stability(order[0], wins, tuple(pairs))

@@ -1,0 +1,307 @@
+"""Text tables of a run's scores: the ranking on oscillating loops, and every other table on request.
+
+`scores` is a `simbench.bench.score.result.Scores`, which prints itself by these functions.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from detectors.report.report import columns
+from simbench.bench.score.names import (
+    ALL,
+    FRONT,
+    HOME_MARKS,
+    LEAST,
+    NO_WAVEFORM,
+    NOT_OSCILLATING,
+    OSCILLATING,
+    RAW,
+    ROLE_YARDSTICK,
+    benchmark_text,
+)
+from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
+from simbench.bench.score.stability import HALVES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LINES, WIDTH = 40, 100  # of the default output
+_BESIDES = 3  # lines that a command prints around the table: what failed, a blank line, the run's folder
+_PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
+HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
+_KINDS = (
+    "",
+    "-- with MV, ranked among themselves",
+    "-- reference rows, not ranked",
+    "-- nonlinearity tests, not ranked",
+)
+_TRUTHS = {
+    "cycled": "the loop cycles by itself",
+    "predicted": "Table 11.3 predicts a limit cycle",
+    "sticky": "the valve has friction",
+}
+_DETECTION = {FRONT: "with the common oscillation detection", RAW: "without the common oscillation detection"}
+_LEGEND = (
+    "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this grid, + on a related grid. "
+    "no_waveform: a classifier that knows everything but the waveform."
+)
+
+
+def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
+    """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and three sentences."""
+    title, rows = _title(scores), scores.ranking(truth)
+    tail = [*_wrapped(_LEGEND.format(undecided=scores.undecided)), "", *_sentences(scores, truth, where)]
+    if rows.empty:
+        return [*title, "", *_sentences(scores, truth, where)]
+    first = rows.iloc[0]
+    title += _wrapped(
+        f"{first.n} of them have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]} "
+        f"(truth {truth!r}). The table is on these {first.n}."
+    )
+    room = LINES - _BESIDES - len(title) - len(tail) - 3
+    return [*title, "", *_ranking(rows, scores, room), "", *tail]
+
+
+def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
+    """Return every table of a run."""
+    lines = headline(scores, truth)
+    for process in ("self-regulating", "integrating"):
+        rows = scores.ranking(truth, process=process)
+        if len(rows):
+            title = f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
+            lines += ["", title, *(_ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])]
+            lines.append(_resolution(scores, truth, process))
+    lines += ["", *_still(scores, truth), "", *_neighbours(scores, truth), "", *_over_no_waveform(scores, truth)]
+    for mode in (scores.first, RAW if scores.first == FRONT else FRONT):
+        lines += ["", *_details(scores, truth, mode)]
+    lines += ["", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
+    lines += ["", "labels that disagree", *_plain(scores.disagreement)]
+    return [*lines, *(["", *_wrapped(where)] if where else [])]
+
+
+def _title(scores: Any) -> list[str]:
+    m, counts = scores.manifest, scores.counts
+    about = f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed {m.get('seed')}{benchmark_text(m)}"
+    lines = _wrapped(about)
+    words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
+    said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
+    return [*lines, *_wrapped(f"{counts[OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
+
+
+def _sentences(scores: Any, truth: str, where: str) -> list[str]:
+    """Return which differences are resolved, how often the winner wins, and where the report is."""
+    standing, stable = scores.standing[truth, scores.first, ALL, OSCILLATING], scores.stability[truth]
+    rows = scores.ranking(truth)
+    said = [f"Not ranked, too many errors: {m} failed on {k} records." for m, k in scores.failing.items()]
+    if math.isnan(standing.resolution):
+        said.append(f"There is no ranking: {_why_not(scores, rows)}.")
+    elif stable.winner is None:
+        said.append("There is no ranking: one method alone covers these loops.")
+    else:
+        apart = sum(pair["separated"] for pair in stable.pairs)
+        said.append(
+            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank; an exact test separates "
+            f"{apart} of {len(stable.pairs)} adjacent pairs (McNemar, Holm)."
+        )
+        said.append(f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the loops.")
+    return [line for sentence in (*said, where) for line in _wrapped(sentence)]
+
+
+def _why_not(scores: Any, rows: pd.DataFrame) -> str:
+    n = 0 if rows.empty else int(rows.iloc[0].n)
+    if n < RANKED_LOOPS:
+        return f"{n} oscillating loops have a clear label, and {RANKED_LOOPS} are needed"
+    judged = rows[(rows.kind < 2) & ~rows.method.isin(list(scores.failing))]
+    if judged.empty:
+        return "no method that could be ranked judged these loops"
+    most = judged.loc[judged.applicable.idxmax()]
+    return f"no method covers 95 % of the {n} loops; {most.method} covers {most.applicable}"
+
+
+def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
+    """Return a ranking, within so many lines below its head; what reference rows cannot spare the last methods do."""
+    body: list[tuple[str, Any]] = []
+    before = (0, False, None)
+    for r in rows.itertuples():
+        n = r.applicable if r.applicable < r.n else None
+        group = (r.kind, r.partial, n if r.partial else None)
+        if group != before and (group[0] or r.partial):
+            body.append(("title", _group(r, scores)))
+        body.append(("always" if r.method.startswith("always ") else "fixed" if r.kind == 2 else "row", r))
+        before = group
+    if len(body) > room:
+        body = [(kind, r) for kind, r in body if kind != "always"]
+    spare = [k for k, (kind, _) in enumerate(body) if kind == "row"][::-1][: max(len(body) + 1 - room, 0)]
+    dropped = set(spare) if len(body) > room else set()
+    lines = _cells([r for k, (kind, r) in enumerate(body) if kind != "title" and k not in dropped])
+    out, cells = [lines[0]], iter(lines[1:])
+    for k, (kind, r) in enumerate(body):
+        if k not in dropped:
+            out.append(r if kind == "title" else next(cells))
+    return [*out, *([f"... and {len(dropped)} more methods: --full"] if dropped else [])]
+
+
+def _group(r: Any, scores: Any) -> str:
+    if not r.partial:
+        return _KINDS[r.kind]
+    if r.method in scores.failing:
+        return "-- failed on more records than allowed, not ranked"
+    covered = "" if r.applicable == r.n else f"made for {r.applicable} of these loops, "
+    return f"-- {'with MV, ' * (r.kind == 1)}{covered}not ranked"
+
+
+def _cells(rows: Sequence[Any]) -> list[str]:
+    """Return a head and one line a row; of too wide a table the intervals of all but the cost are left out."""
+    for shown in (_interval, lambda value, lo, hi, few: _rate(value, few)):
+        lines = [HEAD]
+        for r in rows:
+            few, rank = r.applicable < LEAST, r.rank is None or math.isnan(r.rank)
+            lines.append(
+                (
+                    ("" if r.kind > 1 else "-") if rank else f"{r.rank:.0f}",
+                    r.method + HOME_MARKS[r.home],
+                    _interval(r.cost, r.cost_lo, r.cost_hi, few),
+                    shown(r.accuracy_applicable, r.accuracy_applicable_lo, r.accuracy_applicable_hi, few),
+                    _rate(r.found, few),
+                    _rate(r.false_alarms, few),
+                    shown(r.no_decision, r.no_decision_lo, r.no_decision_hi, few),
+                )
+            )
+        text = columns(lines)
+        if max(map(len, text)) <= WIDTH:
+            break
+    return text
+
+
+def _resolution(scores: Any, truth: str, process: str) -> str:
+    standing = scores.standing[truth, scores.first, process, OSCILLATING]
+    if math.isnan(standing.resolution):
+        return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
+    more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
+    return f"Methods closer than {_rate(standing.resolution)} share a rank; 9 of 10 runs would resolve {more}."
+
+
+def _still(scores: Any, truth: str) -> list[str]:
+    """Return the second table: false alarms and no decision on loops that do not oscillate."""
+    rows, raw = (scores.ranking(truth, mode, population=NOT_OSCILLATING) for mode in (FRONT, RAW))
+    if rows.empty or rows.iloc[0].n < LEAST:
+        return [f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few for a table"]
+    first, without = rows.iloc[0], raw.set_index("method")
+    lines = [("method", "n", "false positives", "no decision", "without detection: false positives", "no decision")]
+    for r in rows[rows.role != ROLE_YARDSTICK].itertuples():
+        few, other = r.applicable < LEAST, without.loc[r.method]
+        rates = (r.false_alarms, r.no_decision, other.false_alarms, other.no_decision)
+        lines.append((r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates)))
+    title = f"loops that do not oscillate ({first.n}, {first.positives} positive), {_DETECTION[FRONT]} and without"
+    return [title, *columns(lines)]
+
+
+def _neighbours(scores: Any, truth: str) -> list[str]:
+    lines = [("adjacent pair", "", "only first right", "only second right", "p", "separated")]
+    for pair in scores.stability[truth].pairs:
+        counts = (str(pair["only_first"]), str(pair["only_second"]))
+        lines.append((pair["first"], pair["second"], *counts, f"{pair['p']:.2g}", "yes" if pair["separated"] else "no"))
+    title = "adjacent methods on oscillating loops: loops that only one of them judged right (exact McNemar test, Holm)"
+    return [title, *columns(lines)] if len(lines) > 1 else ["no two methods are ranked"]
+
+
+def _over_no_waveform(scores: Any, truth: str) -> list[str]:
+    rows = scores.ranking(truth)
+    rows = rows[(rows.kind < 2) & (rows.applicable >= LEAST)]
+    lines = [("method", "n", "cost over no_waveform", "95 %", "less than no_waveform")]
+    for r in rows.itertuples():
+        lo, hi = r.cost_over_no_waveform_lo, r.cost_over_no_waveform_hi
+        answer = "yes" if hi < 0 else "no" if lo > 0 else "cannot tell"
+        cells = (str(r.applicable), f"{r.cost_over_no_waveform:+.2f}", f"{lo:+.2f} to {hi:+.2f}", answer)
+        lines.append((r.method + HOME_MARKS[r.home], *cells))
+    title = f"cost less that of {NO_WAVEFORM} on the same oscillating loops"
+    return [title, *columns(lines)] if len(lines) > 1 else ["too few loops oscillate for a comparison with no_waveform"]
+
+
+def _details(scores: Any, truth: str, mode: str) -> list[str]:
+    """Return what the headline leaves out, over all loops."""
+    rows = scores.ranking(truth, mode, population=ALL)
+    if rows.empty:
+        return [f"no loop has a clear label against {truth!r}"]
+    lines = [("rank", "method", "n", "cost", "accuracy", "no decision", "sens. at 5 %", "AUC", "risk", "of all")]
+    for r in rows.itertuples():
+        few, none = r.applicable < LEAST, r.rank is None or math.isnan(r.rank)
+        rates = (r.cost, r.accuracy_applicable, r.no_decision, r.found_at_5, r.auc, r.risk_coverage, r.accuracy_all)
+        rank = ("" if r.kind > 1 else "-") if none else f"{r.rank:.0f}"
+        lines.append((rank, r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates)))
+    first = rows.iloc[0]
+    title = f"all loops, truth {truth!r} ({first.n}, {first.positives} positive), {_DETECTION[mode]}"
+    legend = (
+        "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area under the risk-coverage "
+        "curve; of all: accuracy, not-applicable counted as wrong"
+    )
+    return [title, *columns(lines), *_wrapped(legend)]
+
+
+def _marked(scores: Any) -> dict[str, str]:
+    """Return the names of the methods that are scored, with their marks; of loops left out alone there are others."""
+    return {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
+
+
+def _left_out(scores: Any) -> list[str]:
+    rows, names = scores.left_out, _marked(scores)
+    rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
+    lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
+    for r in rows.itertuples():
+        few = r.n < LEAST
+        yes = _interval(r.stiction, r.stiction_lo, r.stiction_hi, few)
+        shares = (yes, _rate(r.no_stiction, few), _rate(r.no_decision, few))
+        lines.append((names.get(r.method, r.method), r.of, str(r.n), *shares))
+    title = "not in any row above: answers on entrained and unclear loops, and on those a method does not apply to"
+    return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
+
+
+def _dead_band(scores: Any) -> list[str]:
+    rows = scores.by_axis
+    rows = rows[(rows.axis == "S_over_2J") & (rows["mode"] == scores.first) & (rows.value == "inf") & (rows.positives > 0)]
+    rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.applicable > 0)]
+    if rows.empty:
+        return ["no dead-band cell cycles here"]
+    found = ", ".join(f"{r.method}{HOME_MARKS[r.home]} {_rate(r.found)}" for r in rows.itertuples() if not math.isnan(r.found))
+    return _wrapped(f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}")
+
+
+def _quantified(scores: Any) -> list[str]:
+    """Return S and J side by side, one row for a method on a family of valves."""
+    t, names = scores.quantification, _marked(scores)
+    lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
+    for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
+        method, family = tuple(key)  # type: ignore[arg-type]
+        found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
+        lines.append((names.get(method, method), family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+    if len(lines) == 1:
+        return [f"no method gives S or J of {LEAST} sticky loops of a family"]
+    text = (
+        "S and J of sticky loops by family of valves: median error and width in shares of the valve's S; held: share of the "
+        "intervals that hold the truth, nominally nine in ten; - where a method states no level."
+    )
+    return [*_wrapped(text), *columns(lines)]
+
+
+def _rate(x: float, few: bool = False) -> str:
+    return "-" if few or math.isnan(x) else f"{x:.2f}".replace("0.", ".", 1) if x < 0.995 else f"{x:.2f}"
+
+
+def _interval(value: float, lo: float, hi: float, few: bool = False) -> str:
+    return "-" if few or math.isnan(value) else f"{_rate(value)} {_rate(lo)}-{_rate(hi)}"
+
+
+def _short(x: float) -> str:
+    return "-" if math.isnan(x) else f"{x:.3f}"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH)
+
+
+def _plain(frame: pd.DataFrame) -> list[str]:
+    return columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
