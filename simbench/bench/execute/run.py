@@ -104,7 +104,7 @@ def run_grid(
                 "overrides": plan.overrides,
                 "seed": plan.content.seed,
                 "scenarios": len(plan),
-                "methods": {n: _about(n) for n in names},
+                "methods": {n: about_method(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
                 "plugins": _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
                 | {f"own {name}": _source_digest(detector) for name, detector in callers.items()},
@@ -290,7 +290,8 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
     return len(names) - slow, slow
 
 
-def _about(name: str) -> dict[str, Any]:
+def about_method(name: str) -> dict[str, Any]:
+    """Return what a run's manifest keeps of a method."""
     if name == ORACLE:
         return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": [], "stated": []}
     method = registry.load(name).METHOD
