@@ -60,7 +60,8 @@ def run(
         float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="Of scenarios, or of a built-in method's records.")
     ] = 0.0,
     large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
-    sealed: Annotated[bool, typer.Option("--sealed", help="Draw the seeds now, write them when the run ends.")] = False,
+    fresh_seeds: Annotated[bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")] = False,
+    sealed: Annotated[bool, typer.Option("--sealed", hidden=True)] = False,  # the former name of --fresh-seeds
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
@@ -80,7 +81,7 @@ def run(
             axes=axes, thresholds=threshold_file(thresholds), large=large, time_limit=time_limit,
             valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [], plant_plugins=plant_plugin or [],
             controller_plugins=controller_plugin or [],
-            sealed=sealed,
+            fresh_seeds=fresh_seeds or sealed,
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)

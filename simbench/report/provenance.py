@@ -39,6 +39,7 @@ def section(run: RunData) -> Markup:
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
+    words += ["--set", f"seed={manifest['seed']}"]
     overrides = manifest.get("overrides") or {}
     words += [w for k, v in (overrides.get("sets") or {}).items() for w in ("--set", f"{k}={v}")]
     words += [w for k, v in (overrides.get("axes") or {}).items() for w in ("--axis", f"{k}={','.join(map(str, v))}")]
