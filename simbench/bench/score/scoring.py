@@ -53,7 +53,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED)
     """Score a run that is in memory; see `score_run`."""
     rows, by_axis, standing, left_out = [], [], {}, []
     told = blind_answers(book)
-    for mode in (FRONT, RAW):
+    # answers to an exam are scored as given
+    for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
         # the order of the scores is all that counts, and found once
         everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), told)]
         left_out += _left_out(book, mode, everyone)
