@@ -75,7 +75,11 @@ def ask_in_processes(
     """Yield the name of each question with what `ask` returns, in the order in which answers come.
 
     The processes are fresh and inherit nothing of this one, which may know more; each first calls `begin` with what is given.
+    Without `begin`, one job is done in this process.
     """
+    if jobs == 1 and begin is None:
+        yield from ((name, ask(*question)) for name, question in questions.items())
+        return
     workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(begin, given))

@@ -53,29 +53,33 @@ def answer_exam(
     with registry.hosted(files) as added:
         names = choose_methods(asked)
         names += [name for name in added if name not in names]
-    settings = {
-        "commitment": exam.about["commitment"],
-        "methods": names,
-        "plugins": {Path(file).name: file_digest(Path(file)) for file in files},
-        "code": code_hash(),
-    }
-    parts = out.with_name(f"{out.name}.partial")
-    if not resume and (out.exists() or parts.exists()):
-        there = out if out.exists() else parts
-        raise ParameterError(f"exam: {there} exists already; continue it with --resume, or choose another file")
-    if out.exists():
-        there = read_answers([out], exam.records)
-        if set(there) != set(names) or any(len(of) < len(exam.records) for of in there.values()):
-            raise ParameterError(f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file")
-        return 0
-    _refuse_other_settings(make_folder(parts) / _SETTINGS, settings)
+        settings = {
+            "commitment": exam.about["commitment"],
+            "methods": names,
+            "plugins": {Path(file).name: file_digest(Path(file)) for file in files},
+            "code": code_hash(),
+        }
+        parts = out.with_name(f"{out.name}.partial")
+        if not resume and (out.exists() or parts.exists()):
+            there = out if out.exists() else parts
+            raise ParameterError(f"exam: {there} exists already; continue it with --resume, or choose another file")
+        if out.exists():
+            _refuse_other_answers(out, names, exam.records)
+            return 0
+        _refuse_other_settings(make_folder(parts) / _SETTINGS, settings)
+        return _ask(exam.records, names, files, out, parts, jobs)
+
+
+def _ask(
+    records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str], out: Path, parts: Path, jobs: int
+) -> int:
+    """Ask for the pieces that do not lie in `parts` yet, and join all of them."""
     remove_stale_temporaries(parts)
-    ids = list(exam.records)
-    cuts = range(0, len(ids), _PIECE)
-    pieces = {f"{i:06d}.csv": {name: exam.records[name] for name in ids[i : i + _PIECE]} for i in cuts}
-    todo = {name: (some, names, files) for name, some in pieces.items() if not (parts / name).exists()}
+    ids = list(records)
+    pieces = {f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]} for i in range(0, len(ids), _PIECE)}
+    todo = {name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()}
     left, failed = sum(len(some) for some, *_ in todo.values()), Counter()
-    with tqdm(total=len(exam.records), initial=len(exam.records) - left, desc="answered", delay=1.0, disable=None) as bar:
+    with tqdm(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0, disable=None) as bar:
         for name, (text, errors) in ask_in_processes(_answers, todo, jobs):
             with whole_file(parts / name) as f:
                 f.write(text)
@@ -88,6 +92,13 @@ def answer_exam(
     for method, count in failed.items():
         print(f"method {method} failed on {count} of {left} records, which are answered no_decision", file=sys.stderr)
     return left
+
+
+def _refuse_other_answers(out: Path, names: Sequence[str], records: Mapping[str, LoopRecord]) -> None:
+    """Raise ParameterError unless a file holds every answer of these methods and no other."""
+    there = read_answers([out], records)
+    if set(there) != set(names) or any(len(of) < len(records) for of in there.values()):
+        raise ParameterError(f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file")
 
 
 def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:

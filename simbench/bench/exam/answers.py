@@ -46,9 +46,10 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
                 raise ParameterError(f"exam: {where}: the exam has no record {record[:80]!r}: {_near(record, records)}")
             if row["verdict"] not in VERDICTS:
                 raise ParameterError(f"exam: {where}: {row['verdict'][:80]!r} is no verdict; allowed: {', '.join(VERDICTS)}")
-            before = first.setdefault((method, record), where)
-            if before != where:
+            if (method, record) in first:
+                before = first[method, record]
                 raise ParameterError(f"exam: {where}: {method} answered record {record!r} before, in {before}; once is allowed")
+            first[method, record] = where
             score = _number(row["score"], where, "score") if row["score"] else math.nan
             S, J = (_level(row.get(name, ""), where, name) for name in OPTIONAL)
             said = Verdict(method, row["verdict"], score, S=S, J=J, reason="as answered")

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, naming
 from detectors.record import LoopRecord
 from simbench.files import whole_file
 
@@ -64,7 +64,8 @@ def read_exam(folder: str | Path) -> Exam:
     records, marks = {}, {}
     for name, known in loops.items():
         t, sp, op, pv = parts[name]
-        records[name] = record = LoopRecord(sp=sp, op=op, pv=pv, **known)
+        with naming(f"exam: {folder}, record {name!r}"):
+            records[name] = record = LoopRecord(sp=sp, op=op, pv=pv, **known)
         marks[name] = mark_of(record, t)
     return Exam(folder, about, records, marks)
 
@@ -109,11 +110,11 @@ def _loops(file: Path) -> dict[str, dict[str, Any]]:
 def _signals(file: Path) -> dict[str, np.ndarray]:
     """Return t, sp, op and pv of each record, shape (4, n)."""
     try:
-        table = pq.read_table(file, columns=["record", *_SIGNALS])
+        table = pq.read_table(pa.BufferReader(file.read_bytes()), columns=["record", *_SIGNALS])
         values = np.array([table.column(name).to_numpy().astype(float) for name in _SIGNALS])
         coded = table.column("record").combine_chunks().dictionary_encode()
     except OSError as error:
-        raise ParameterError(f"exam: {file} cannot be read: {error.strerror or str(error).splitlines()[0]}") from None
+        raise ParameterError(f"exam: {file} cannot be read: {error.strerror or 'it is damaged'}") from None
     except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
         said = str(error).splitlines()[0][:200]
         raise ParameterError(f"exam: {file} is damaged ({said}); record, {', '.join(_SIGNALS)} are needed") from None
@@ -136,7 +137,7 @@ def table_rows(file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = 
         raise ParameterError(f"exam: {file}, line {line}: this is no text in UTF-8, which is needed") from None
     lines = text.splitlines(keepends=True)
     if not lines or lines[-1] == lines[-1].rstrip("\r\n"):
-        raise ParameterError(f"exam: {file}, line {len(lines)}: the file ends within a line; the whole file is needed")
+        raise ParameterError(f"exam: {file}, line {len(lines) or 1}: the file ends within a line; the whole file is needed")
     reader, rows = csv.reader(lines, strict=True), []
     try:
         header = [cell.strip() for cell in next(reader)]

@@ -97,8 +97,9 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     found = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
         if place not in found or found[place][0] != exam.marks[ident]:
-            changed = f"record {ident!r} in {RECORDS} and {LOOPS} is not the one that its seed gives"
-            raise ParameterError(f"exam: {changed}; restore {exam.folder}, and open it with the simbench that made it")
+            changed = f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
+            cure = "restore it, or open it with the simbench and on the kind of machine that made it"
+            raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
     settings = {
         "grid": grid.name, "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "overrides": grid.overrides,
