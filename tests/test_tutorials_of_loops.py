@@ -1,6 +1,9 @@
 """The newcomer's pages run as they stand, with fewer loops."""
 
+import json
 import re
+import runpy
+import shlex
 from pathlib import Path
 
 import pandas as pd
@@ -8,6 +11,7 @@ import pytest
 
 import simbench as sb
 from scenarios.grid import load_grid
+from simbench.cli import main
 
 PAGES = Path(__file__).parents[1] / "docs" / "site" / "tutorials"
 CELL = re.compile(r"```\{code-cell\} ipython3\n(.*?)```", re.DOTALL)
@@ -61,3 +65,20 @@ def test_a_grid_is_built_step_by_step():
     blocks = next(cell for cell in steps if "blocks.toml" in cell and cell.startswith("%%writefile"))
     written(blocks)
     assert len(load_grid("blocks.toml")) == 16
+
+
+def test_a_program_without_simbench_answers_an_exam(capsys):
+    for cell in cells("other_language.md"):
+        if cell.startswith("%%writefile"):
+            written(cell)
+            assert "simbench" not in Path("squarer.py").read_text(encoding="utf-8")
+        elif cell.startswith("%%bash"):
+            for line in cell.splitlines()[1:]:
+                program, *words = shlex.split(line.partition(" > ")[0])
+                if program == "simbench":
+                    assert main(words) == 0, line
+                elif program == "python":
+                    runpy.run_path(words[0])
+            told = capsys.readouterr().out
+    assert {(r["method"], r["n"]) for r in json.loads(told)["rows"] if r["truth"] == "sticky"} >= {("squarer", 12), ("he", 12)}
+    assert len(pd.read_csv("labels.csv")) == 12

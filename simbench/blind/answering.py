@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ from detectors.errors import ParameterError
 from simbench.blind import outcomes
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries, whole_file
+from simbench.handout import ask_in_processes
 
 _Diagnose = Callable[..., dict[str, Any]]
 COST = "cost.csv"
@@ -77,15 +76,10 @@ def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[s
     todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
     cost = folder / COST
     costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
-    workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
-    context = multiprocessing.get_context("spawn")  # nothing of this process, which may know more, is inherited
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_blindfold, initargs=(str(folder),))
+    questions = {r.stem: (diagnose, str(r), tests.get(r.stem, [])) for r in todo}
     bar = tqdm(total=len(records), initial=len(records) - len(todo), desc="diagnosed", file=sys.stderr, delay=1.0)
-    with pool, bar:
-        jobs_of: dict[Future, str] = {pool.submit(_one, diagnose, str(r), tests.get(r.stem, [])): r.stem for r in todo}
-        for done in as_completed(jobs_of):
-            name = jobs_of[done]
-            found, cpu = done.result()
+    with bar:
+        for name, (found, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"
             _write(place / f"{name}.json", json.dumps(found, indent=1))
             _write(cost, costs)

@@ -22,7 +22,8 @@ from scenarios.spec import Loop
 from simbench.blind import outcomes, seal
 from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
-from simbench.files import folder, refuse_own_input, whole_file
+from simbench.files import folder, whole_file
+from simbench.handout import refuse_key_inside, refuse_unwritable_key
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
@@ -116,8 +117,7 @@ def make(
 ) -> str:
     """Write a withheld folder and, elsewhere, the key to its answers; `tests`: with what every test of the menu would show."""
     out, key = Path(out), Path(key)
-    if out.resolve() in key.resolve().parents:
-        raise ParameterError(f"withheld: the key {key} would lie inside {out}; another folder is needed")
+    refuse_key_inside("withheld", key, out)
     if (out / "records").exists():
         raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
     # one without records is of a call that was killed: it begins anew
@@ -126,9 +126,7 @@ def make(
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
         raise ParameterError(f"withheld: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)")
-    # before minutes of work
-    folder(key.parent)
-    refuse_own_input([key], [])
+    refuse_unwritable_key(key)
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import hmac
 import json
 import secrets
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from detectors.errors import ParameterError
 from simbench.files import whole_file
+from simbench.handout import commitment_of, matches, read_key, write_key
 
 SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
 
@@ -36,13 +36,13 @@ def seal(text: str) -> _Sealed:
     'id,effect'
     """
     key, salt, plain = secrets.token_bytes(32), secrets.token_bytes(32), text.encode()
-    return _Sealed(_mix(plain, key), key, salt, _commit(plain, salt))
+    return _Sealed(_mix(plain, key), key, salt, commitment_of(salt + plain))
 
 
 def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
     """Open sealed bytes and check them against the commitment."""
     plain = _mix(content, key)
-    if not hmac.compare_digest(_commit(plain, salt), commitment):
+    if not matches(salt + plain, commitment):
         raise ParameterError("withheld: the answers do not match the commitment; they, the key or the commitment were changed")
     return plain.decode()
 
@@ -51,11 +51,10 @@ def write(sealed: _Sealed, folder: Path, key: Path) -> None:
     """Write sealed answers and commitment into the folder, and the key into its own file readable by its owner only."""
     secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
     told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
-    for file, content in {**told, key: json.dumps(secret).encode()}.items():
+    for file, content in told.items():
         with whole_file(file, "wb") as f:
-            if file == key:
-                Path(f.name).chmod(0o600)
             f.write(content)
+    write_key(key, json.dumps(secret).encode())
 
 
 def is_key_of(key: Path, folder: Path) -> bool:
@@ -69,8 +68,8 @@ def is_key_of(key: Path, folder: Path) -> bool:
 
 def read(folder: Path, key: Path) -> str:
     """Return the text of answers.csv from a sealed folder and its key."""
+    parts = read_key("withheld", key)[1]
     try:
-        parts = json.loads(key.read_text(encoding="utf-8"))
         content = (folder / SEALED).read_bytes()
         published = (folder / COMMITMENT).read_text(encoding="utf-8").strip()
         secret, salt = bytes.fromhex(parts["key"]), bytes.fromhex(parts["salt"])
@@ -86,7 +85,3 @@ def read(folder: Path, key: Path) -> str:
 def _mix(data: bytes, key: bytes) -> bytes:
     stream = hashlib.shake_256(b"answers" + key).digest(len(data))
     return bytes(a ^ b for a, b in zip(data, stream, strict=True))
-
-
-def _commit(plain: bytes, salt: bytes) -> str:
-    return hashlib.sha256(salt + plain).hexdigest()

@@ -16,7 +16,7 @@ import typer
 from detectors.errors import ParameterError
 
 # each registers its verbs, in the order of the help
-from simbench.cli import simulate, detect, plant, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
+from simbench.cli import simulate, detect, plant, bench, exam, confirm, gap, catalogue  # isort: skip  # noqa: F401
 from simbench.cli.common import app
 from simbench.usage import exit_code
 

@@ -28,6 +28,8 @@ app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", 
 confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_BARE)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
+exam_app = typer.Typer(help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE)
+app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
 gap_app.add_typer(withheld_app, name="withheld")

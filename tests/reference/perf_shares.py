@@ -78,8 +78,8 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (resolve, "cycle_start", meter.wrap("cell: theory", resolve.cycle_start)),
         (detectors.prepared, "find_oscillation", meter.wrap("front end", detectors.prepared.find_oscillation)),
         (detectors.prepared, "inspect", meter.wrap("quality flags", detectors.prepared.inspect)),
-        (work, "_scenario_row", meter.wrap("rows", work._scenario_row)),
-        (work, "_verdict_row", meter.wrap("rows", work._verdict_row)),
+        (work, "scenario_row", meter.wrap("rows", work.scenario_row)),
+        (work, "verdict_row", meter.wrap("rows", work.verdict_row)),
         (tables, "encode", meter.wrap("store", tables.encode)),
         (pieces, "write_piece", meter.wrap("store", pieces.write_piece)),
     ]

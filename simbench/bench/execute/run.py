@@ -292,7 +292,7 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 
 
 def about_method(name: str) -> dict[str, Any]:
-    """Return what a manifest states of a method."""
+    """Return what a run's manifest keeps of a method."""
     if name == ORACLE:
         return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": [], "stated": []}
     method = registry.load(name).METHOD

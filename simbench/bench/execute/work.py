@@ -64,7 +64,7 @@ class _Questions:
 
 
 @dataclass(frozen=True)
-class _Simulated:
+class Simulated:
     """A scenario of a group with its truth and theory; why there is no run where there is none, and the seconds it took."""
 
     scenario: Scenario
@@ -122,7 +122,7 @@ def work(
             since = time.perf_counter()
             scenarios = settled(grid.group(index))
             settling += time.perf_counter() - since
-            held += [_simulated(scenario, index, wrong) for scenario, wrong in scenarios]
+            held += [simulated(scenario, index, wrong) for scenario, wrong in scenarios]
             if len(held) >= _HELD or index == groups[-1]:
                 # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
                 judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
@@ -133,9 +133,9 @@ def work(
                 held = []
     return Chunk(
         number,
-        tables.encode(_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
+        tables.encode(in_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
         tables.encode(
-            _columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]), tables.VERDICT_SCHEMA, number
+            in_columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]), tables.VERDICT_SCHEMA, number
         ),
         len(found),
         sum(f.failures for f in found),
@@ -176,7 +176,8 @@ def judge_both(
     return blind, found
 
 
-def _simulated(scenario: Scenario, group: int, error: str | None) -> _Simulated:
+def simulated(scenario: Scenario, group: int, error: str | None) -> Simulated:
+    """Simulate and label a scenario of a group; `error` tells why it could not be set up."""
     since = time.perf_counter()
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
@@ -185,10 +186,10 @@ def _simulated(scenario: Scenario, group: int, error: str | None) -> _Simulated:
             columns = theory(scenario.loop)
     except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    return _Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
+    return Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
 
 
-def _judged(it: _Simulated, asked: _Questions) -> _Judged:
+def _judged(it: Simulated, asked: _Questions) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
         methods = (*asked.chosen, *[ORACLE] * asked.oracle)
@@ -202,8 +203,8 @@ def _judged(it: _Simulated, asked: _Questions) -> _Judged:
             found.append((said, said, wrong, time.perf_counter() - since))
     judging = time.perf_counter() - then
     return _Judged(
-        _scenario_row(it, prepared),
-        [_verdict_row(it.ident, *answer) for answer in found],
+        scenario_row(it, prepared),
+        [verdict_row(it.ident, *answer) for answer in found],
         sum(raised is not None for _, _, raised, _ in found) or int(it.error is not None),
         it.seconds,
         judging,
@@ -227,7 +228,8 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
     }
 
 
-def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
+def scenario_row(it: Simulated, prepared: Prepared | None) -> dict[str, Any]:
+    """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     row = scenario_columns(it.scenario, it.group)
     row.update(
         cycled=it.cycled.answer, cycle_period=it.cycled.period, cycle_swing=it.cycled.swing, error=it.error
@@ -248,7 +250,8 @@ def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
     return row
 
 
-def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
+def verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
+    """Return one method's row of the verdicts table: its answer with and without the oscillation front end."""
     (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
     return {
         "scenario_id": ident,
@@ -280,5 +283,6 @@ def record_hash(record: LoopRecord) -> str:
     return digest.hexdigest()[:16]
 
 
-def _columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:
+def in_columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:
+    """Return rows as columns of these names, None where a row has none."""
     return {name: [row.get(name) for row in rows] for name in names}

@@ -75,7 +75,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
     populations = {ALL: np.ones(book.ids.size, dtype=bool), OSCILLATING: book.oscillating, NOT_OSCILLATING: ~book.oscillating}
-    for mode in (FRONT, RAW):
+    # answers to an exam are scored as given
+    for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
         # the order of the scores is all that counts, and found once
         everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)]
         left_out += _left_out(book, mode, everyone)

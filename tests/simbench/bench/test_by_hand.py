@@ -291,7 +291,7 @@ def test_a_level_has_two_ends_or_none():
     assert level_ends(3) == (3.0, 3.0)
     assert all(math.isnan(x) for x in level_ends(None))
     said = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
-    row = work._verdict_row("id", said, said, None, 0.25)
+    row = work.verdict_row("id", said, said, None, 0.25)
     assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [1.0, 2.0, 0.5, 0.5, 0.7, 0.25]
 
 

@@ -1,0 +1,131 @@
+"""Ask detectors about the records of an exam; what was answered before a kill is not asked again."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from shutil import rmtree
+
+from tqdm import tqdm
+
+from detectors.compiled import one_thread
+from detectors.errors import ParameterError
+from detectors.judge import check_thresholds
+from detectors.plugins.host import SECONDS
+from detectors.plugins.registry import methods as registry
+from detectors.record import LoopRecord
+from detectors.report.report import choose_methods
+from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
+from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
+from simbench.bench.execute.work import judge_both
+from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.store.checksums import file_digest
+from simbench.bench.store.manifest import code_hash
+from simbench.files import folder as make_folder
+from simbench.files import refuse_own_input, remove_stale_temporaries, whole_file
+from simbench.handout import ask_in_processes
+
+_PIECE = 8  # records: what is asked again after a kill
+_SETTINGS = "settings.json"
+
+
+def answer_exam(
+    folder: str | Path,
+    out: str | Path,
+    methods: Iterable[str] = ("fast",),
+    plugins: Iterable[str | Path] = (),
+    jobs: int = 1,
+    resume: bool = False,
+) -> int:
+    """Write the answers of detectors to an exam, and return how many records were asked about now.
+
+    Each detector sees what `run` shows it of the same loop, but for MV.
+    """
+    exam, out = read_exam(folder), Path(out)
+    refuse_own_input([out], [exam.file(name) for name in (EXAM, LOOPS, RECORDS)])
+    files = [str(Path(p).resolve()) for p in plugins]
+    asked = [part.strip() for text in methods for part in text.split(",")]
+    if ORACLE in asked:
+        raise ParameterError(f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other methods")
+    with registry.hosted(files) as added:
+        names = choose_methods(asked)
+        names += [name for name in added if name not in names]
+        settings = {
+            "commitment": exam.about["commitment"],
+            "methods": names,
+            "plugins": {Path(file).name: file_digest(Path(file)) for file in files},
+            "code": code_hash(),
+        }
+        parts = out.with_name(f"{out.name}.partial")
+        if not resume and (out.exists() or parts.exists()):
+            there = out if out.exists() else parts
+            raise ParameterError(f"exam: {there} exists already; continue it with --resume, or choose another file")
+        if out.exists():
+            _refuse_other_answers(out, names, exam.records)
+            return 0
+        _refuse_other_settings(make_folder(parts) / _SETTINGS, settings)
+        return _ask(exam.records, names, files, out, parts, jobs)
+
+
+def _ask(
+    records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str], out: Path, parts: Path, jobs: int
+) -> int:
+    """Ask for the pieces that do not lie in `parts` yet, and join all of them."""
+    remove_stale_temporaries(parts)
+    ids = list(records)
+    pieces = {f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]} for i in range(0, len(ids), _PIECE)}
+    todo = {name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()}
+    left, failed = sum(len(some) for some, *_ in todo.values()), Counter()
+    with tqdm(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0, disable=None) as bar:
+        for name, (text, errors) in ask_in_processes(_answers, todo, jobs):
+            with whole_file(parts / name) as f:
+                f.write(text)
+            failed.update(errors)
+            bar.update(len(pieces[name]))
+    with whole_file(out) as f:
+        f.write(",".join((*NEEDED, *OPTIONAL)) + "\n")
+        f.writelines((parts / name).read_text(encoding="utf-8") for name in pieces)
+    rmtree(parts, ignore_errors=True)
+    for method, count in failed.items():
+        print(f"method {method} failed on {count} of {left} records, which are answered no_decision", file=sys.stderr)
+    return left
+
+
+def _refuse_other_answers(out: Path, names: Sequence[str], records: Mapping[str, LoopRecord]) -> None:
+    """Raise ParameterError unless a file holds every answer of these methods and no other."""
+    there = read_answers([out], records)
+    if set(there) != set(names) or any(len(of) < len(records) for of in there.values()):
+        raise ParameterError(f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file")
+
+
+def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
+    """Raise ParameterError when what lies half done was asked of other methods, or about another exam."""
+    text = json.dumps(settings, indent=1)
+    if not file.exists():
+        with whole_file(file) as f:
+            f.write(text)
+    try:
+        before = json.loads(file.read_text(encoding="utf-8"))
+        differ = [name for name in settings if before[name] != settings[name]]
+    except (OSError, ValueError, KeyError, TypeError):
+        differ = [_SETTINGS]
+    if differ:
+        raise ParameterError(f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another file")
+
+
+def _answers(
+    records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str]
+) -> tuple[str, dict[str, int]]:
+    """Return the lines of some records' answers, and on how many each method failed."""
+    registry.add_all_hosted(plugins, SECONDS)
+    chosen = {name: check_thresholds(name, registry.load(name).METHOD, {}) for name in names}
+    lines, failed = [], Counter()
+    with one_thread():
+        for ident, record in records.items():
+            found = judge_both(record, chosen)[1]
+            lines.append(rows_of(ident, (front for front, *_ in found)))
+            failed.update(front.method for front, _, error, _ in found if error is not None)
+    return "".join(lines), dict(failed)

@@ -1,0 +1,130 @@
+"""Make an exam: fresh seeds, records under random ids in random order, and a key that stays elsewhere."""
+
+from __future__ import annotations
+
+import json
+import random
+import secrets
+import sys
+from collections import Counter
+from pathlib import Path
+from shutil import rmtree
+
+from detectors.errors import ParameterError
+from detectors.record import LoopRecord
+from scenarios.grid import load_grid
+from simbench.bench.exam.folder import FORMAT, write_exam
+from simbench.bench.exam.simulating import Pick, simulate_picks
+from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
+from simbench.bench.execute.work import Simulated
+from simbench.bench.store.benchmark import benchmark_of
+from simbench.files import folder as make_folder
+from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
+
+_BITS = 62  # of a grid's seed: nobody finds it by trying
+
+
+def make_exam(
+    grid: str | Path, out: str | Path, key: str | Path, n: int | None = None, jobs: int = 1, seed: int | None = None
+) -> str:
+    """Write the folder of an exam and, elsewhere, its key; return the commitment to the key.
+
+    Parameters
+    ----------
+    grid : str or Path
+        Name of a grid, or a TOML file.
+    out, key : str or Path
+        Folder of the exam, which must be new, and file of the key, which must lie outside.
+    n : int, optional
+        Number of records, drawn at random; at most one of each group of the grid as long as there are others, because siblings
+        share noise and sampling. All scenarios by default.
+    jobs : int
+        Worker processes; they change nothing in the files.
+    seed : int, optional
+        For tests: seeds, ids and order follow from it. By default all are drawn from the operating system's entropy.
+
+    Returns
+    -------
+    str
+        SHA-256 of the key, 64 hex digits.
+
+    Raises
+    ------
+    ParameterError
+        When a file is in the way or `n` scenarios cannot be simulated.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     commitment = make_exam("smoke", f"{place}/exam", f"{place}/exam.key", n=2)
+    ...     sorted(file.name for file in Path(place, "exam").iterdir())
+    ['exam.json', 'loops.csv', 'records.parquet']
+    """
+    out, key = Path(out), Path(key)
+    refuse_key_inside("exam", key, out)
+    for path, taken in ((key, key.exists()), (out, out.exists() and not (out.is_dir() and not any(out.iterdir())))):
+        if taken:
+            raise ParameterError(f"exam: {path} exists already; another name is needed")
+    # ids and order are published: they must not come from a generator whose state they tell
+    chance = secrets.SystemRandom() if seed is None else random.Random(seed)
+    plan = load_grid(grid, {"seed": chance.getrandbits(_BITS) if seed is None else seed})
+    refuse_too_large(size_of(plan, 0, 0), plan.name, False)
+    refuse_wrong_parts(plan)
+    if n is not None and not 1 <= n <= len(plan):
+        raise ParameterError(f"exam: --n {n}; grid {plan.name} has {len(plan)} scenarios: 1 to {len(plan)} are allowed")
+    refuse_unwritable_key(key)
+    make_folder(out.absolute().parent)
+    left = [(group, place) for group in range(plan.group_count) for place in range(plan.size(group))]
+    chance.shuffle(left)
+    if n is not None:
+        left = _apart(left)
+    wanted, found, failed = len(left) if n is None else n, {}, 0
+    while left and len(found) < wanted:
+        some, left = left[: wanted - len(found)], left[wanted - len(found) :]
+        shown = {pick: it for pick, it in simulate_picks(plan, some, jobs, _shown).items() if it[2] is not None}
+        found |= shown
+        failed += len(some) - len(shown)
+    if failed:
+        print(f"{failed} scenarios could not be simulated and are left out", file=sys.stderr)
+    if len(found) < (n or 1):
+        raise ParameterError(f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are needed")
+    picks = list(found)
+    chance.shuffle(picks)
+    ids = [f"{i:012x}" for i in chance.sample(range(16**12), len(picks))]
+    stated = benchmark_of(plan, [found[pick][0] for pick in picks])
+    names = ("scenario", "seed", "group", "place")
+    secret = {
+        "format": FORMAT,
+        "salt": f"{chance.getrandbits(128):032x}",
+        "grid": plan.name,
+        "seed": plan.content.seed,
+        "benchmark": stated,
+        "grid_content": plan.content.model_dump(mode="json"),
+        "overrides": plan.overrides,
+        "records": {i: dict(zip(names, (*found[pick][:2], *pick))) for i, pick in zip(ids, picks)},
+    }
+    content = json.dumps(secret, indent=1).encode()
+    about = {"format": FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
+    half = make_folder(out.absolute().with_name(f".{out.name}.partial"))  # until all of it stands
+    try:
+        write_exam(half, {**about, "commitment": commitment_of(content)}, dict(zip(ids, (found[pick][2] for pick in picks))))
+        write_key(key, content)
+        half.replace(out)
+    finally:
+        rmtree(half, ignore_errors=True)
+    return commitment_of(content)
+
+
+def _shown(it: Simulated) -> tuple[str, int, LoopRecord | None]:
+    return it.ident, it.scenario.seed, it.run and it.run.record.without_mv()
+
+
+def _apart(picks: list[Pick]) -> list[Pick]:
+    """Return picks in an order in which no group gives another scenario before all have given as many."""
+    seen: Counter[int] = Counter()
+    turns = []
+    for group, _ in picks:
+        seen[group] += 1
+        turns.append(seen[group])
+    return [pick for _, pick in sorted(zip(turns, picks), key=lambda both: both[0])]

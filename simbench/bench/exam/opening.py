@@ -1,0 +1,166 @@
+"""Open an exam: check key and records, put the answers beside the truth, and hand both to the scoring of runs."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from detectors.errors import ParameterError, UserError
+from detectors.judge import known_front_end
+from detectors.plugins.registry import methods as registry
+from detectors.prepared import prepare
+from detectors.verdict import NO_DECISION, Verdict
+from simbench.bench.exam.answers import Answers, read_answers
+from simbench.bench.exam.folder import LOOPS, RECORDS, Exam, mark_of, read_exam
+from simbench.bench.exam.simulating import simulate_picks
+from simbench.bench.execute import pieces
+from simbench.bench.execute.plugin_host import oracle_of
+from simbench.bench.execute.run import about_method
+from simbench.bench.execute.work import Chunk, Simulated, in_columns, scenario_row, verdict_row
+from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.store import tables
+from simbench.bench.store.benchmark import grid_of
+from simbench.bench.store.manifest import describe, run_key
+from simbench.bench.store.place import place_of
+from simbench.handout import matches, read_key
+
+_LABELS = ("cycled", "sticky", "predicted", "oscillates", "block", "member", "process", "controller", "valve", *tables.AXES)
+_FOREIGN = {"front_end": False, "role": "stiction", "budget": "fast", "fitted_on": [], "stated": []}
+
+
+@dataclass(frozen=True)
+class Opened:
+    """An exam with its truth."""
+
+    run: Path  # a folder that holds truth and answers as a run does; it goes with the exam
+    missing: dict[str, int]  # records that a method left out, of methods that left any
+    labels: pd.DataFrame  # one row a record, in the order of the exam
+
+
+@contextlib.contextmanager
+def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Path], jobs: int = 1) -> Iterator[Opened]:
+    """Open an exam for as long as the context lasts.
+
+    Parameters
+    ----------
+    folder, key : str or Path
+        Folder of the exam, and the file that `make_exam` wrote with it.
+    answers : iterable of str or Path
+        Files of answers; methods may be spread over several.
+    jobs : int
+        Worker processes.
+
+    Yields
+    ------
+    Opened
+        An answer that is missing stands there as no_decision.
+
+    Raises
+    ------
+    ParameterError
+        When the key does not match the commitment, a record is not the one that its seed gives, or a file of answers holds
+        what is no answer to this exam.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from simbench.bench.exam.making import make_exam
+    >>> from simbench.bench.exam.folder import read_exam
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     _ = make_exam("smoke", f"{place}/exam", f"{place}/exam.key", n=2)
+    ...     name = next(iter(read_exam(f"{place}/exam").records))
+    ...     _ = Path(place, "mine.csv").write_text(f"method,record,verdict,score\\nmine,{name},stiction,0.7\\n")
+    ...     with opened_exam(f"{place}/exam", f"{place}/exam.key", [f"{place}/mine.csv"]) as opened:
+    ...         opened.missing
+    {'mine': 1}
+    """
+    exam, key = read_exam(folder), Path(key)
+    content, secret = read_key("exam", key)
+    if not matches(content, exam.about["commitment"]):
+        raise ParameterError(f"exam: the SHA-256 of {key} is not the commitment in {exam.folder}; another key was made for it")
+    try:
+        places = {ident: (int(p["group"]), int(p["place"])) for ident, p in secret["records"].items()}
+        grid, stated = grid_of({**secret, "grid": str(secret["grid"])}), secret["benchmark"]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise ParameterError(f"exam: {key} is no key file of an exam") from None
+    if exam.about["benchmark"] != stated or set(places) != set(exam.records):
+        raise ParameterError(f"exam: {exam.folder} states another benchmark or other records than its key; restore it")
+    given = read_answers([Path(file) for file in answers], exam.records)
+    names = {place: ident for ident, place in places.items()}
+    found = simulate_picks(grid, names, jobs, _with_truth)
+    for place, ident in names.items():
+        if place not in found or found[place][0] != exam.marks[ident]:
+            changed = f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
+            cure = "restore it, or open it with the simbench and on the kind of machine that made it"
+            raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
+    rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
+    settings = {
+        "grid": grid.name, "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "overrides": grid.overrides,
+        "grid_content": grid.content.model_dump(mode="json"), "seed": grid.content.seed, "scenarios": len(rows),
+        "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)}, "thresholds": {},
+        "plugins": {}, "until_width": None, "front_end": known_front_end("acf"),
+        "command": "simbench exam open", "exam": exam.about["commitment"],
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as place:
+        run = Path(place) / "run"
+        _write_run(run, describe(settings), rows, given)
+        missing = {name: len(rows) - len(of) for name, of in given.items() if len(of) < len(rows)}
+        yield Opened(run, missing, _labels(exam, {ident: row for ident, (row, *_) in rows.items()}))
+
+
+def _with_truth(it: Simulated) -> tuple[Any, ...]:
+    """Return the mark of a scenario's record, its row, its process and the oracle's row."""
+    if it.run is None:
+        return ("",)
+    record = it.run.record
+    verdict, wrong = oracle_of(it.scenario, it.run)
+    oracle = verdict_row(it.ident, verdict, verdict, wrong, math.nan)
+    return mark_of(record, record.t), scenario_row(it, prepare(record.without_mv())), record.process, oracle
+
+
+def _about(name: str) -> dict[str, Any]:
+    """Return what is known of a method; whatever its name, it saw no MV here."""
+    try:
+        known = about_method(name)
+    except UserError:
+        known = _FOREIGN
+    return {**known, "needs_mv": False}
+
+
+def _write_run(run: Path, manifest: dict[str, Any], rows: Mapping[str, Sequence], given: Answers) -> None:
+    """Write truth and answers as one piece of a run."""
+    verdicts = []
+    for ident, (row, process, oracle) in rows.items():
+        for name, of in given.items():
+            said = of.get(ident, Verdict(name, NO_DECISION, reason="not answered"))
+            said = said.but(applicable=_covers(name, process) or said.verdict != NO_DECISION)
+            verdicts.append(verdict_row(row["scenario_id"], said, said, None, math.nan))
+        verdicts.append(oracle)
+    scenarios = in_columns(tables.SCENARIOS.names, [row for row, *_ in rows.values()])
+    both = (
+        tables.encode(scenarios, tables.SCENARIOS, 0),
+        tables.encode(in_columns(tables.VERDICT_SCHEMA.names, verdicts), tables.VERDICT_SCHEMA, 0),
+    )
+    place = pieces.open_run(place_of(run), manifest, resume=False)
+    receipt = pieces.write_piece(place, Chunk(0, *both, len(rows), 0, 0.0, 0.0, 0.0), run_key(manifest))
+    pieces.finish(place, [receipt], manifest)
+
+
+def _covers(name: str, process: str) -> bool:
+    """Return whether a method is made for a process; one that is not of the package is made for all."""
+    try:
+        return process in registry.load(name).METHOD.process
+    except UserError:
+        return True
+
+
+def _labels(exam: Exam, rows: Mapping[str, dict[str, Any]]) -> pd.DataFrame:
+    table = pd.DataFrame([{**rows[ident], "record": ident, "oscillates": rows[ident]["oscillating"]} for ident in exam.records])
+    return table.reindex(columns=["record", *_LABELS])

@@ -1,0 +1,51 @@
+"""Simulate chosen scenarios of a grid, in any order and on any number of workers, with the same bits as a run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from itertools import groupby
+from typing import Any
+
+from tqdm import tqdm
+
+from detectors.compiled import one_thread
+from scenarios.grid import Grid
+from simbench.bench.execute.plugin_host import settled
+from simbench.bench.execute.work import Simulated, simulated
+from simbench.bench.execute.workers import on_processes
+
+Pick = tuple[int, int]  # a scenario of a grid: its group, and its place in it
+_PIECE = 20  # scenarios
+
+
+def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[Simulated], Any]) -> dict[Pick, Any]:
+    """Return what `look` makes of each scenario, where it was simulated; its members that a group lacks are left out."""
+    wanted = sorted(picks)
+    groups = [list(some) for _, some in groupby(wanted, key=lambda pick: pick[0])]
+    pieces: list[list[Pick]] = [[]]
+    for some in groups:  # a group is set up once
+        if len(pieces[-1]) >= _PIECE:
+            pieces.append([])
+        pieces[-1] += some
+    found: dict[Pick, Any] = {}
+    bar = tqdm(total=len(wanted), desc="simulated", file=sys.stderr, delay=1.0, disable=None)
+    with on_processes(jobs) as run, bar:
+        done: Any = run(partial(_piece, grid, look), list(enumerate(pieces)))  # pyright: ignore[reportArgumentType]
+        for number, some in done:
+            found |= some
+            bar.update(len(pieces[number]))
+    return {pick: found[pick] for pick in wanted if pick in found}
+
+
+def _piece(grid: Grid, look: Callable[[Simulated], Any], number: int, picks: Sequence[Pick]) -> tuple[int, dict[Pick, Any]]:
+    found = {}
+    with one_thread():
+        for index, some in groupby(picks, key=lambda pick: pick[0]):
+            scenarios = settled(grid.group(index))
+            for pick in some:
+                if pick[1] < len(scenarios):
+                    scenario, wrong = scenarios[pick[1]]
+                    found[pick] = look(simulated(scenario, index, wrong))
+    return number, found

@@ -1,0 +1,79 @@
+"""An exam made, answered, opened."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from simbench.cli.common import Jobs, Json, Plugin, exam_app, examples, grid_completion, show
+
+Folder = Annotated[Path, typer.Argument(metavar="EXAM", help="Folder of the exam.")]
+Key = Annotated[Path, typer.Option(metavar="FILE", help="File of the key, outside the folder of the exam.")]
+
+
+@exam_app.command(epilog=examples("exam make ci -o exam --key exam.key", "exam make ci -o exam --key exam.key --n 200 -j 2"))
+def make(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new.")],
+    key: Key,
+    n: Annotated[int | None, typer.Option("--n", metavar="N", help="Number of records, drawn at random [all].")] = None,
+    jobs: Jobs = 1,
+    seed: Annotated[int | None, typer.Option(min=0, hidden=True)] = None,
+) -> None:
+    """Draw fresh seeds, write the records without their truth, and write the key elsewhere."""
+    from simbench.bench.exam.making import make_exam
+
+    print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")
+
+
+@exam_app.command(
+    epilog=examples("exam answer exam -o answers.csv -j 2", "exam answer exam -o mine.csv --plugin mine.py --method mine")
+)
+def answer(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")],
+    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable [fast].")] = None,
+    plugin: Plugin = None,
+    jobs: Jobs = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier call stopped.")] = False,
+) -> None:
+    """Ask detectors about every record of an exam."""
+    from simbench.bench.exam.answering import answer_exam
+
+    print(f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records answered: {out}")
+
+
+@exam_app.command("open", epilog=examples("exam open exam --key exam.key answers.csv mine.csv --report report.html"))
+def open_(
+    folder: Folder,
+    answers: Annotated[list[Path], typer.Argument(metavar="ANSWERS.csv...", help="Files of answers.")],
+    key: Key,
+    labels: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Truth of every record to write.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Check the key and simulate every record again, then score the answers."""
+    from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS
+    from simbench.bench.exam.opening import opened_exam
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.score.scoring import score_run
+    from simbench.files import refuse_own_input, write_table
+
+    refuse_own_input([labels, report], [*(folder / name for name in (EXAM, LOOPS, RECORDS)), key, *answers])
+    with opened_exam(folder, key, answers, jobs) as opened:
+        scores, missing = score_run(opened.run), opened.missing
+        told = {**scores.as_json(), "failed": read_failures(opened.run).as_json(), "missing": missing}
+        lines = [f"{name} left out {count} records, which count as no decision" for name, count in missing.items()]
+        if labels is not None:
+            write_table(opened.labels, labels)
+        if report is not None:
+            from simbench.report import write_report
+
+            write_report(opened.run, report)
+        show(told if as_json else "\n".join([*lines, *[""][: len(lines)], scores.as_text()]), as_json)
+        if report is not None:
+            print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
