@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import math
 import os
 import pickle
 import re
@@ -29,6 +30,7 @@ from detectors.errors import AnswerError, ParameterError, UserError
 
 SECONDS = 60.0  # per question
 START = 60.0  # s for the worker to begin, and to import the plug-in
+_LOOK = 0.1  # s between two looks at the clock
 _GRACE = 5.0  # s for a worker to end by itself
 BYTES = 2 << 30  # of memory
 MESSAGE = 1 << 20  # bytes of a detector's answer
@@ -52,6 +54,7 @@ class Host:
     def __init__(self, describe: Callable | None, sources: Sequence[tuple[str, str]], seconds: float = SECONDS) -> None:
         self.sources, self.seconds, self.strikes = sources, seconds, 0
         self._describe, self._process, self._owner = describe, None, 0
+        self._until = math.inf  # when an answer is due
         self._lock = threading.RLock()
         atexit.register(self.close)
 
@@ -101,6 +104,7 @@ class Host:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
             cwd=self._folder, env=os.environ | own,
         )  # fmt: skip
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
         _tell_unlimited()
         try:
             self._description = self._ask((self._describe, (self.sources,)), START) if self._describe else None
@@ -111,8 +115,7 @@ class Host:
     def _ask(self, question: tuple, seconds: float) -> Any:
         process, asked, began = self._process, pickle.dumps(question), time.monotonic()
         assert process is not None
-        timer = threading.Timer(seconds, _kill, [process])
-        timer.start()
+        self._until = began + seconds
         try:
             pickle.dump(asked, process.stdin)
             process.stdin.flush()
@@ -126,11 +129,17 @@ class Host:
                 said = "answered with something that cannot be understood"
             raise PluginError(self._named(said)) from None
         finally:
-            timer.cancel()
+            self._until = math.inf
         if error:
             kinds = {"failed": PluginError, "refused": ParameterError, "form": AnswerError}
             raise kinds[error](self._named(cleaned(answer)))
         return answer
+
+    def _watch(self, process: subprocess.Popen) -> None:
+        while process.poll() is None:  # a thread that looks, as not every platform waits for a pipe with a time limit
+            if time.monotonic() > self._until:
+                _kill(process)
+            time.sleep(_LOOK)
 
     def _named(self, text: str) -> str:
         """Put which plug-in it is before a sentence that does not say so; of detectors the verdict says it."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-import queue
 import shutil
 import sys
 import threading
-from typing import BinaryIO
+import time
 
 from detectors.errors import AnswerError, UserError
 
@@ -30,18 +29,18 @@ def main() -> None:
 
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     sys.dont_write_bytecode = True
-    questions: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(source, questions, sys.argv[3]), daemon=True).start()
-    while True:
-        pickle.dump(_answer(questions.get(), most), sink)
-        sink.flush()
-
-
-def _read(source: BinaryIO, questions: queue.SimpleQueue[bytes], folder: str) -> None:
-    """Hand questions over, and end with the run, whatever the plug-in is doing then."""
-    with contextlib.suppress(EOFError, OSError):
+    threading.Thread(target=_watch, args=(os.getppid(), sys.argv[3]), daemon=True).start()
+    with contextlib.suppress(EOFError):
         while True:
-            questions.put(pickle.load(source))
+            pickle.dump(_answer(pickle.load(source), most), sink)
+            sink.flush()
+    os._exit(0)
+
+
+def _watch(parent: int, folder: str) -> None:
+    """End with the run, whatever the plug-in is doing then."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(0)
 
