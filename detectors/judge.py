@@ -125,18 +125,23 @@ def _taken(name: str, verdict: Verdict) -> Verdict:
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:
-    """Ask each method that is not built in about one plain record; AnswerError where what it answers is no verdict."""
-    for name in names:
-        if registry.built_in(name) or name.partition("@")[0] not in registry.names():
+    """Ask each method that is not built in about one plain record; AnswerError where what it answers is no verdict.
+
+    Once per plug-in. What else it does wrong there, the records will show.
+    """
+    for name in {n.partition("@")[0] for n in names} & set(registry.names()):
+        module = registry.load(name)
+        if registry.built_in(name) or vars(module).setdefault("form_is_right", False):
             continue
-        method = registry.load(name).METHOD
-        record = example_record("stiction", method.process[0])
+        record = example_record("stiction", module.METHOD.process[0])
+        prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
         try:
-            _asked(name, Prepared(record if method.needs_mv else record.without_mv()), (True,), method.defaults())
+            _asked(name, prepared, (True,), module.METHOD.defaults())
         except AnswerError as wrong:
             raise AnswerError(f"detector {name!r}: {wrong}") from None
-        except Exception:  # what else it does wrong, the records will show
+        except Exception:
             continue
+        module.__dict__["form_is_right"] = True
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:

@@ -96,9 +96,10 @@ class PluginFolder:
             raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [file.stem for file in files]
-        for file in files:
-            self._free_name(file, names.count(file.stem) > 1)
         for file, name in zip(files, names, strict=True):
+            if name in self._hosts and file in self._hosts[name][0] and not file.exists():
+                continue  # it removed itself; its worker knows it still
+            self._free_name(file, names.count(name) > 1)
             key = (file, file.stat().st_mtime_ns)
             if name not in self._hosts or self._hosts[name][0] != key:
                 self.forget(name)
