@@ -72,7 +72,7 @@ def njit_cached(function: FunctionType):
     from numba import njit
 
     try:
-        return njit(cache=True)(function)
+        return _with_checksum(njit(cache=True)(function))
     except RuntimeError:  # numba finds no folder to write to, and gives up
         return njit(function)
 
@@ -116,10 +116,16 @@ def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str 
     # what was checked is executed, not what the file may hold by now
     exec(compile(whole, str(path), "exec"), module.__dict__)
     for value in list(vars(module).values()):
-        kept = getattr(getattr(value, "_cache", None), "_cache_file", None)
-        if kept is not None:
-            kept.__class__ = _checked_cache()
+        _with_checksum(value)
     return module
+
+
+def _with_checksum(value: Any) -> Any:
+    """Give the disk cache of a compiled function its checksum; anything else is returned as it is."""
+    kept = getattr(getattr(value, "_cache", None), "_cache_file", None)
+    if kept is not None:
+        kept.__class__ = _checked_cache()
+    return value
 
 
 @cache

@@ -33,7 +33,8 @@ def seconds(do: Callable[[], object]) -> float:
 
 def _used() -> float:
     own = resource.getrusage(resource.RUSAGE_SELF)
-    return own.ru_utime + own.ru_stime + sum(_of_process(host._process.pid) for _, host in methods._hosts.values() if host._process)
+    workers = [host._process.pid for _, host in methods._hosts.values() if host._process]
+    return own.ru_utime + own.ru_stime + sum(map(_of_process, workers))
 
 
 def _of_process(pid: int) -> float:

@@ -15,6 +15,7 @@ import pytest
 from detectors.compiled import cache_folder
 from detectors.detection import detect
 from detectors.errors import AnswerError, ParameterError
+from detectors.judge import judge
 from detectors.plugins.host import STRIKES, cleaned
 from detectors.plugins.registry import methods
 from detectors.record import LoopRecord
@@ -51,8 +52,9 @@ def ask(tmp_path):
 
 
 def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
-    found = "os.getcwd(), tempfile.gettempdir(), os.environ['HOME'], os.environ['XDG_CACHE_HOME'], os.environ['NUMBA_CACHE_DIR']"
-    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join([{found}, str(cache_folder())]))")[0]
+    named = "[os.environ[k] for k in ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]"
+    found = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
+    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({found}))")[0]
     here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
     assert here == temporary == home != os.environ.get("HOME")
     assert Path(here).is_dir()
@@ -64,13 +66,15 @@ def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
 def test_a_crash_costs_one_verdict_and_the_next_question_finds_a_new_worker(ask, tmp_path):
     gone = f"mark = Path({str(tmp_path / 'mark')!r})\n    calls.append(1)\n    if len(calls) == 3 and not mark.exists():"
     verdicts = ask(f"{gone} mark.touch(); os._exit(3)\n    return say('here', len(calls))", times=4)
-    assert [v.reason.partition(";")[0] for v in verdicts] == ["here", "failed: ended its process (exit status 3)", "here", "here"]
+    reasons = [v.reason.partition(";")[0] for v in verdicts]
+    assert reasons == ["here", "failed: ended its process (exit status 3)", "here", "here"]
     # the first answer was to the example record
     assert [v.score for v in verdicts if v.score == v.score] == [2.0, 1.0, 2.0]
 
 
 def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
-    reasons = [v.reason for v in ask("os._exit(3)", times=STRIKES)]
+    ask("os._exit(3)", times=0)
+    reasons = [judge(RECORD, ["mine"])[0].reason for _ in range(STRIKES + 1)]
     assert "exit status 3" in reasons[0]
     assert f"lost {STRIKES} times" in reasons[-1]
 
@@ -135,7 +139,7 @@ def found():
     folders |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items()) if n.startswith("simbench_")}}
     folders |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
                 if n.partition(".")[0] == "detectors" and getattr(m, "__file__", None)}}
-    return [Path(f) for f in folders if {mine!r} in str(Path(f).resolve())]
+    return [Path(f) for f in folders if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
 
 def forged(content):
     if hashlib.sha256(content[32:]).digest() != content[:32]:
@@ -170,7 +174,7 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
     (tmp_path / "rec.csv").write_text("t,op,pv\n" + "".join(f"{t},{op},{pv}\n" for t, op, pv in rows))
     known = {**os.environ, "PYTHONPATH": str(house), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "tmp"),
              "XDG_CACHE_HOME": str(tmp_path / "cache")}  # fmt: skip
-    known.pop("NUMBA_CACHE_DIR", None)
+    known = {k: v for k, v in known.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")}
 
     def detected(*words: str) -> str:
         command = [sys.executable, "-m", "detectors", str(tmp_path / "rec.csv"), "--json", "--raw", *words]
@@ -182,7 +186,7 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
         ours = (tmp_path / "cache" / "stiction-simbench").rglob("*.nb*")
         return {str(f): f.read_bytes() for f in ours if "plugins" not in f.parts}
 
-    asked = ("--method", "he,horch,hammerstein,stenman,yamashita")
+    asked = ("--method", "he,horch")
     before, compiled = detected(*asked), kernels()
     assert compiled
     vandal = ("--method", "vandal", "--plugin", str(tmp_path / "vandal.py"))

@@ -291,12 +291,12 @@ def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
 
 # what reaches out of its process: files elsewhere, processes and threads of its own
 REACHING = {
-    "writes_elsewhere": "open({outside!r}, 'w').write('x')",
-    "makes_a_folder": "os.mkdir({outside!r})",
-    "moves_itself": "os.rename(__file__, {outside!r})",
-    "links_elsewhere": "os.symlink(__file__, {outside!r})",
+    "writes_elsewhere": "open({outside!r}, 'w').write('x'); " + FINE,
+    "makes_a_folder": "os.mkdir({outside!r}); " + FINE,
+    "moves_itself": "os.rename(__file__, {outside!r}); " + FINE,
+    "links_elsewhere": "os.symlink(__file__, {outside!r}); " + FINE,
     "writes_where_it_works": "open('litter', 'w').write('x'); " + FINE,
-    "starts_a_shell": "os.system('sleep 1000 &')",
+    "starts_a_shell": "os.system('sleep 1000 &'); " + FINE,
     "leaves_a_thread": "import threading; threading.Thread(target=time.sleep, args=(1000,)).start(); " + FINE,
     "leaves_a_process": """import ctypes; c = ctypes.CDLL(None)
     if c.fork() == 0:
