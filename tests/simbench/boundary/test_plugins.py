@@ -32,7 +32,7 @@ def detect(prepared, **thresholds):
     {body}
 """
 # right when first asked, as the example record is: what is wrong from the start is refused before anything is judged
-LATER = 'seen.append(1)\n    if len(seen) > 1: return '
+LATER = "seen.append(1)\n    if len(seen) > 1: return "
 FINE = 'return Verdict("x", "stiction", score=1.0, reason="because")'
 # what it does: body of `detect`, and a word of the reason that names it
 HOSTILE = {
