@@ -120,14 +120,16 @@ class Host:
             pickle.dump(asked, process.stdin)
             process.stdin.flush()
             error, answer = pickle.loads(pickle.load(process.stdout))
-        except Exception as lost:  # whatever a worker that is gone, or what cannot be read back, leads to
+        except BaseException as lost:  # after Ctrl-C too, no answer may wait for the next question
+            late, gone = time.monotonic() - began >= seconds, isinstance(lost, (EOFError, OSError))
+            if not gone:
+                _kill(process)
+            ended = self.close()
+            if not isinstance(lost, Exception):
+                raise
             self.strikes += 1
-            late, ended = time.monotonic() - began >= seconds, self.close()
-            if isinstance(lost, (EOFError, OSError)):
-                said = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
-            else:
-                said = "answered with something that cannot be understood"
-            raise PluginError(self._named(said)) from None
+            said = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
+            raise PluginError(self._named(said if gone else "answered with something that cannot be understood")) from None
         finally:
             self._until = math.inf
         if error:

@@ -136,7 +136,7 @@ class PluginFolder:
         return self._hosts[name][1] if name in self._hosts else None
 
     def _free_name(self, path: Path, taken: bool = False) -> str:
-        """Return the id of a plug-in's file; ParameterError where its stem can be none, or is one that means something already."""
+        """Return the id of a plug-in's file; ParameterError where there is none, or where it is taken."""
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import json
 import os
 import shutil
 import subprocess
 import sys
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +80,14 @@ def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
     reasons = [judge(RECORD, ["mine"])[0].reason for _ in range(STRIKES + 1)]
     assert "exit status 3" in reasons[0]
     assert f"lost {STRIKES} times" in reasons[-1]
+
+
+def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
+    ask("import time; time.sleep(1.5 * (prepared.record.op[0] < 90)); return say('x', prepared.record.op[0])", times=0)
+    threading.Timer(0.5, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        judge(RECORD, ["mine"])
+    assert judge(replace(RECORD, op=RECORD.op + 45), ["mine"])[0].score == 95.0
 
 
 SAYINGS = {
