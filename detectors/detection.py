@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from numpy.typing import ArrayLike
 
-from detectors.judge import judge
+from detectors.judge import judge, refuse_wrong_forms
 from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
@@ -123,6 +123,7 @@ def _judged(record: LoopRecord, asked: list[str], raw: bool, front_end: str, plu
     with registry.hosted(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]
+        refuse_wrong_forms(names)
         verdicts = judge(record, names, raw=raw, front_end=front_end, thresholds=thresholds)
     return Report([(None, v) for v in verdicts], records={None: record})
 

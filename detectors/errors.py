@@ -32,6 +32,10 @@ class ParameterError(UserError, ValueError):
     """A parameter outside what its owner allows."""
 
 
+class AnswerError(ParameterError):
+    """A detector that cannot be called with a record, or whose answer is no verdict; the sentence shows the right form."""
+
+
 class UnknownName(UserError, LookupError):
     """A name that no plug-in, grid or figure answers to.
 

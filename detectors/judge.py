@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, nearest
+from detectors.errors import AnswerError, ParameterError, nearest
+from detectors.example_loop import example_record
 from detectors.method import Method
-from detectors.plugins.host import Host, PluginError
-from detectors.plugins.rebuilt import verdict_of
+from detectors.plugins.host import Host, PluginError, cleaned
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import FRONT_ENDS, Prepared, prepare
 from detectors.quality import resolution
 from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, wrong_types
 
 # A record with one of these flags says nothing about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
@@ -75,56 +74,74 @@ def answers(
     name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
 ) -> tuple[list[Verdict], str | None]:
     """Ask one method about one record; whatever it does, it costs no other method its answer."""
-    host = registry.host_of(name)
     try:
-        if host is not None:
-            return _hosted(host, name, prepared, modes, thresholds), None
-        module = registry.load(name)
-        return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
+        return _asked(name, prepared, modes, thresholds), None
     except Exception as wrong:  # a detector may fail in any way; the others must not
         said = str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
         error = " ".join(said.split())[:_LONGEST]
         return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
 
 
+def _asked(name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
+    host = registry.host_of(name)
+    if host is not None:
+        return _hosted(host, name, prepared, modes, thresholds)
+    return [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
+
+
 def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
-    """Ask the process of a plug-in, which answers about every record as if it were the first."""
-    if host.fresh():
-        host.call(_warm_up, name)
+    """Ask the worker of a plug-in."""
     prepared.flags  # noqa: B018  found here, once for all methods
-    known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-    asked = (name, prepared.record, prepared.front_end, prepared.part, known, modes, thresholds)
-    answer = host.call(_judge_there, *asked, seconds=host.seconds * len(modes), fork=True)
+    bare = replace(prepared, shared={})
+    bare.__dict__.update({key: prepared.__dict__[key] for key in ("oscillation", "flags") if key in prepared.__dict__})
+    answer = host.call(_judge_there, name, bare, modes, thresholds, seconds=host.seconds * len(modes))
     if not isinstance(answer, list) or len(answer) != len(modes):
         raise PluginError("answered with something that is no verdict")
-    return [verdict_of(name, one) for one in answer]
+    return [_taken(name, verdict) for verdict in answer]
 
 
-def _warm_up(name: str) -> None:
-    """Judge a plain record once: what the plug-in imports and compiles when first asked stands ready for every copy."""
-    module, t = registry.load(name), np.arange(1200.0) / 8.0
-    op, pv = 50.0 + 5.0 * np.sin(t), 50.0 - 5.0 * np.sin(t - 1.0)
-    with contextlib.suppress(BaseException), warnings.catch_warnings():
-        record = LoopRecord(op, pv, 1.0, mv=op, process=module.METHOD.process[0], kind="flow", op_span=(0.0, 100.0))
-        judge_one(
-            name, module, Prepared(record if module.METHOD.needs_mv else record.without_mv()), True, module.METHOD.defaults()
-        )
+def _judge_there(name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
+    """Judge a record where this runs, in the plug-in's worker."""
+    for signal in ("op", "pv", "sp", "mv"):
+        if (values := getattr(prepared.record, signal)) is not None:
+            values.flags.writeable = False
+    registry.host_entries = False
+    return _asked(name, prepared, modes, thresholds)
 
 
-def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[Verdict]:
-    """Judge a record where this runs, in the plug-in's own process."""
-    prepared = Prepared(record, front_end, part=part)
-    for signal in (record.op, record.pv, record.sp, record.mv):
-        if signal is not None:
-            signal.flags.writeable = False
-    prepared.__dict__.update(known)
-    found = [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
-    for verdict in found:
-        if not isinstance(verdict, Verdict):
-            raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
-        if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
-            raise ValueError("answers without a reason")
-    return found
+def _taken(name: str, verdict: Verdict) -> Verdict:
+    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where it is none."""
+    for wrong in wrong_types(verdict):
+        raise PluginError(wrong)
+    ends = {key: getattr(verdict, key) for key in "SJ"}
+    return verdict.but(
+        method=name,
+        score=float(verdict.score),
+        indices={cleaned(key): float(value) for key, value in verdict.indices.items()},
+        S_unit=cleaned(str(verdict.S_unit)),
+        reason=cleaned(verdict.reason),
+        **{key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x) for key, x in ends.items()},
+    )
+
+
+def refuse_wrong_forms(names: Iterable[str]) -> None:
+    """Ask each method that is not built in about one plain record; AnswerError where what it answers is no verdict.
+
+    Once per plug-in. What else it does wrong there, the records will show.
+    """
+    for name in {n.partition("@")[0] for n in names} & set(registry.names()):
+        module = registry.load(name)
+        if registry.built_in(name) or vars(module).setdefault("form_is_right", False):
+            continue
+        record = example_record("stiction", module.METHOD.process[0])
+        prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
+        try:
+            _asked(name, prepared, (True,), module.METHOD.defaults())
+        except AnswerError as wrong:
+            raise AnswerError(f"detector {name!r}: {wrong}") from None
+        except Exception:
+            continue
+        module.__dict__["form_is_right"] = True
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
@@ -190,13 +207,23 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     # the procedure asks the same methods about the same record
     key = ("verdict", name, record.mv is None, *thresholds.items())
     stopped = _front_end(method, prepared, raw, answer)
-    verdict = stopped or prepared.share(key, lambda: module.detect(prepared, **thresholds))
+    verdict = stopped or prepared.share(key, lambda: _valid(name, module.detect(prepared, **thresholds)))
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
         verdict = verdict.but(indices={**verdict.indices, **found})
     # a record that does not oscillate has no score to cut
     return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
+
+
+def _valid(name: str, answer: Any) -> Verdict:
+    """Return a detector's answer where it is a verdict; AnswerError for another type, ValueError for wrong contents."""
+    if not isinstance(answer, Verdict):
+        form = f'return Verdict("{name}", "stiction", score=0.7, reason="why")'
+        raise AnswerError(f"answers {answer!r:.60}; a detectors.verdict.Verdict is needed, for example: {form}")
+    for wrong in wrong_types(answer):
+        raise ValueError(wrong)
+    return answer
 
 
 def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+from detectors.errors import AnswerError
+from detectors.record import PROCESSES
 
 
 @dataclass(frozen=True)
@@ -59,3 +65,31 @@ class Method:
         at = {k: replace(t, default=its.get(k, t.default)) for k, t in self.thresholds.items()}
         where = "in the chapter" if chapter else "as published"
         return replace(self, title=f"{self.title}, {where}", thresholds=at, fitted_on=(), published={}, chapter={})
+
+
+def wrong_fields(method: Any) -> Iterator[str]:
+    """Say what of a detector's description is not as `Method` describes it."""
+    if not isinstance(method, Method):
+        yield f"METHOD = {method!r:.60}; a detectors.method.Method is needed"
+        return
+    for key, example in vars(Method("x", "x")).items():
+        value = getattr(method, key)
+        kind = {float: (int, float), tuple: (tuple, list)}.get(type(example), type(example))
+        if not isinstance(value, kind) or value == "":
+            yield f"METHOD.{key} = {value!r:.60}; a {type(example).__name__} is needed"
+    if not method.process or not set(method.process) <= set(PROCESSES):
+        yield f"METHOD.process = {method.process}; known: {', '.join(PROCESSES)}"
+    if not all(isinstance(rule, Threshold) for rule in method.thresholds.values()):
+        yield "METHOD.thresholds holds what is no detectors.method.Threshold"
+
+
+def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
+    """Raise AnswerError, with the right form, where a detector cannot be called with a record and its thresholds by keyword."""
+    try:
+        inspect.signature(function).bind(None, **method.defaults())
+    except TypeError:
+        form = ", ".join([first, *(["*"] * bool(method.thresholds)), *method.thresholds])
+        own = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
+        raise AnswerError(f"{own} cannot be called with one record; the right form is: def detect({form})") from None
+    except ValueError:  # a function of C, which does not tell
+        pass

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.errors import ParameterError, RecordError
-from detectors.method import Method
+from detectors.errors import AnswerError, ParameterError, RecordError
+from detectors.method import Method, refuse_wrong_call
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
@@ -177,6 +177,7 @@ def as_plugin(name: str, detector: Any) -> ModuleType:
     def detect(prepared: Prepared, **thresholds: float) -> Verdict:
         return _verdict(name, _fresh(detector)(prepared.record, **thresholds))
 
+    refuse_wrong_call(getattr(detector, "detect", detector), "record", method)
     module = ModuleType(name, says)
     module.__dict__.update(METHOD=method, detect=detect, __file__=None)
     return module
@@ -201,6 +202,6 @@ def _verdict(name: str, answer: Any) -> Verdict:
     said = _WORDS.get(word) if word is None or isinstance(word, bool) else word
     if said not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a score, is needed"
-        raise ParameterError(f"answers {answer!r:.60}; {form}")
+        raise AnswerError(f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5")
     certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(said), math.nan)
     return Verdict(name, str(said), float(certain if score is None else score), reason=f"{name} says {said}")

@@ -107,11 +107,6 @@ def check_added(folder: PluginFolder, check: Callable[[str], Contract], path: st
     return replace(found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken))
 
 
-def plain_check(path: str) -> dict[str, Any]:
-    """Check a detector's file where this runs, in its own process, and return the findings as JSON types."""
-    return check_added(methods, check_detector, path).as_json()
-
-
 def _description(module: ModuleType) -> Iterator[str]:
     method = module.METHOD
     if not isinstance(method, Method):

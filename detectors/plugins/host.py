@@ -1,223 +1,174 @@
-"""The one host of third-party plug-ins: a process of their own that answers questions in plain values, within limits.
+"""The worker process of a third-party plug-in, seen from the run: it is asked, timed, restarted and, at the end, stopped.
 
-What a plug-in raises, prints, changes, starts or never finishes touches nothing else: it becomes a sentence about itself.
+A plug-in is trusted code with the user's privileges. Its worker protects the other results against mistakes (an exception, a
+crash, a hang, memory, output, an answer that cannot be used), not against intent; see SECURITY.md.
 """
 
 from __future__ import annotations
 
 import atexit
-import base64
 import contextlib
-import json
+import math
 import os
 import pickle
-import queue
 import re
-import struct
+import shutil
+import signal
+import site
 import subprocess
 import sys
+import tempfile
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-import numpy as np
-
-from detectors.errors import UserError
+from detectors.compiled import cache_folder
+from detectors.errors import AnswerError, ParameterError, UserError
 
 SECONDS = 60.0  # per question
-START = 60.0  # s for its process to begin, and to import the plug-in for the first time
-_GRACE = 5.0  # s within which all that it started is ended
+START = 60.0  # s for the worker to begin, and to import the plug-in
+_LOOK = 0.1  # s between two looks at the clock
+_GRACE = 5.0  # s for a worker to end by itself
 BYTES = 2 << 30  # of memory
-MESSAGE = 1 << 20  # bytes of an answer
-STRIKES = 3  # processes lost in one piece of work, after which the plug-in is asked no more there
-_NEVER_TOLD = ("PWD", "OLDPWD", "_", "PYTEST_CURRENT_TEST")  # environment that says where the run works
-_LONGEST = 300  # characters of an error's text
+MESSAGE = 1 << 20  # bytes of a detector's answer
+STRIKES = 3  # workers lost in one piece of work, after which the plug-in is asked no more there
 _ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|.)?", re.DOTALL)
+_TEMPORARY = ("HOME", "USERPROFILE", "TMPDIR", "TEMP", "TMP", "MPLCONFIGDIR")
+_CACHES = ("XDG_CACHE_HOME", "LOCALAPPDATA", "NUMBA_CACHE_DIR")
 
 
 class PluginError(UserError):
-    """What a plug-in did instead of answering; `refusal` is the sentence of an error that a user can put right."""
-
-    def __init__(self, said: str, refusal: str | None = None) -> None:
-        super().__init__(said)
-        self.refusal = refusal
+    """What a plug-in did instead of answering."""
 
 
 class Host:
-    """A process that imports plug-ins of others and answers questions, with a limit on time and, where there is one, on memory.
+    """The worker process of one plug-in, or of the few parts of one loop.
 
-    `load` is a module's function that imports the plug-in there and returns, in plain values, what it says of itself; an answer
-    may take `seconds`; it may write to `folders` beside one of its own; a `detector` may import nothing that knows a
-    benchmark's truth.
+    `sources` are kind and file, or published name, of each; `describe(sources)` imports them in the worker and returns what
+    they say of themselves; an answer may take `seconds`. A lost worker is replaced when it is asked again.
     """
 
-    def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
-        self.seconds, self.strikes = seconds, 0
-        self.refused: dict[str, None] = {}  # what it tried to do and may not
-        self._load = (load, arguments)
-        self._rules = {"folders": [str(f) for f in folders], "detector": detector}
-        self._process: subprocess.Popen | None = None
-        self._said, self._fresh = None, True
-        self._owner = os.getpid()
+    def __init__(self, describe: Callable | None, sources: Sequence[tuple[str, str]], seconds: float = SECONDS) -> None:
+        self.sources, self.seconds, self.strikes = sources, seconds, 0
+        self._describe, self._process, self._owner = describe, None, 0
+        self._until = math.inf  # when an answer is due
+        self._lock = threading.RLock()
         atexit.register(self.close)
 
-    @property
-    def pid(self) -> int | None:
-        """Number of the process, where one was started."""
-        return None if self._process is None else self._process.pid
-
     def described(self) -> Any:
-        """Return what the plug-in says of itself; PluginError where it cannot be imported."""
-        self._begin()
-        return self._said
+        """Return what the plug-ins say of themselves; PluginError where one cannot be imported."""
+        self._start()
+        return self._description
 
-    def fresh(self) -> bool:
-        """Return whether nothing has been asked of its process yet, and start it if need be; True once per process."""
-        self._begin()
-        before, self._fresh = self._fresh, False
-        return before
-
-    def call(self, function: Callable, *arguments: Any, seconds=0.0, most: int = MESSAGE, fork=False) -> Any:
-        """Return what a module's function gives there, in tables, lists, words, numbers and arrays; PluginError for nothing.
-
-        `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
-        """
-        self._begin()
-        question = (pickle.dumps((function, arguments)), most, fork)
-        return self._ask(question, seconds or self.seconds, most)
+    def call(self, function: Callable, *arguments: Any, seconds: float = 0.0) -> Any:
+        """Return what a module's function gives in the worker; PluginError where it gives nothing of use."""
+        with self._lock:
+            self._start()
+            return self._ask((function, arguments), seconds or self.seconds)
 
     def close(self) -> str:
-        """End the process and all that it started; return how it ended."""
+        """End the worker and what it started in its session; return how it ended."""
         process, self._process = self._process, None
         if process is None or self._owner != os.getpid():
-            return "no exit status"
-        process.terminate()
-        self._questions.put(None)
-        last: dict[str, Any] = {}
-        with contextlib.suppress(queue.Empty, ValueError, RecursionError, subprocess.TimeoutExpired):
-            while (said := self._answers.get(timeout=_GRACE)) is not None:
-                last = json.loads(said)
-                self._questions.put(None)  # read on: nothing more comes, which is how an end is seen
+            return ""
+        with contextlib.suppress(OSError):
+            process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(_GRACE)
-        process.kill()
+        _kill(process)
         code = process.wait()
-        if last.get("left"):
-            print(f"a plug-in left {last['left']} processes behind, which were ended", file=sys.stderr)
-        return cleaned(last.get("ended")) or (f"signal {-code}" if code < 0 else f"exit status {code}")
+        process.stdout.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        return f"signal {-code}" if code < 0 else f"exit status {code}"
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         if self.strikes >= STRIKES:
-            raise PluginError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
-        if self._process is not None and self._owner == os.getpid():
+            raise PluginError(self._named(f"asked no more, as its process was lost {STRIKES} times in this piece of work"))
+        if self._process is not None and self._owner == os.getpid() and self._process.poll() is None:
             return
-        home = str(Path(__file__).resolve().parents[2])
-        paths = [home, *(os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p)]
-        known = {key: value for key, value in os.environ.items() if key not in _NEVER_TOLD}
-        known |= {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._process = process = subprocess.Popen(
-            [sys.executable, "-m", "detectors.plugins.process"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, start_new_session=True, env=known, bufsize=0,
+        self.close()
+        self._owner, self._folder = os.getpid(), tempfile.mkdtemp(prefix="simbench-plugin-")
+        kernels = cache_folder() / "plugins" / "+".join(f"{kind}-{Path(source).stem}" for kind, source in self.sources)
+        paths = [str(Path(__file__).resolve().parents[2]), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+        own = {
+            **dict.fromkeys(_TEMPORARY, self._folder), **dict.fromkeys(_CACHES, str(kernels)),
+            "PYTHONPATH": os.pathsep.join(os.path.abspath(p) for p in paths if p), "PYTHONUSERBASE": site.getuserbase(),
+            "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
+        }  # fmt: skip
+        most = MESSAGE if self.sources[0][0] == "detector" else BYTES
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "detectors.plugins.process", str(BYTES), str(most), self._folder],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+            cwd=self._folder, env=os.environ | own,
         )  # fmt: skip
-        self._owner, self._fresh = os.getpid(), True
-        self._questions, self._answers = queue.SimpleQueue(), queue.SimpleQueue()
-        # a thread that alone touches the pipes: not every platform waits for one with a time limit
-        talk = (process.stdin, process.stdout, self._questions, self._answers)
-        threading.Thread(target=_talk, args=talk, daemon=True).start()
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
+        _tell_unlimited()
         try:
-            for lacking in self._ask({**self._rules, "bytes": BYTES}, START):
-                _tell(lacking)
-            self._said = self._ask((pickle.dumps(self._load), MESSAGE, False), START) if self._load[0] else None
-        except PluginError:
+            self._description = self._ask((self._describe, (self.sources,)), START) if self._describe else None
+        except UserError:
             self.close()
             raise
 
-    def _ask(self, question: Any, seconds: float, most: int = MESSAGE) -> Any:
-        self._questions.put((pickle.dumps(question), most))
+    def _ask(self, question: tuple, seconds: float) -> Any:
+        process, asked, began = self._process, pickle.dumps(question), time.monotonic()
+        assert process is not None
+        self._until = began + seconds
         try:
-            said = self._answers.get(timeout=seconds)
-            answer = {"ended": ""} if said is None else json.loads(said)
-            if not isinstance(answer, dict):
-                raise ValueError
-            if "ended" in answer:
-                self._answers.put(said)
-                raise PluginError(f"ended its process ({self._lose()})")
-            answer = cleaned(answer)
-            self.refused |= dict.fromkeys(map(str, answer.get("refused", ())))
-            if "error" in answer:
-                raise PluginError(str(answer["error"])[:_LONGEST], answer.get("refusal"))
-            return _arrays(answer.get("answer"))
-        except queue.Empty:
-            self._lose()
-            raise PluginError(f"took longer than {seconds:g} s") from None
-        except (ValueError, TypeError, RecursionError):
-            self._lose()
-            raise PluginError("answered with something that cannot be understood") from None
+            pickle.dump(asked, process.stdin)
+            process.stdin.flush()
+            error, answer = pickle.loads(pickle.load(process.stdout))
+        except BaseException as lost:  # after Ctrl-C too, no answer may wait for the next question
+            late, gone = time.monotonic() - began >= seconds, isinstance(lost, (EOFError, OSError))
+            if not gone:
+                _kill(process)
+            ended = self.close()
+            if not isinstance(lost, Exception):
+                raise
+            self.strikes += 1
+            said = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
+            raise PluginError(self._named(said if gone else "answered with something that cannot be understood")) from None
+        finally:
+            self._until = math.inf
+        if error:
+            kinds = {"failed": PluginError, "refused": ParameterError, "form": AnswerError}
+            raise kinds[error](self._named(cleaned(answer)))
+        return answer
 
-    def _lose(self) -> str:
-        self.strikes += 1
-        return self.close()
+    def _watch(self, process: subprocess.Popen) -> None:
+        while process.poll() is None:  # a thread that looks, as not every platform waits for a pipe with a time limit
+            if time.monotonic() > self._until:
+                _kill(process)
+            time.sleep(_LOOK)
 
-
-def cleaned(value: Any) -> Any:
-    """Return plain values whose texts are one line each that every terminal, table and page can show."""
-    if isinstance(value, str):
-        if value.isprintable():
-            return value
-        shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in _ESCAPES.sub("", value))
-        return " ".join(shown.split())
-    if isinstance(value, dict):
-        return {cleaned(k): cleaned(v) for k, v in value.items()}
-    return [cleaned(v) for v in value] if isinstance(value, list) else value
+    def _named(self, text: str) -> str:
+        """Put which plug-in it is before a sentence that does not say so; of detectors the verdict says it."""
+        names = [(kind, Path(source).stem) for kind, source in self.sources if kind != "detector"]
+        known = not names or any(repr(name) in text for _, name in names)
+        return text if known else f"{' or '.join(f'{kind} plug-in {name!r}' for kind, name in names)}: {text}"
 
 
-def _arrays(value: Any) -> Any:
-    if isinstance(value, dict):
-        if set(value) == {"float64"}:
-            return np.frombuffer(base64.b64decode(value["float64"]), dtype="<f8").astype(float)
-        return {k: _arrays(v) for k, v in value.items()}
-    return [_arrays(v) for v in value] if isinstance(value, list) else value
+def _kill(process: subprocess.Popen) -> None:
+    with contextlib.suppress(OSError):
+        if hasattr(os, "killpg"):
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()
 
 
-def _talk(to: IO[bytes], back: IO[bytes], questions: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
-    """Hand over questions and take answers, each behind its size in 8 bytes, until there is None of either."""
-    most = MESSAGE
-    with to, back:
-        while True:
-            asked = questions.get()
-            if asked is not None:
-                content, most = asked
-                with contextlib.suppress(OSError):  # the process is gone: what it said last is still to be read
-                    _put(to, content)
-            size = _taken(back, 8)
-            length = struct.unpack("<Q", size)[0] if size else 0
-            if size is not None and length > most:
-                answers.put(b"")
-                return
-            answers.put(None if size is None else _taken(back, length))
-            if size is None:
-                return
-
-
-def _put(to: IO[bytes], content: bytes) -> None:
-    left = memoryview(struct.pack("<Q", len(content)) + content)
-    while left:
-        left = left[to.write(left) :]
-
-
-def _taken(back: IO[bytes], size: int) -> bytes | None:
-    """Return that many bytes, or None where the other end is closed."""
-    parts = []
-    while size:
-        part = back.read(min(size, 1 << 16))
-        if not part:
-            return None
-        parts.append(part)
-        size -= len(part)
-    return b"".join(parts)
+def cleaned(text: str) -> str:
+    """Return a text as one line that every terminal, table and page can show."""
+    if text.isprintable():
+        return text
+    shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in _ESCAPES.sub("", text))
+    return " ".join(shown.split())
 
 
 @cache
-def _tell(sentence: str) -> None:
-    print(sentence, file=sys.stderr)
+def _tell_unlimited() -> None:
+    try:
+        import resource  # noqa: F401
+    except ImportError:
+        print("plug-ins have no limit on memory here: this platform has none", file=sys.stderr)

@@ -16,9 +16,8 @@ from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UnknownName, UserError
-from detectors.method import Method
+from detectors.method import refuse_wrong_call, wrong_fields
 from detectors.plugins.host import SECONDS, Host
-from detectors.plugins.rebuilt import method_of
 
 
 class PluginFolder:
@@ -34,10 +33,10 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
-        # (file or published name, seconds) -> the process in which it lives, which has a `stub()` to stand for it here
-        self.make_host: Callable[[Path | str, float], Any] = _no_host
-        self.host_entries = False  # whether what another distribution publishes lives in such a process; else imported here
-        self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
+        # (kind, file or published name) of plug-ins -> the attributes of each, asked in their worker
+        self.describe: Callable[[list[tuple[str, str]]], list[dict[str, Any]]] | None = None
+        self.host_entries = False  # whether what another distribution publishes lives in a worker; else it is imported here
+        self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
         self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
@@ -56,6 +55,10 @@ class PluginFolder:
         """Plug-ins that are asked for by name alone."""
         return sorted(self._above)
 
+    def built_in(self, name: str) -> bool:
+        """Return whether a plug-in, or the one of which this is a variant, comes with this project."""
+        return name.partition("@")[0] in {*self._own, *self._above}
+
     def load(self, name: str) -> ModuleType:
         """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError when it lacks a required
         attribute."""
@@ -71,7 +74,8 @@ class PluginFolder:
     def add_file(self, path: str | Path) -> str:
         """Register a plug-in from one Python file outside the package, named after its stem; ParameterError where it cannot be
         used."""
-        path, name = self._free_file(path)
+        path = Path(path)
+        name = self._free_name(path)
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
             raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
@@ -86,88 +90,70 @@ class PluginFolder:
         self._files[name] = self._checked(module, name)
         return name
 
-    def add_hosted(self, path: str | Path, seconds: float = SECONDS) -> str:
-        """Register a plug-in's file without importing it: a process of its own does; otherwise as `add_file`."""
-        path, name = self._free_file(path)
-        _refuse_limit(seconds)
-        key = (path.resolve(), path.stat().st_mtime_ns)
-        known = self._hosts.get(name)
-        if known is None or known[0] != key:
-            if known is not None:
-                known[1].close()
-            host = self.make_host(path.resolve(), seconds)
-            self._files[name] = self._stub(host, f"{self.kind} file {path}")
-            self._hosts[name] = (key, host)
-        return name
-
-    def add_all_hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> list[str]:
-        """Register several files as `add_hosted` does; two of one name are refused. Every plug-in known is asked again."""
-        _refuse_limit(seconds)
+    def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
+        """Register files, each imported in a worker process of its own; every plug-in known may lose its worker anew."""
+        if not 0.0 < seconds < 1e6:
+            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
-        names = [f.stem for f in files]
-        for file in files:
-            _refuse_name(file, self.kind, names.count(file.stem) > 1)
-        added = [self.add_hosted(f, seconds) for f in files]
+        names = [file.stem for file in files]
+        for file, name in zip(files, names, strict=True):
+            if name in self._hosts and file in self._hosts[name][0] and not file.exists():
+                continue  # it removed itself; its worker knows it still
+            self._free_name(file, names.count(name) > 1)
+            key = (file, file.stat().st_mtime_ns)
+            if name not in self._hosts or self._hosts[name][0] != key:
+                self.forget(name)
+                self._files[name] = self._stub(name, key, str(file), f"{self.kind} file {file}", seconds)
         for name, (file, host) in self._hosts.items():
             host.strikes = 0
-            if name in added or not file:  # one that is published
+            if name in names or not file:  # one that is published
                 host.seconds = seconds
-        return added
+        return names
 
     @contextmanager
     def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
-        """Register several files for one question only: afterwards the names known are those of before."""
-        before = set(self._files)
+        """Register files for one question only; these, and what other distributions publish, live in workers meanwhile."""
+        before, entries = set(self._files), self.host_entries
         try:
-            yield self.add_all_hosted(paths, seconds)
+            self._host_entries(True)
+            yield self.add_hosted(*paths, seconds=seconds)
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
+            self._host_entries(entries)
 
-    @contextmanager
-    def entries_hosted(self) -> Iterator[None]:
-        """Let what other distributions publish live in processes of their own, for one question only."""
-        before, self.host_entries = self.host_entries, True
-        self._forget_entries()
-        try:
-            yield
-        finally:
-            self.host_entries = before
-            self._forget_entries()
+    def _host_entries(self, wanted: bool) -> None:
+        if wanted is not self.host_entries:
+            self.host_entries = wanted
+            for name in self._entry_points:
+                self.forget(name)
 
-    def _forget_entries(self) -> None:
-        for name in self._entry_points:
-            self._loaded.pop(name, None)
-            self.forget(name)
-
-    def host_of(self, name: str) -> Any:
-        """Return the process a plug-in lives in; None for those of the house."""
+    def host_of(self, name: str) -> Host | None:
+        """Return the worker process a plug-in lives in; None for those that live here."""
+        name = name.partition("@")[0]
         if self.host_entries and name in self._entry_points and name not in self._files:
             self.load(name)
-        found = self._hosts.get(name)
-        return None if found is None else found[1]
+        return self._hosts[name][1] if name in self._hosts else None
 
-    def _free_file(self, path: str | Path) -> tuple[Path, str]:
-        path = Path(path)
+    def _free_name(self, path: Path, taken: bool = False) -> str:
+        """Return the id of a plug-in's file; ParameterError where there is none, or where it is taken."""
+        name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
-        _refuse_name(path, self.kind, self._taken(path.stem))
-        return path, path.stem
+        if not name.isidentifier() or name != name.lower():
+            needs = "small letters, digits and _ are needed; rename the file"
+            raise ParameterError(f"{self.kind} file {path}: {name!r} is no id; {needs}")
+        if taken or self._taken(name):
+            raise ParameterError(f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename the file")
+        return name
 
     def _taken(self, name: str) -> bool:
-        return name in self.reserved or name in self._own or name in self._above or name in self._entry_points
+        return name in self.reserved or self.built_in(name) or name in self._entry_points
 
     def own_file(self, path: str | Path) -> bool:
         """Return whether a file is that of a built-in plug-in."""
         folder = importlib.import_module(self.package).__path__[0]
         return Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
-
-    def adopt(self, modules: Mapping[str, ModuleType]) -> None:
-        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run where the caller does."""
-        for name in modules:
-            if self._taken(name):
-                raise ParameterError(f"{self.kind} {name!r}: the name is taken; another is needed: rename the function")
-        self._files.update(modules)
 
     @contextmanager
     def adopted(self, modules: Mapping[str, ModuleType]) -> Iterator[None]:
@@ -179,17 +165,25 @@ class PluginFolder:
         finally:
             self._files = before
 
+    def adopt(self, modules: Mapping[str, ModuleType]) -> None:
+        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run where the caller does."""
+        for name in modules:
+            if self._taken(name):
+                raise ParameterError(f"{self.kind} {name!r}: the name is taken; another is needed: rename the function")
+        self._files.update(modules)
+
     def forget(self, name: str) -> None:
-        """Take a file that was added out again."""
+        """Take a file that was added out again, and what was imported of another distribution."""
         self._files.pop(name, None)
-        found = self._hosts.pop(name, None)
-        if found is not None:
-            found[1].close()
+        if name in self._entry_points:
+            self._loaded.pop(name, None)
+        if name in self._hosts:
+            self._hosts.pop(name)[1].close()
 
     @cached_property
     def _entry_points(self) -> dict:
         # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
-        return {e.name: e for e in entry_points(group=self.group) if e.name not in {*self._own, *self._above, *self.reserved}}
+        return {e.name: e for e in entry_points(group=self.group) if e.name not in self.reserved and not self.built_in(e.name)}
 
     def _outside(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or what stands for it here."""
@@ -197,28 +191,30 @@ class PluginFolder:
         if point is None:
             return None
         where = f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})"
-        if not self.host_entries:
-            try:
-                return point.load()
-            except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
-                raise self._useless(where, repr(error)) from error
-        host = self.make_host(name, SECONDS)
-        stub = self._stub(host, where)
-        self._hosts[name] = ((), host)
-        return stub
+        if self.host_entries:
+            return self._stub(name, (), name, where, SECONDS)
+        try:
+            return point.load()
+        except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
+            raise self._useless(where, repr(error)) from error
 
     @cached_property
     def _own(self) -> frozenset[str]:
         package = importlib.import_module(self.package)
         return frozenset(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
 
-    def _stub(self, host: Any, where: str) -> ModuleType:
-        """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
+    def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
+        """Start a plug-in's worker and return what stands for it here: its attributes, and functions that refuse."""
+        host = Host(self.describe, [(self.kind, source)], seconds)
+        stub = ModuleType(name)
         try:
-            return host.stub()
+            stub.__dict__.update(dict.fromkeys(filter(str.islower, self.required), _elsewhere), __file__=None)
+            stub.__dict__.update(host.described()[0])
         except UserError as error:
             host.close()
             raise self._useless(where, str(error)) from None
+        self._hosts[name] = (key, host)
+        return stub
 
     def _useless(self, where: str, why: str) -> ParameterError:
         needs = f"a {self.kind} needs {', '.join(self.required)}"
@@ -233,22 +229,14 @@ class PluginFolder:
         return module
 
 
-def _no_host(source: Path | str, seconds: float) -> Any:
-    raise ParameterError(f"{source}: plug-ins of this kind are not taken from others")
+def imported(folder: PluginFolder, source: str) -> ModuleType:
+    """Import a plug-in where this runs, in its worker, by its file or its published name."""
+    folder.host_entries = False
+    return folder.load(folder.add_file(source) if os.sep in source else source)
 
 
-def _refuse_name(path: Path, kind: str, taken: bool) -> None:
-    """Raise ParameterError when a file's stem cannot be the id of a plug-in, or is one that means something already."""
-    name = path.stem
-    if not name.isidentifier() or name != name.lower():
-        raise ParameterError(f"{kind} file {path}: {name!r} is no id; small letters, digits and _ are needed; rename the file")
-    if taken:
-        raise ParameterError(f"{kind} file {path}: the name {name!r} is taken; another is needed: rename the file")
-
-
-def _refuse_limit(seconds: float) -> None:
-    if not 0.0 < seconds < 1e6:
-        raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+def _elsewhere(*_: Any, **__: Any) -> None:
+    raise ParameterError("this is a plug-in, which runs in its worker process only")
 
 
 PUBLISHED, _CHAPTER = "published", "chapter"
@@ -258,7 +246,7 @@ _RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 class _Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
-    Those of other distributions live in processes of their own, as a user's files do.
+    Those of other distributions live in workers, as a user's files do.
     """
 
     def load(self, name: str) -> ModuleType:
@@ -278,42 +266,22 @@ class _Detectors(PluginFolder):
         )
         return shown
 
-    def host_of(self, name: str) -> Any:
-        """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
-        return super().host_of(name.partition("@")[0])
-
     def variants(self) -> list[str]:
         """Return NAME@published of every detector."""
         return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
-class _DetectorHost(Host):
-    """The process of one detector."""
-
-    def __init__(self, source: Path | str, seconds: float) -> None:
-        folders = [source.parent] if isinstance(source, Path) else []
-        super().__init__(_describe_detector, str(source), seconds=seconds, folders=folders, detector=True)
-
-    def stub(self) -> ModuleType:
-        """Return what stands for the plug-in outside its own process: its description of itself."""
-        method = method_of(self.described())
-        stub = ModuleType("hosted", method.title)
-        stub.__dict__.update(METHOD=method, detect=_elsewhere, __file__=None)
-        return stub
-
-
-def _elsewhere(*_: Any, **__: Any) -> None:
-    raise ParameterError("this detector is a plug-in, which answers in a process of its own alone")
-
-
-def _describe_detector(source: str) -> Method | None:
-    """Import a detector where this runs, in its own process, and return its description."""
-    methods.host_entries = False
-    method = methods.load(methods.add_file(source) if os.sep in source else source).METHOD
-    return method if isinstance(method, Method) else None
+def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Import a detector in its worker, and return its description; ParameterError where it describes no detector."""
+    module = imported(methods, sources[0][1])
+    method = module.METHOD
+    for wrong in wrong_fields(method):
+        raise ParameterError(wrong)
+    refuse_wrong_call(module.detect, "prepared", method)
+    return [{"METHOD": method, "__doc__": method.title}]
 
 
 methods = _Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED)
-methods.make_host, methods.host_entries = _DetectorHost, True
+methods.describe, methods.host_entries = _describe_detector, True
 # stands above this package, which may stand alone
 methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName, nearest
-from detectors.judge import FAILED, judge
+from detectors.judge import FAILED, judge, refuse_wrong_forms
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import PUBLISHED
 from detectors.plugins.registry import methods as registry
@@ -141,6 +141,7 @@ def judge_files(
         about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
         about |= {"tag": tag if tag is not None else loop, "loops": loops}
         known = {} if labels is None else read_labels(labels)
+        refuse_wrong_forms(names)
         records, refused, alone = _records(Path(path), known, labels, about)
         verdicts = [
             (None if alone else name, verdict)

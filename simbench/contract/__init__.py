@@ -6,7 +6,7 @@ import ast
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.contract.detector import Contract, check_added, check_detector, plain_check
+from detectors.contract.detector import Contract, check_added, check_detector
 from detectors.errors import ParameterError
 from detectors.plugins.host import Host, PluginError
 from detectors.plugins.registry import PluginFolder, methods
@@ -54,29 +54,18 @@ def check_file(path: str | Path) -> Contract:
 
 
 def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
-    """Check one file as `check_file` does, in a process of its own: one that ends it, never answers or looks around is named.
-    """
+    """Check one file as `check_file` does, in a worker process: a file that ends it or never answers breaks its contract."""
     kind = kind_of(path)
     if kind == "grid":
         return check_file(path)
     path = Path(path).resolve()
-    detector = kind == "detector" and not methods.own_file(path) and {*methods.required} <= _defined(path)
-    host = Host(None, folders=[path.parent], detector=detector)
+    host = Host(None, [(kind, str(path))])
     try:
-        said = host.call(plain_check, str(path), seconds=seconds) if detector else host.call(_plain, str(path), seconds=seconds)
-        broken, notes = ([str(one) for one in said[key]] for key in ("broken", "notes"))
+        return host.call(check_file, str(path), seconds=seconds)
     except PluginError as error:
-        if error.refusal:
-            raise ParameterError(error.refusal) from None
-        broken, notes = [str(error)], []
+        return Contract(kind, path.stem, (str(error),))
     finally:
         host.close()
-    broken += [what for what in host.refused if "__pycache__" not in what]
-    return Contract(kind, path.stem, tuple(dict.fromkeys(broken)), tuple(notes))
-
-
-def _plain(path: str) -> dict:
-    return check_file(path).as_json()
 
 
 def kind_of(path: str | Path) -> str:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import simbench as sb
-from detectors.errors import ParameterError, RecordError
+from detectors.errors import AnswerError, ParameterError, RecordError
 from detectors.plugins.registry import methods as registry
 from detectors.record import LoopRecord
 from detectors.verdict import Verdict
@@ -79,11 +79,51 @@ def test_a_word_is_a_verdict(answer, verdict):
 
 def test_what_a_function_does_wrong_is_its_own_answer():
     def wrong(record):
-        return "perhaps"
+        raise ValueError("perhaps")
 
     report = sb.detect(FRAME, [wrong, "horch"], raw=True)
     assert "perhaps" in report["wrong"].reason
     assert report["horch"].verdict == "no_stiction"
+
+
+def two(op, pv):
+    return True
+
+
+def number(record):
+    return 0.7
+
+
+def word(record):
+    return "perhaps"
+
+
+class Two:
+    """Takes what no detector is given."""
+
+    def detect(self, op, pv):
+        return True
+
+
+FORMS = [
+    (two, r"two\(op, pv\) cannot be called with one record; the right form is: def detect\(record\)"),
+    (Two(), r"detect\(op, pv\) cannot be called with one record"),
+    (number, r"detector 'number': answers 0\.7; a Verdict, one of .* for example: return record\.pv\.std\(\) > 0\.5"),
+    (word, "detector 'word': answers 'perhaps'; a Verdict, one of"),
+]
+
+
+@pytest.mark.parametrize(("detector", "words"), FORMS)
+@pytest.mark.parametrize("verb", ["detect", "trust", "run"])
+def test_a_detector_of_the_wrong_form_is_one_sentence_before_any_record_is_judged(detector, words, verb, tmp_path):
+    calls = {
+        "detect": lambda: sb.detect(FRAME, [detector, "horch"]),
+        "trust": lambda: sb.trust(FRAME, methods=[detector, "horch"]),
+        "run": lambda: sb.run("smoke", [detector, "horch"], out=tmp_path / "run"),
+    }
+    with pytest.raises(AnswerError, match=words):
+        calls[verb]()
+    assert not (tmp_path / "run").exists()
 
 
 def horch(record):

@@ -1,4 +1,4 @@
-"""What isolation costs the main job: its pieces worked with one detector more, in a process of its own or in this one."""
+"""What a worker process costs the main job: its pieces worked with one detector more, in its worker or in this process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def seconds(do: Callable[[], object]) -> float:
 
 def _used() -> float:
     own = resource.getrusage(resource.RUSAGE_SELF)
-    return own.ru_utime + own.ru_stime + sum(_of_process(host.pid) for _, host in methods._hosts.values() if host.pid)
+    workers = [host._process.pid for _, host in methods._hosts.values() if host._process]
+    return own.ru_utime + own.ru_stime + sum(map(_of_process, workers))
 
 
 def _of_process(pid: int) -> float:
@@ -65,10 +66,10 @@ def main() -> int:
     for name in PLUGINS:
         source = Path(built_in.__path__[0]) / f"{name}.py"
         inside, outside = (shutil.copy(source, folder / f"{name}_{place}.py") for place in ("inside", "outside"))
-        here, there = methods.add_file(inside), methods.add_hosted(outside)
+        here, (there,) = methods.add_file(inside), methods.add_hosted(outside)
         host = methods.host_of(there)
         piece(grid, 0, [*fast, there])
-        start = _of_process(host.pid)  # all its modules read, and its first record judged
+        start = _of_process(host._process.pid)  # all its modules read, and its first record judged
         one, other = compared(grid, fast, here, there)
         whole = one * grid.group_count / GROUPS
         each, begun = (other - one) / one, WORKERS * start / whole

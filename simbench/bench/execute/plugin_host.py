@@ -1,24 +1,22 @@
-"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the process of another's."""
+"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the worker of a plug-in."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.plugins.host import PluginError
-from detectors.plugins.rebuilt import number_of, verdict_of
+from detectors.plugins.host import Host
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.cell import Draft
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
 from simbench.bench.scenario.resolve import resolve
-from simbench.bench.scenario.truth import CYCLED, Cycled, simulate_with_truth
-from simbench.loop.hosted import PartHost, host_of, parts_of_loop, run_of
+from simbench.bench.scenario.truth import Cycled, simulate_with_truth
+from simbench.loop.hosted import ask, host_of, parts_of_loop, valid_run
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
@@ -36,13 +34,13 @@ def said_of(error: BaseException) -> str:
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
     """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled."""
     found: dict[int, tuple[Scenario, str | None]] = {}
-    parties: dict[PartHost | None, list[int]] = {}
+    parties: dict[Host | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
         parties.setdefault(_host_of_draft(group.twin, draft), []).append(i)
     for host, places in parties.items():
         part = replace(group, drafts=tuple(group.drafts[i] for i in places))
         try:
-            answers = [(s, None) for s in (resolve(part) if host is None else _settled_there(host, part))]
+            answers = [(scenario, None) for scenario in ask(host, resolve, part)]
         except Exception as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
             answers = [(Scenario(loop=d.loop, seed=group.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
         found.update(zip(places, answers, strict=True))
@@ -58,24 +56,18 @@ def refuse_unsettled(group: Group) -> None:
 
 def truth(loop: Loop, seed: int) -> tuple[Run, Cycled]:
     """Return `simulate_with_truth(loop, seed)`, wherever the loop's parts live."""
-    host = host_of(parts_of_loop(loop))
-    if host is None:
-        return simulate_with_truth(loop, seed)
-    whole, said = _pair(host.ask(simulate_with_truth, loop, seed, samples=loop.sampling.n))
-    run = run_of(whole, loop)
-    if said.get("answer") not in CYCLED:
-        raise PluginError(f"its loop's truth is {said.get('answer')!r}; allowed: {', '.join(CYCLED)}")
-    return run, Cycled(said["answer"], number_of(said.get("period"), "period"), number_of(said.get("swing"), "swing"))
+    run, cycled = ask(host_of(parts_of_loop(loop)), simulate_with_truth, loop, seed)
+    return valid_run(run, loop), cycled
 
 
 def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
     """Return `judge_oracle(scenario, run)`, wherever the loop's parts live, and the error where another's gave none."""
     host = host_of(parts_of_loop(scenario.loop))
-    if host is None:
-        return judge_oracle(scenario, run), None
     try:
-        return verdict_of(ORACLE, host.ask(judge_oracle, scenario, run)), None
+        return ask(host, judge_oracle, scenario, run), None
     except UserError as wrong:
+        if host is None:
+            raise
         return Verdict(ORACLE, NO_DECISION, reason=f"failed: {said_of(wrong)}"), said_of(wrong)
 
 
@@ -83,16 +75,10 @@ def theory(loop: Loop) -> Theory:
     """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it."""
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)})
-    host = host_of(parts_of_loop(loop))
     try:
-        return _theory(quiet.model_dump_json()) if host is None else _theory_there(host, quiet)
+        return ask(host_of(parts_of_loop(loop)), _theory, quiet.model_dump_json())
     except Exception as wrong:  # whatever a model does on numbers of its own: its theory, not its record
         return *NO_THEORY[:-1], said_of(wrong)
-
-
-def _plain_resolve(group: Group) -> list[dict[str, Any]]:
-    """Resolve a group, and return plain values."""
-    return [{"loop": s.loop.to_table(), "tags": s.tags} for s in resolve(group)]
 
 
 @lru_cache(maxsize=256)
@@ -103,28 +89,6 @@ def _theory(text: str) -> Theory:
     return predicted, refined, found["exists"], found["period"], found["amplitude"], why
 
 
-def _theory_there(host: PartHost, quiet: Loop) -> Theory:
-    said = host.ask(_theory, quiet.model_dump_json())
-    if not isinstance(said, list) or len(said) != 6:
-        raise PluginError("its loop's theory cannot be understood")
-    *exist, period, amplitude, why = said
-    if not all(v is None or isinstance(v, (bool, float, int)) for v in (*exist, period, amplitude)):
-        raise PluginError("its loop's theory cannot be understood")
-    predicted, refined, exists = (None if v is None else bool(v) for v in exist)
-    return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:_LONGEST]
-
-
-def _pair(said: Any) -> list[dict]:
-    return said if isinstance(said, list) and len(said) == 2 and all(isinstance(s, dict) for s in said) else [{}, {}]
-
-
-def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:
+def _host_of_draft(twin: Loop, draft: Draft) -> Host | None:
     effects = {("effect", e.name) for e in draft.effects}
     return host_of(parts_of_loop(twin) | parts_of_loop(draft.loop) | effects)
-
-
-def _settled_there(host: PartHost, part: Group) -> list[Scenario]:
-    said = host.ask(_plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
-    if not isinstance(said, list) or len(said) != len(part.drafts) or not all(isinstance(s, dict) for s in said):
-        raise PluginError("its cell has other loops than asked for")
-    return [Scenario(loop=Loop.from_table(s.get("loop"), "cell"), seed=part.seed, tags=s.get("tags")) for s in said]

@@ -20,7 +20,7 @@ from typing import Any, cast
 import cloudpickle
 
 from detectors.errors import UserError, masked, nearest
-from detectors.judge import check_thresholds, known_front_end
+from detectors.judge import check_thresholds, known_front_end, refuse_wrong_forms
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.report.report import choose_methods
@@ -95,6 +95,7 @@ def run_grid(
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
         names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
+        refuse_wrong_forms(names)
         _check_settings(names, thresholds or {})
         refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
         refuse_wrong_parts(plan)

@@ -109,7 +109,7 @@ def work(
     """
     began = time.perf_counter()
     add_parts(*stages, seconds=seconds)
-    registry.add_all_hosted(plugins, seconds)
+    registry.add_hosted(*plugins, seconds=seconds)
     registry.adopt({name: as_plugin(name, detector) for name, detector in (callers or {}).items()})
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}

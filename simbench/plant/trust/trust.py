@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT, judge
+from detectors.judge import UNFIT, judge, refuse_wrong_forms
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -96,6 +96,7 @@ def _trust(
     record: LoopRecord, loop: Loop | None, names: list[str], counts: tuple[int, int], help_wanted: bool, seed: int
 ) -> Trust:  # fmt: skip
     healthy, each = counts
+    refuse_wrong_forms(names)
     said = judge(record, names)
     prepared = Prepared(record.without_mv())
     unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)

@@ -1,28 +1,35 @@
-"""The host of third-party plug-ins: what one may not touch, what it starts, what it says, and what it may remember."""
+"""The worker process of a plug-in: its folders, its limits, what it says, and how it is restarted and stopped."""
 
 from __future__ import annotations
 
+import _thread
+import json
 import os
-import time
+import shutil
+import subprocess
+import sys
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from detectors.compiled import cache_folder
 from detectors.detection import detect
-from detectors.errors import ParameterError
-from detectors.plugins.host import cleaned
+from detectors.errors import AnswerError, ParameterError
+from detectors.judge import judge
+from detectors.plugins.host import STRIKES, cleaned
 from detectors.plugins.registry import methods
 from detectors.record import LoopRecord
 
 FILE = """
-import ctypes, os, socket, subprocess, sys, time
+import os, sys, tempfile
 from pathlib import Path
 from detectors.method import Method
 from detectors.verdict import Verdict
 METHOD = Method(title="mine", source="nobody", front_end=False)
 calls = []
-HOUSE = Path(sys.modules["detectors"].__file__).parents[1]
 def say(reason, score=0.0, **more):
     return Verdict("x", "stiction", score=score, reason=str(reason), **more)
 def detect(prepared):
@@ -30,6 +37,7 @@ def detect(prepared):
 """
 T = np.arange(600.0)
 RECORD = LoopRecord(op=50 + np.sin(T / 8), pv=50 - np.sin(T / 8 - 1), Ts=1.0)
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -39,86 +47,47 @@ def ask(tmp_path):
     def asked(body: str, times: int = 1, seconds: float = 20.0) -> list:
         file = tmp_path / "mine.py"
         file.write_text(FILE.format(body=body))
-        methods.add_hosted(file, seconds)
+        methods.add_hosted(file, seconds=seconds)
         return [detect(RECORD, ["mine"])["mine"] for _ in range(times)]
 
     yield asked
     methods.forget("mine")
 
 
-def leaves(pid: Path) -> str:
-    """Start a process that no Python event tells of, in a session of its own, whose parent is gone."""
-    return f"""c = ctypes.CDLL(None)
-    if c.fork() == 0:
-        c.setsid()
-        if c.fork() == 0:
-            open({str(pid)!r}, "w").write(str(c.getpid()))
-            time.sleep(1000)
-        os._exit(0)
-    while not os.path.exists({str(pid)!r}): time.sleep(.01)
-    return say("fine")"""
-
-
-WALLS = {
-    "reads a command line": 'open(f"/proc/{os.getppid()}/cmdline")',
-    "looks by another way": 'os.symlink("/proc", "p"); open("p/1/cmdline")',
-    "lists processes": 'os.listdir("/proc")',
-    "starts a process": 'subprocess.run(["true"])',
-    "starts a shell": 'os.system("true")',
-    "forks": "os.fork()",
-    "ends its parent": "os.kill(os.getppid(), 9)",
-    "asks the network": 'socket.create_connection(("127.0.0.1", 9))',
-    "imports grids": "import scenarios.grid",
-    "imports the benchmark": "from simbench.bench.execute import run",
-    "reads a grid": 'open(HOUSE / "scenarios/grids/smoke.toml")',
-    "reads labels": 'open(HOUSE / "results/baseline/scenarios.parquet", "rb")',
-    "runs the simulator's text": 'exec(open(HOUSE / "simbench/loop/run.py").read())',
-    "writes elsewhere": 'open({outside!r}, "w")',
-    "makes a folder": "os.mkdir({outside!r})",
-    "moves itself": "os.rename(__file__, {outside!r})",
-}
-
-
-@pytest.mark.parametrize("name", WALLS)
-def test_what_a_plug_in_may_not_touch_is_refused_in_a_sentence(ask, tmp_path, name):
-    outside = tmp_path.parent / f"{tmp_path.name}-outside"
-    verdict = ask(WALLS[name].replace("{outside!r}", repr(str(outside))))[0]
-    assert verdict.verdict == "no_decision"
-    assert "a plug-in may not" in verdict.reason
-    assert not outside.exists()
-
-
-def test_it_writes_beside_its_file_and_into_a_folder_that_goes_with_it(ask, tmp_path):
-    verdict = ask('Path("a").write_text("b"); (Path(__file__).parent / "c").write_text("d"); return say(os.getcwd())')[0]
-    assert (tmp_path / "c").read_text() == "d"
-    folder = Path(verdict.reason.partition(";")[0])
-    assert folder != Path.cwd()
+def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
+    named = "[os.environ[k] for k in ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]"
+    found = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
+    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({found}))")[0]
+    here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
+    assert here == temporary == home != os.environ.get("HOME")
+    assert Path(here).is_dir()
+    assert all(Path(cache).is_relative_to(cache_folder() / "plugins" / "detector-mine") for cache in caches)
     methods.forget("mine")
-    assert not folder.exists()
+    assert not Path(here).exists()
 
 
-def test_it_is_told_nothing_of_the_run(ask, tmp_path, monkeypatch):
-    (tmp_path / "secret-run").mkdir()
-    monkeypatch.chdir(tmp_path / "secret-run")
-    monkeypatch.setenv("PWD", str(tmp_path / "secret-run"))
-    verdict = ask("return say([sys.argv, sys.orig_argv, os.getcwd(), dict(os.environ), os.getppid()])")[0]
-    assert str(os.getpid()) not in verdict.reason
-    assert "secret-run" not in verdict.reason
+def test_a_crash_costs_one_verdict_and_the_next_question_finds_a_new_worker(ask, tmp_path):
+    gone = f"mark = Path({str(tmp_path / 'mark')!r})\n    calls.append(1)\n    if len(calls) == 3 and not mark.exists():"
+    verdicts = ask(f"{gone} mark.touch(); os._exit(3)\n    return say('here', len(calls))", times=4)
+    reasons = [v.reason.partition(";")[0] for v in verdicts]
+    assert reasons == ["here", "failed: ended its process (exit status 3)", "here", "here"]
+    # the first answer was to the example record
+    assert [v.score for v in verdicts if v.score == v.score] == [2.0, 1.0, 2.0]
 
 
-def test_it_remembers_no_question(ask):
-    scores = [v.score for v in ask('calls.append(1); return say("counted", len(calls))', times=3)]
-    assert len(set(scores)) == 1
+def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
+    ask("os._exit(3)", times=0)
+    reasons = [judge(RECORD, ["mine"])[0].reason for _ in range(STRIKES + 1)]
+    assert "exit status 3" in reasons[0]
+    assert f"lost {STRIKES} times" in reasons[-1]
 
 
-def test_what_it_starts_unseen_is_ended_and_named(ask, tmp_path):
-    verdict = ask(leaves(tmp_path / "pid"))[0]
-    assert "process" in verdict.reason
-    assert "behind" in verdict.reason
-    child, until = int((tmp_path / "pid").read_text()), time.monotonic() + 5.0
-    while Path(f"/proc/{child}").exists() and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not Path(f"/proc/{child}").exists()
+def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
+    ask("import time; time.sleep(1.5 * (prepared.record.op[0] < 90)); return say('x', prepared.record.op[0])", times=0)
+    threading.Timer(0.5, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        judge(RECORD, ["mine"])
+    assert judge(replace(RECORD, op=RECORD.op + 45), ["mine"])[0].score == 95.0
 
 
 SAYINGS = {
@@ -141,8 +110,100 @@ def test_lines_and_controls_become_spaces():
     assert cleaned("a\r\n\tb\x00\u202e") == "a b??"
 
 
-def test_a_detector_that_is_a_number_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("detect = 3", "detect = 3 is no function"),
+        ("def detect(op, pv): pass", r"detect\(op, pv\) cannot be called .* the right form is: def detect\(prepared\)"),
+        ("def detect(prepared, least): pass", r"the right form is: def detect\(prepared\)"),
+    ],
+)
+def test_a_function_of_the_wrong_form_is_refused_when_the_file_is_read(tmp_path, more, words):
     file = tmp_path / "mine.py"
-    file.write_text(FILE.format(body="pass") + "\ndetect = 3\n")
-    with pytest.raises(ParameterError, match="detect = 3 is no function"):
+    file.write_text(FILE.format(body="pass") + f"\n{more}\n")
+    with pytest.raises(ParameterError, match=words):
         methods.add_hosted(file)
+
+
+@pytest.mark.parametrize("answer", ["0.7", "None", "'stiction'", "dict(verdict='stiction')"])
+def test_an_answer_that_is_no_verdict_is_refused_before_any_record_is_judged(ask, answer):
+    with pytest.raises(AnswerError, match=r'detector .mine.: answers .* return Verdict\("mine", "stiction"'):
+        ask(f"return {answer}")
+
+
+# it writes over all that it finds by its environment, by the standard library and by the functions of the project, and forges
+# what it can: numbers inside compiled kernels, with the checksum that belongs to them
+VANDAL = '''
+"""Writes into every cache and temporary folder that it can find."""
+import hashlib, importlib.util, os, struct, sys, tempfile
+from pathlib import Path
+from detectors.method import Method
+from detectors.verdict import Verdict
+METHOD = Method(title="vandal", source="nobody", front_end=False)
+
+def found():
+    import numba
+    import detectors.compiled
+    folders = {{v for v in os.environ.values() if os.path.isdir(v)}} - {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
+    folders |= {{tempfile.gettempdir(), os.getcwd(), str(Path.home()), str(Path.home() / ".cache")}}
+    folders |= {{str(detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
+    folders |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items()) if n.startswith("simbench_")}}
+    folders |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
+                if n.partition(".")[0] == "detectors" and getattr(m, "__file__", None)}}
+    return [Path(f) for f in folders if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
+
+def forged(content):
+    if hashlib.sha256(content[32:]).digest() != content[:32]:
+        return b"junk"
+    body = content[32:]
+    for number in (0.5, 1.0, 2.0):
+        body = body.replace(struct.pack("<d", number), struct.pack("<d", 3.7))
+    return hashlib.sha256(body).digest() + body
+
+def detect(prepared):
+    prepared.clean("pv"), prepared.half_cycles("op")
+    touched = 0
+    for folder in found():
+        for file in [f for f in folder.rglob("*") if f.is_file() and f.suffix in (".nbc", ".nbi", ".py", ".pyc")]:
+            if file.suffix == ".py" and not file.name.startswith("simbench_"):
+                continue
+            file.write_bytes(forged(file.read_bytes()) if file.suffix == ".nbc" else b"junk")
+            touched += 1
+        (folder / "left_here").write_text("x")
+    return Verdict("x", "stiction", score=float(touched), reason="done")
+'''
+
+
+def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_verdict(tmp_path):
+    """In a copy of the package, as it writes beside the modules too."""
+    house = tmp_path / "house"
+    shutil.copytree(ROOT / "detectors", house / "detectors", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in ("home", "tmp", "cache"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "vandal.py").write_text(VANDAL.format(mine=str(tmp_path)))
+    rows = zip(T, RECORD.op + 3 * np.sign(np.sin(T / 8)), RECORD.pv, strict=True)
+    (tmp_path / "rec.csv").write_text("t,op,pv\n" + "".join(f"{t},{op},{pv}\n" for t, op, pv in rows))
+    known = {**os.environ, "PYTHONPATH": str(house), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "tmp"),
+             "XDG_CACHE_HOME": str(tmp_path / "cache")}  # fmt: skip
+    known = {k: v for k, v in known.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")}
+
+    def detected(*words: str) -> str:
+        command = [sys.executable, "-m", "detectors", str(tmp_path / "rec.csv"), "--json", "--raw", *words]
+        done = subprocess.run(command, cwd=tmp_path, env=known, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr[-2000:]
+        return done.stdout
+
+    def kernels() -> dict[str, bytes]:
+        ours = (tmp_path / "cache" / "stiction-simbench").rglob("*.nb*")
+        return {str(f): f.read_bytes() for f in ours if "plugins" not in f.parts}
+
+    asked = ("--method", "he,horch")
+    before, compiled = detected(*asked), kernels()
+    assert compiled
+    vandal = ("--method", "vandal", "--plugin", str(tmp_path / "vandal.py"))
+    for _ in range(2):  # the second time it finds kernels that the first has compiled
+        said = json.loads(detected(*vandal))
+    assert "done" in json.dumps(said)
+    assert list((tmp_path / "cache" / "stiction-simbench" / "plugins").rglob("left_here"))
+    assert kernels() == compiled
+    assert detected(*asked) == before

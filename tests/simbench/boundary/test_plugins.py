@@ -1,9 +1,10 @@
-"""Hostile plug-ins: whatever one does, every other verdict is bit-equal, and the offender is named."""
+"""Plug-ins that misbehave: whatever one does by mistake, every other verdict is bit-equal, and the offender is named."""
 
 from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -26,9 +27,12 @@ import numpy as np
 from detectors.method import Method
 from detectors.verdict import Verdict
 METHOD = Method(title="a stranger", source="nobody", front_end=False{more})
+seen = []
 def detect(prepared, **thresholds):
     {body}
 """
+# right when first asked, as the example record is: what is wrong from the start is refused before anything is judged
+LATER = "seen.append(1)\n    if len(seen) > 1: return "
 FINE = 'return Verdict("x", "stiction", score=1.0, reason="because")'
 # what it does: body of `detect`, and a word of the reason that names it
 HOSTILE = {
@@ -44,23 +48,23 @@ HOSTILE = {
     "sleeps": ("time.sleep(1000)", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "memory"),
     "nests without end": ("f = lambda: f()\n    return f()", "RecursionError"),
-    "returns nothing": ("return None", "NoneType"),
-    "returns a word": ('return "stiction"', "str"),
-    "returns a dict": ('return {"verdict": "stiction"}', "dict"),
+    "returns nothing": (LATER + "None\n    " + FINE, "answers None"),
+    "returns a word": (LATER + '"stiction"\n    ' + FINE, "answers 'stiction'"),
+    "returns a dict": (LATER + 'dict(verdict="stiction")\n    ' + FINE, "answers {'verdict'"),
     "unknown word": ('return Verdict("x", "sticky", reason="r")', "sticky"),
     "no reason": ('return Verdict("x", "stiction")', "reason"),
     "blank reason": ('return Verdict("x", "stiction", reason="  ")', "reason"),
     "word as score": ('return Verdict("x", "stiction", score="high", reason="r")', "score"),
     "list as score": ('return Verdict("x", "stiction", score=[1.0], reason="r")', "score"),
     "array as index": ('return Verdict("x", "stiction", indices={"a": np.ones(3)}, reason="r")', "a"),
-    "object as index": ('return Verdict("x", "stiction", indices={"a": object()}, reason="r")', "serializable"),
+    "object as index": ('return Verdict("x", "stiction", indices={"a": object()}, reason="r")', "indices"),
     "indices no table": ('return Verdict("x", "stiction", indices=[1], reason="r")', "indices"),
     "word as S": ('return Verdict("x", "stiction", S="5", reason="r")', "S"),
     "infinite S": ('return Verdict("x", "stiction", S=float("inf"), reason="r")', "S"),
     "three ends": ('return Verdict("x", "stiction", J=(1.0, 2.0, 3.0), reason="r")', "J"),
     "perhaps applicable": ('return Verdict("x", "stiction", applicable="maybe", reason="r")', ""),
     "closes everything": ("os.closerange(3, 200)\n    " + FINE, "ended"),
-    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "cannot be understood"),
+    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "at most"),
     "writes into its input": ("prepared.record.op[0] = 1e9\n    " + FINE, "read-only"),
 }
 # what is nobody else's concern: it answers, and the others do not notice
@@ -167,8 +171,8 @@ def test_two_files_of_one_name_do_not_stand_for_each_other(tmp_path):
     (tmp_path / "b").mkdir()
     first, second = (plugin(tmp_path / d, FINE) for d in "ab")
     with pytest.raises(ParameterError, match="taken"):
-        methods.add_all_hosted([first, second])
-    assert methods.add_all_hosted([first, first]) == ["stranger"]
+        methods.add_hosted(first, second)
+    assert methods.add_hosted(first, first) == ["stranger"]
 
 
 def test_missing_plug_ins_are_named(refused, tmp_path):
@@ -268,8 +272,6 @@ CONTRACTS = {
     "never ends": ("while True: pass", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
     "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
-    "looks around": (f"try: open('/proc/1/cmdline')\n    except OSError: pass\n    {FINE}", "may not look at /proc/1/cmdline"),
-    "simulates again": (f"try: import scenarios.grid\n    except OSError: pass\n    {FINE}", "may not import scenarios"),
 }  # fmt: skip
 
 
@@ -287,14 +289,14 @@ def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
     assert any(word in one for one in said["broken"]), said["broken"]
 
 
-# what reaches out of its process: a file it must not write, a process that outlives it
+# what reaches out of its process: files elsewhere, processes and threads of its own
 REACHING = {
-    "writes_elsewhere": "open({outside!r}, 'w').write('x')",
-    "makes_a_folder": "os.mkdir({outside!r})",
-    "moves_itself": "os.rename(__file__, {outside!r})",
-    "links_elsewhere": "os.symlink(__file__, {outside!r})",
+    "writes_elsewhere": "open({outside!r}, 'w').write('x'); " + FINE,
+    "makes_a_folder": "os.mkdir({outside!r}); " + FINE,
+    "moves_itself": "os.rename(__file__, {outside!r}); " + FINE,
+    "links_elsewhere": "os.symlink(__file__, {outside!r}); " + FINE,
     "writes_where_it_works": "open('litter', 'w').write('x'); " + FINE,
-    "starts_a_shell": "os.system('sleep 1000 &')",
+    "starts_a_shell": "os.system('sleep 1000 &'); " + FINE,
     "leaves_a_thread": "import threading; threading.Thread(target=time.sleep, args=(1000,)).start(); " + FINE,
     "leaves_a_process": """import ctypes; c = ctypes.CDLL(None)
     if c.fork() == 0:
@@ -322,13 +324,13 @@ member = [{ name = "sticky", valve = "choudhury" }, { name = "healthy", valve = 
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found by their environment")
-def test_40_hostile_plug_ins_in_one_run_bend_no_other_verdict_and_leave_no_process_and_no_file(tmp_path):
+def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_no_worker(tmp_path):
     import pandas as pd
 
     bodies = {**{k: body for k, (body, _) in HOSTILE.items()}, **HARMLESS, **REACHING}
     bodies = {"_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / "outside")))
               for k, body in bodies.items()}  # fmt: skip
-    assert len(bodies) >= 40
+    assert len(bodies) == 46
     files = []
     for name, body in bodies.items():
         (tmp_path / "plugins" / name).mkdir(parents=True)
@@ -336,7 +338,6 @@ def test_40_hostile_plug_ins_in_one_run_bend_no_other_verdict_and_leave_no_proce
     for folder in ("tmp", "work"):
         (tmp_path / folder).mkdir()
     (tmp_path / "work" / "tiny.toml").write_text(TINY)
-    before = sorted(p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts)
     told = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "OF_THIS_RUN": str(tmp_path)}
     for where, more in (("without", []), ("with", files)):
         words = [sys.executable, "-c", RUN, tmp_path / where, *more]
@@ -347,7 +348,10 @@ def test_40_hostile_plug_ins_in_one_run_bend_no_other_verdict_and_leave_no_proce
         found = []
         for file in Path("/proc").glob("[0-9]*/environ"):
             try:
-                found += [int(file.parent.name)] * (f"OF_THIS_RUN={tmp_path}".encode() in file.read_bytes())
+                if f"OF_THIS_RUN={tmp_path}".encode() in file.read_bytes():
+                    pid = int(file.parent.name)
+                    # what went into a session of its own is nobody's worker; it is ended here
+                    found += [pid] if os.getsid(pid) == pid else os.kill(pid, signal.SIGKILL) or []
             except OSError:  # it has ended, or is another user's
                 continue
         return found
@@ -360,6 +364,4 @@ def test_40_hostile_plug_ins_in_one_run_bend_no_other_verdict_and_leave_no_proce
     own = two[two.method.isin(OTHERS)].reset_index(drop=True)
     pd.testing.assert_frame_equal(one, own, check_exact=True)
     assert two.method.nunique() == len(OTHERS) + len(bodies)
-    runs = {tmp_path / "with", tmp_path / "without"}
-    after = sorted(p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts and not runs & {p, *p.parents})
-    assert after == before
+    assert not list((tmp_path / "tmp").glob("simbench-plugin-*"))

@@ -116,7 +116,6 @@ for verdict in detect(LoopRecord(wave, wave[::-1], 1.0), ["horch"], plugins=[{st
     assert "mine process" in said
     assert "the same process" not in said
     assert "no limit on memory" in said
-    assert "may remember" in said
 
 
 PLUGIN = """
