@@ -50,7 +50,8 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end)), replace(record, meta={})
+    blind = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end))
+    sighted = replace(record, meta={})
     verdicts = []
     for name in methods:
         method = registry.load(name).METHOD
