@@ -7,9 +7,9 @@ method             differs in                       because
 =================  ===============================  ==============================================================
 horch, yamashita   nothing: same verdict, same      -
                    index to 1e-9
-he, rossi_scali    the index (median .02, at most .15  a half cycle is resampled to 40 points by straight lines, which
-                   and .3); a verdict only next to  takes off part of the noise. A slow fit to the same 40 points has
-                   a bound                          the same verdicts, and the same index to .01.
+he, rossi_scali    the index, by .02 in the median  a half cycle is resampled to 40 points by straight lines, which
+                   and .3 at most; a verdict only   takes off part of the noise. A slow fit to the same 40 points has
+                   next to a bound                  the same verdicts, and the same index to .01.
 singhal_salsbury   R, by .1 in the median; a        the peak of a half cycle is placed between samples. R is a mean of
                    verdict only next to R = 1, or   quotients: where a half cycle is noise about its mean, an area is
                    where half cycles are noise      near zero or negative, and one quotient decides.
