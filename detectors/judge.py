@@ -49,16 +49,13 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end)), None
+    blind = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end))
+    sighted = replace(record, meta={})
     verdicts = []
     for name in methods:
-        module = registry.load(name)
-        prepared = blind
-        if module.METHOD.whole:
-            prepared = Prepared(replace(record, meta={}), front_end)
-        elif module.METHOD.needs_mv:
-            prepared = sighted = sighted or blind.with_mv(replace(record, meta={}))
-        chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
+        method = registry.load(name).METHOD
+        prepared = blind.seen_by(method, sighted if method.needs_mv or method.takes_mv else sighted.without_mv())
+        chosen = check_thresholds(name, method, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
 

@@ -40,7 +40,8 @@ class Method:
     front_end: bool = True  # false for a method that brings its own oscillation test
     reversible: bool = False  # whether its verdict is the same for the record read backwards
     cannot_cope: tuple[str, ...] = ()  # data-quality flags under which the method abstains
-    whole: bool = False  # judged on the whole record, never on a half that oscillates, and with MV where it was recorded
+    whole: bool = False  # given the whole record as it came, neither the half that oscillates nor every so many-th sample
+    takes_mv: bool = False  # given MV where it was recorded, but judges without it too; in a ranking it gets none
     # keyword arguments of `detect` that a user or a calibration may set
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     # cases of the contract test that do not apply to the method, each with the reason
@@ -60,11 +61,16 @@ class Method:
         return {name: t.default for name, t in self.thresholds.items()}
 
     def as_published(self, chapter: bool = False) -> Method:
-        """Return the method with the thresholds of its source, or of the chapter, as defaults."""
+        """Return the method with the thresholds of its source, or of the chapter, as defaults.
+
+        As published it is given the whole record, as anyone would give it who implements the source.
+        """
         its = self.published | (self.chapter if chapter else {})
         at = {k: replace(t, default=its.get(k, t.default)) for k, t in self.thresholds.items()}
         where = "in the chapter" if chapter else "as published"
-        return replace(self, title=f"{self.title}, {where}", thresholds=at, fitted_on=(), published={}, chapter={})
+        whole = self.whole or not chapter
+        title = f"{self.title}, {where}"
+        return replace(self, title=title, whole=whole, thresholds=at, fitted_on=(), published={}, chapter={})
 
 
 def wrong_fields(method: Any) -> Iterator[str]:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.method import Method
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
 from detectors.signal.autocorrelation import acf, detrend
@@ -35,6 +36,7 @@ class Prepared:
     # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them
     part: tuple[int, int] | None = None
     step: int = 1  # samples of the record that was given to one of `record`
+    views: dict = field(default_factory=dict)  # the same record as other methods are given it; `seen_by` fills it
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -157,6 +159,22 @@ class Prepared:
         other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
+
+    def seen_by(self, method: Method, record: LoopRecord) -> Prepared:
+        """Return what a method is given: `record` is the one that was prepared, with MV where the method may see it.
+
+        What the front end says of the oscillation holds for every view of a record.
+        """
+        whole = method.whole and (self.part is not None or self.step > 1)
+        key = (whole, record.mv is None)
+        if key not in self.views:
+            if whole:
+                view = Prepared(record, self.front_end)
+                view.__dict__["oscillation"] = self.oscillation
+            else:
+                view = self if record.mv is None else self.with_mv(record)
+            self.views[key] = view
+        return self.views[key]
 
     def _turned_pv(self) -> np.ndarray:
         period = self.oscillation.period_s / self.record.Ts

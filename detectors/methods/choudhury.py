@@ -1,6 +1,9 @@
 """Choudhury 2006, the whole Procedure 11.3: first a nonlinearity in the control error, then an ellipse of PV over OP.
 
-Needs: PV and OP (SP where it moves), either process type, 256 samples; with `surrogate` 12 cycles of at least 7 samples.
+Needs: PV and OP (SP where it moves), either process type, 16 cycles of 16 samples; with `surrogate` 12 cycles of at least 7.
+All steps see a record resampled to 16 samples a cycle, where it has more: a segment of 64 samples, the authors', then holds
+four cycles. Their records have some thousand samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the
+bound of NGI rises, and less is seen.
 Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`, `nli_low` as in bicoherence;
 `fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2.
 Indices: ngi, nli (or npi), fitness, S_apparent.
@@ -12,8 +15,8 @@ valve's characteristic may then be the nonlinearity.
 Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412;
 Jelali (2013), Procedure 11.3, with its surrogate branch. The boundaries, max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05)
-per sample about the peak of the bicoherence, often need tuning by hand (Manum 2006). Samples are those of a
-record thinned to at most 64 per period, as the chapter asks above 250.
+per sample about the peak of the bicoherence, often need tuning by hand (Manum 2006), which its authors did as well. Samples
+are those of the resampled record.
 """
 
 from __future__ import annotations
@@ -22,14 +25,13 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence
-from detectors.signal.conditioning import band_pass, drift
+from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence, resampling_step
+from detectors.signal.conditioning import band_pass, drift, means
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import oscillations_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-_DENSEST = 64.0  # samples per period of the filtered signals
 _WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 
 METHOD = Method(
@@ -117,9 +119,8 @@ def detect(
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
-    step = max(1, 2 ** int(np.ceil(np.log2(period / _DENSEST))))
-    n = record.n // step
-    op, pv = (x[: n * step].reshape(n, step).mean(axis=1) for x in (op, record.pv))
+    step = resampling_step(period)
+    op, pv = (means(x, step) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
     low, high = (given or found for given, found in zip((low, high), boundaries(around), strict=True))
     op, pv = band_pass(op, low, high), band_pass(pv, low, high)

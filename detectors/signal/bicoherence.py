@@ -7,10 +7,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from detectors.signal.conditioning import means
+
 _SEGMENT = 128  # samples per segment, half overlapping
+_FEWEST = 4  # segments in a record
 _FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
-_SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
+# how the authors' records are sampled: 64 samples a segment, which hold the three or four cycles that Jelali asks for
+SAMPLES_PER_CYCLE, _OF_CYCLES = 16.0, 64
 LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
 
 
@@ -74,18 +78,23 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
 
 
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
-    """Estimate the bicoherence of a control error, thinned out so that a segment holds four periods.
+    """Estimate the bicoherence of a control error, resampled so that a segment of 64 samples holds four cycles.
 
-    Source: Jelali (2013), section 11.7: the FFT length should hold at least 3 or 4 cycles. Not for signals whose
-    nonlinearity shows above the frequency that averaging leaves.
+    Source: segments of 64 as in Choudhury, Shah & Thornhill (2004); Jelali (2013), section 11.7.2: down-sampled in such a
+    way that the FFT length holds at least 3 or 4 cycles. None for fewer than four segments. Not for signals whose
+    nonlinearity shows above half the frequency of the new samples.
     """
-    step = max(1, round(period / _SAMPLES_PER_PERIOD)) if np.isfinite(period) else 1
-    x = e[: e.size // step * step].reshape(-1, step).mean(axis=1)
-    segment = _SEGMENT if x.size >= 8 * _SEGMENT else _SEGMENT // 2
-    if x.size < 4 * segment:
+    step = resampling_step(period)
+    x = means(e, step)
+    if x.size < _FEWEST * _OF_CYCLES:
         return None
-    found = bicoherence(x, segment)
+    found = bicoherence(x, _OF_CYCLES)
     return replace(found, f1=found.f1 / step, f2=found.f2 / step)
+
+
+def resampling_step(period: float) -> float:
+    """Return how many samples become one, so that a cycle of `period` samples has no more than its authors' records have."""
+    return max(1.0, period / SAMPLES_PER_CYCLE) if np.isfinite(period) else 1.0
 
 
 @lru_cache(maxsize=4)

@@ -59,6 +59,14 @@ def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
     return np.rint(x / step) * step
 
 
+def means(x: np.ndarray, step: float) -> np.ndarray:
+    """Return the means over consecutive stretches of `step` samples, which need not be a whole number."""
+    if step == 1.0:
+        return x
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    return np.diff(np.interp(step * np.arange(int(x.size / step + 1e-9) + 1), np.arange(total.size), total)) / step
+
+
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
 

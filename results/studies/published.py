@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from detectors.judge import judge_one
+from detectors.plugins.registry import PUBLISHED as PUBLISHED_ID
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import prepare
+from detectors.record import LoopRecord
 from detectors.records.io import read_labels
 from detectors.report.report import judge_files, score_units, table
-from detectors.verdict import NO_DECISION, STICTION
+from detectors.verdict import NO_DECISION, STICTION, Verdict
 from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
@@ -33,7 +35,7 @@ NO_RULE = "as published: no rule of our own"
 def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
     """Yield every method: improved, without one of its own rules, as published, and as in the chapter where that differs.
 
-    Yields (method, variant, thresholds).
+    Yields (method, variant, thresholds). A method without a rule of its own is the published one on the part that is judged.
     """
     for name in registry.names():
         method = registry.load(name).METHOD
@@ -58,10 +60,7 @@ def simulated(grid: str, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
-            blind = prepare(run.record.without_mv())
-            seen = blind.with_mv(replace(run.record, meta={}))
-            modules = [(m, registry.load(m), chosen) for m, _, chosen in variants()]
-            found = [judge_one(m, at, seen if at.METHOD.needs_mv else blind, False, chosen) for m, at, chosen in modules]
+            found = _answers(run.record)
             said.append([-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found])
             applies.append([v.applicable is not False for v in found])
             cycling.append(cycled.answer == "yes")
@@ -101,16 +100,22 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
     return table_rows
 
 
+def _answers(record: LoopRecord) -> list[Verdict]:
+    """Return the verdict of every variant; as published a method is given the whole record."""
+    blind, found = prepare(record.without_mv()), []
+    for m, variant, chosen in variants():
+        at = registry.load(f"{m}@{PUBLISHED_ID}" if variant == PUBLISHED else m)
+        seen = replace(record, meta={}) if at.METHOD.needs_mv else record.without_mv()
+        found.append(judge_one(m, at, blind.seen_by(at.METHOD, seen), False, chosen))
+    return found
+
+
 def _real(records: Path, labels: Path) -> list[dict[str, Any]]:
     """Score every variant, by its number, on real units."""
     read = judge_files(records, ["kano_a"], labels=labels).records
     found = []
     for name, record in read.items():
-        blind = prepare(record.without_mv())
-        seen = blind.with_mv(replace(record, meta={}))
-        for i, (m, _, chosen) in enumerate(variants()):
-            at = registry.load(m)
-            found.append((name, judge_one(m, at, seen if at.METHOD.needs_mv else blind, False, chosen).but(method=str(i))))
+        found += [(name, verdict.but(method=str(i))) for i, verdict in enumerate(_answers(record))]
     return score_units(found, read_labels(labels))
 
 

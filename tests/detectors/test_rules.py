@@ -20,6 +20,7 @@ PUBLISHED = {
     "yamashita": {"rho3_min": 0.25, "step": 1},
     "singhal_salsbury": {"R_low": 1.0},
     "surrogate": {"npi_low": 1.0},
+    "gbt44693": {"ratio_low": 0.3},  # of open implementations; the standard was not seen
 }
 
 
@@ -53,6 +54,7 @@ RULES = [
     ("horch_isaksson", "score", "score_high", {"score_low": -0.01}, AT),
     ("horch", "dtau", "dtau_high", {"drho_high": -1.0}, AT),
     ("horch", "drho", "drho_high", {"dtau_high": -1.0}, AT),
+    ("gbt44693", "axis_ratio", "ratio_low", {}, ABOVE),
     ("yamashita", "rho3", "rho3_min", {}, ABOVE),
     ("singhal_salsbury", "r_area", "R_low", {}, ABOVE),
     ("surrogate", "npi", "npi_low", {}, ABOVE),

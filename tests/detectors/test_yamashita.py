@@ -2,47 +2,19 @@
 
 import numpy as np
 import pytest
+from naive import yamashita_indices
 from scipy.stats import norm
 
 from detectors.judge import judge
 from detectors.methods.yamashita import movement_indices
 from detectors.record import LoopRecord
 
-UNRELATED = {
-    "IS": {"DD", "DI", "SD", "ID", "DS"},
-    "DS": {"DI", "SI", "ID", "II", "IS"},
-}
-FOLLOWS = {"IS": {"II", "SI"}, "DS": {"DD", "SD"}}
-
-
-def naive_indices(op, mv, step):
-    def symbols(x):
-        d = x[step:] - x[:-step]
-        z = (d - d.mean()) / d.std()
-        return ["I" if v > 1 else "D" if v < -1 else "S" for v in z]
-
-    pairs = [a + b for a, b in zip(symbols(op), symbols(mv), strict=True) if a + b != "SS"]
-    runs = []
-    for pair in pairs:
-        if runs and runs[-1][0] == pair:
-            runs[-1][1] += 1
-        else:
-            runs.append([pair, 1])
-    rho1 = sum(pair in ("IS", "DS") for pair in pairs)
-    rho2 = rho3 = 0
-    for i, (pair, length) in enumerate(runs):
-        if pair in ("IS", "DS"):
-            after = runs[i + 1][0] if i + 1 < len(runs) else None
-            rho2 += length * (after in FOLLOWS[pair])
-            rho3 += length * (after not in UNRELATED[pair])
-    return rho1 / len(pairs), rho2 / len(pairs), rho3 / len(pairs)
-
 
 @pytest.mark.parametrize("step", [1, 3])
 def test_indices_equal_those_counted_pair_by_pair(step):
     for seed in range(10):
         op, mv = np.cumsum(np.random.default_rng(seed).standard_normal((2, 300)), axis=1)
-        assert movement_indices(op, mv, step) == pytest.approx(naive_indices(op, mv, step), abs=1e-12)
+        assert movement_indices(op, mv, step) == pytest.approx(yamashita_indices(op, mv, step), abs=1e-12)
 
 
 def test_two_independent_noises_have_a_large_rho1_and_a_small_rho3():

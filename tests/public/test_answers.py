@@ -48,6 +48,7 @@ EFFECTS = {
 METHODS = {
     "horch", "horch_histogram", "he", "rossi_scali", "yamashita", "kano_a", "kano_b", "singhal_salsbury", "choudhury",
     "ellipse", "bicoherence", "surrogate", "srinivasan", "hammerstein", "stenman", "horch_isaksson", "procedure",
+    "gbt44693",
 }  # fmt: skip
 INDICES = {
     "horch": {"dtau", "drho"}, "he": {"eta", "eta_two_line"}, "yamashita": {"rho1", "rho2", "rho3"},

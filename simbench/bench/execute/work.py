@@ -155,19 +155,16 @@ def judge_both(
     error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    blind, sighted = prepare(record.without_mv(), front_end), None
+    blind = prepare(record.without_mv(), front_end)
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
     found = []
     for name, values in chosen.items():
         method: Method = registry.load(name).METHOD
-        since, prepared = time.perf_counter(), blind
-        if method.whole and blind.part:
-            # ranked with those that do not see MV
-            prepared = Prepared(record.without_mv(), front_end)
-        elif method.needs_mv:
-            prepared = sighted = sighted or blind.with_mv(record)
+        since = time.perf_counter()
+        # one that takes MV without needing it is ranked with those that do not see it
+        prepared = blind.seen_by(method, record if method.needs_mv else record.without_mv())
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
         said, error = answers(name, prepared, modes, dict(values))

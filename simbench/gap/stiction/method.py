@@ -29,6 +29,7 @@ METHOD = Method(
     min_samples=SHORTEST_ASKED,
     front_end=False,
     whole=True,
+    takes_mv=True,
     fitted_on=("plant", "own", "mill", "refinery"),
     thresholds={
         "yes": Threshold(CLAIMED_FROM, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),

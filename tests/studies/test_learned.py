@@ -1,0 +1,45 @@
+"""The learned reference: what it is not told, what its kernels see, and the rows of its table."""
+
+import numpy as np
+import pytest
+
+from results.studies.learned import KERNELS, PERIODS, POINTS, features, rows, window_of
+
+T = np.arange(600) / 30.0  # 20 periods of 30 samples
+
+
+def test_a_window_tells_neither_amplitude_nor_offset_nor_period():
+    op, pv = np.sin(2 * np.pi * T), np.cos(2 * np.pi * T)
+    plain = window_of(op, pv, 30.0)
+    assert plain.shape == (2, PERIODS * POINTS)
+    assert window_of(7.0 * op + 40.0, -0.01 * pv + 3.0, 30.0) == pytest.approx(plain * [[1.0], [-1.0]], abs=1e-9)
+    slow = np.arange(1200) / 60.0
+    slow = window_of(np.sin(2 * np.pi * slow), np.cos(2 * np.pi * slow), 60.0)
+    # both end with their last sample, which stands at another phase
+    assert np.abs(np.fft.rfft(slow)) == pytest.approx(np.abs(np.fft.rfft(plain)), abs=3.0)
+    assert np.argmax(np.abs(np.fft.rfft(slow)), axis=1) == pytest.approx([PERIODS, PERIODS])
+
+
+def test_a_record_that_is_too_short_or_too_coarse_has_no_window():
+    assert window_of(T[:200], T[:200], 30.0) is None
+    assert window_of(T, T, POINTS / 3) is None
+
+
+def test_kernels_tell_a_triangle_from_a_sine():
+    rng = np.random.default_rng(0)
+    phase = 2 * np.pi * (np.arange(PERIODS * POINTS) / POINTS + rng.random((60, 1)))
+    sine = np.sin(phase)
+    sine[::2] = np.arcsin(np.sin(phase[::2])) * 2 / np.pi
+    window = np.stack([sine, np.cos(phase)], axis=1) + 0.02 * rng.standard_normal((60, 2, PERIODS * POINTS))
+    found = features(window.astype(np.float32))
+    assert found.shape == (60, 2 * KERNELS)
+    apart = np.abs(found[::2].mean(axis=0) - found[1::2].mean(axis=0)) / (found.std(axis=0) + 1e-9)
+    assert apart.max() > 1.5
+
+
+def test_the_table_has_a_row_for_home_and_away_and_every_method():
+    found = rows(["smoke"], 24, 12, ["he"])
+    assert [r["method"] for r in found] == ["random kernels", "no waveform", "he"]
+    assert found[0]["learned on"] == "smoke, other seeds"
+    assert len({r["n"] for r in found}) == 1
+    assert all(0.0 <= float(r["cost"]) <= 1.0 for r in found)
