@@ -12,12 +12,11 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from detectors.errors import ParameterError
 from simbench.blind import outcomes
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries, whole_file
+from simbench.progress import Progress
 
 _Diagnose = Callable[..., dict[str, Any]]
 COST = "cost.csv"
@@ -48,7 +47,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
         _round(folder, diagnose, jobs, opened, place)
         for name in answers:
             if not _answered(place / name):
-                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands", file=sys.stderr)
+                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands")
                 _write(place / name, answers[name])
     return done
 
@@ -80,7 +79,7 @@ def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[s
     workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
     context = multiprocessing.get_context("spawn")  # nothing of this process, which may know more, is inherited
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_blindfold, initargs=(str(folder),))
-    bar = tqdm(total=len(records), initial=len(records) - len(todo), desc="diagnosed", file=sys.stderr, delay=1.0)
+    bar = Progress(total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0)
     with pool, bar:
         jobs_of: dict[Future, str] = {pool.submit(_one, diagnose, str(r), tests.get(r.stem, [])): r.stem for r in todo}
         for done in as_completed(jobs_of):
