@@ -180,3 +180,11 @@ def test_three_detectors_on_one_record_import_nothing_heavy(tmp_path):
     rows = np.column_stack([t, 50 + np.sin(t / 8), 20 + np.cos(t / 8)])
     np.savetxt(tmp_path / "rec.csv", rows, delimiter=",", header="t_s,op,pv", comments="")
     assert imported("detect", tmp_path / "rec.csv", "--method", "horch,he,choudhury") == (0, [])
+
+
+@pytest.mark.parametrize("module", ["simbench.gap.command", "simbench.plant.command"])
+def test_diagnosis_and_trust_load_no_package_that_they_may_not_need(module):
+    slow = ("scipy.signal", "scipy.stats", "scipy.optimize", "pandas", "matplotlib", "control")
+    code = f"import sys, {module}; print(*(m for m in {slow} if m in sys.modules))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == []
