@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+_PLAIN_SAMPLES = 400_000  # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
 LANES = 32
 """Values that a row of `lanes` holds: four AVX-512 registers. Below that LLVM unrolls the loops over them instead."""
 
@@ -65,6 +66,25 @@ def compiled(function: FunctionType):
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
+
+
+@cache
+def quick(function: FunctionType):
+    """Return a light kernel of a signal, its first argument: plain until so many samples were worked that numba pays.
+
+    Loading numba costs a second, more than a few records do. Both give the same bits; not for kernels with numpy's sums.
+    """
+    worked = 0
+
+    def call(signal, *more):
+        nonlocal worked
+        worked += signal.size
+        if worked > _PLAIN_SAMPLES or "numba" in sys.modules:
+            return compiled(function)(signal, *more)
+        with np.errstate(all="ignore"):  # a division by zero gives inf or NaN, as compiled
+            return function(signal, *more)
+
+    return call
 
 
 def njit_cached(function: FunctionType):

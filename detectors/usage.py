@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import shlex
+import signal
 import sys
 import tempfile
+import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from detectors.errors import UserError, masked
@@ -17,6 +19,8 @@ from detectors.records.roles import column_pairs
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
 RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
 LOGS = 20  # kept there, the newest
+STOPPED = b"stopped by SIGTERM; no output is half-written\n"
+TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
 _LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
 
@@ -25,7 +29,8 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception], command: 
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        return int(work() or 0)
+        with _terminable():
+            return int(work() or 0)
     except (UserError, *known) as error:
         cure = getattr(error, "cure", "")
         return complain(f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error))
@@ -46,9 +51,27 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception], command: 
         return 130
     except SystemExit as stop:
         # argparse has printed its help or its complaint by then, click found its reader gone (1)
-        return int(stop.code or 0) if stop.code in (None, 0, 1) else 2
+        return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
         return complain(_fault(error))
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command with a word, and with what cleans up after it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        os.write(2, STOPPED)  # print may have been what was interrupted
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def cured(command: Sequence[str], cure: str) -> str:

@@ -1,6 +1,21 @@
 """What to try: loops and scenarios as numbers and names, and grids of them in TOML."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from scenarios.errors import SpecError
-from scenarios.spec import Loop, Scenario, load_loop
+
+if TYPE_CHECKING:
+    from scenarios.spec import Loop, Scenario, load_loop
 
 __all__ = ["Loop", "Scenario", "SpecError", "load_loop"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what needs pydantic when it is first asked for."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from scenarios import spec
+
+    return getattr(spec, name)

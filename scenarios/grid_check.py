@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -18,6 +19,7 @@ SETTING_LIMITS = {
     "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
     "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "moves": (0.0, 1e4), "move": (0.0, 1e3),
 }  # fmt: skip
+_PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")  # of a grid, in a mistake's sentence
 _ATS = ("input", "output")
 
 
@@ -30,10 +32,14 @@ def refuse_mistakes(grid: Any) -> None:
 
 
 def say(name: str, mistakes: list[str]) -> None:
-    """Raise SpecError with all mistakes in one sentence, if there are any."""
-    if mistakes:
-        more = f"; and {len(mistakes) - _SHOWN} more" if len(mistakes) > _SHOWN else ""
-        raise SpecError(f"{name}: {'; '.join(mistakes[:_SHOWN])}{more}")
+    """Raise SpecError with all mistakes in one sentence, if there are any; one made in many places is told once."""
+    places: dict[str, list[str]] = {}
+    for mistake in mistakes:
+        places.setdefault(_PLACE.sub("", mistake), []).append(mistake)
+    told = [f"{many[0]} (the same in {len(many) - 1} more)" if many[1:] else many[0] for many in places.values()]
+    if told:
+        more = f"; and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
+        raise SpecError(f"{name}: {'; '.join(told[:_SHOWN])}{more}")
 
 
 def _mistakes(content: Any) -> Iterator[str]:

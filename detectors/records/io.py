@@ -20,6 +20,7 @@ from detectors.records.long_table import is_stamped, read_series, unfold
 from detectors.records.loop_table import read_loop_table
 from detectors.records.mode import AUTO, CAS, MAN, mode
 from detectors.records.roles import (
+    ASKED,
     CLOCKS,
     DATES,
     MODE,
@@ -35,7 +36,7 @@ from detectors.records.roles import (
     several_loops,
     unit,
 )
-from detectors.records.tables import BLANK, Sheet, read_sheets, read_table
+from detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_table
 from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
@@ -228,7 +229,10 @@ def _of_file(
         only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
         if only and not sheet and not chosen:
             table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
-        named = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
+        try:
+            named = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
+        except RecordError as error:
+            raise _with_ranges(error, table) from None
         for name, roles in named.items():
             label = (name or sheet or tag or "") if len(named) > 1 or sheet or tag is not None else path.stem
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
@@ -306,6 +310,18 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     return out
 
 
+def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
+    """Return a refusal that asks which column is what with the columns and their ranges; any other as it is."""
+    if f"={ASKED}" not in error.cure:
+        return error
+    cells = {n: c for part in (table.parts or {"": table.sheet}).values() for n, c in part.columns.items()}
+    if table.parts:
+        cells = {name: list(part.columns.values())[-1] for name, part in table.parts.items()}
+    named = [(n, c) for n, c in cells.items() if not n.startswith(BLANK)]
+    said = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (", ..." if len(named) > 12 else "")
+    return RecordError(f"{error.sentence}; columns are: {said}", error.cure)
+
+
 def _record(
     table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str, automatic: bool
 ) -> LoopRecord:
@@ -314,7 +330,8 @@ def _record(
     sheet = table.sheet
     for role in ("pv", "op"):
         if role not in roles:
-            raise no_column(role, roles, [n for n in table.parts or sheet.columns if not n.startswith(BLANK)], where)
+            names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
+            raise _with_ranges(no_column(role, roles, names, where), table)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
     modes, given = None, Ts

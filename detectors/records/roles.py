@@ -15,6 +15,7 @@ from detectors.errors import RecordError, nearest
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
+ASKED = "NAME"  # stands in a hint for the column that the user alone can name
 TIME_NAMES = (
     "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
     "date and time", "elapsed", "elapsed time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit",
@@ -225,11 +226,8 @@ def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
         if len(best) > 1 and role == MODE and len(actual) == 1:
             best = actual
         if len(best) > 1:
-            number = _digits(parse(best[0]).loop)  # of FT101.PV and FV101.OUT beside LT102.PV and LV102.OUT both are needed
-            alike = {r: [n for n in found.get(r, []) if _digits(parse(n).loop) == number] for r in ("pv", "op") if number}
-            pair = {r: names[0] for r, names in alike.items() if names and r not in fixed}
             said = f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed"
-            raise RecordError(said, _columns({**pair, role: best[0]}))
+            raise RecordError(said, _columns({role: ASKED}))
         roles[role] = best[0]
     return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
 
@@ -273,11 +271,11 @@ def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> st
         others = [n for n in names if n not in exact and re.match(r"(date|time)", plain(n)) and not is_quality(n)]
         if others and not re.fullmatch(r"time_ms", plain(others[0])):
             said = f"{first!r} and {others[0]!r} may both be times; say which, or export one"
-            raise RecordError(f"{where}: {said}", _columns({"t": first}))
+            raise RecordError(f"{where}: {said}", _columns({"t": ASKED}))
         return first
     found = [n for n in names if is_time(n)]
     if len(found) > 1:
-        raise RecordError(f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": found[0]}))
+        raise RecordError(f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": ASKED}))
     return found[0] if found else None
 
 
@@ -312,22 +310,18 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
 
 
 def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: str) -> RecordError:
-    """Return the refusal of a table without a signal, with a column that may be it."""
-    said = f"{where}: no {role.upper()} column; columns are: {shown(names)}"
+    """Return the refusal of a table without a signal, with the form of the option that names it where a column is free."""
+    said = f"{where}: no {role.upper()} column"
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
     if not any(re.search(r"[^\W\d]", n) for n in names):
         return RecordError(f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first")
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
-    if role == "op" and any(_parts(n)[-1:] == ["cv"] for n in free):
-        free = [n for n in free if _parts(n)[-1] == "cv"]
     known = {r: n for r, n in roles.items() if r in ("pv", "op")}
-    other = {"pv": "op", "op": "pv"}[role]
-    if free and (other in known or len(free) > 1):
-        guess = {role: free[0]} | ({} if other in known else {other: free[1]})
-        return RecordError(said, _columns(known | guess))
-    return RecordError(said)
+    if len(free) > 1 - len(known):
+        return RecordError(said, _columns({"op": ASKED, "pv": ASKED} | known))
+    return RecordError(f"{said}; columns are: {shown(names)}")
 
 
 def unit(name: str) -> str:

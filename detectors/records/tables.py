@@ -92,6 +92,18 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
             gc.enable()
 
 
+def range_of(cells: Sequence[object]) -> str:
+    """Return the range of a column's numbers, or that it holds none."""
+    found = []
+    for cell in cells:
+        try:
+            found.append(float(str(cell).replace(",", ".")))
+        except ValueError:
+            continue
+    kept = [x for x in found if np.isfinite(x)]
+    return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
+
+
 def _workbook(path: Path) -> dict[str, list[list[str]]]:
     """Read the cells of every sheet; a small file that unpacks to a large one is refused before it fills the memory."""
     import pandas as pd

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.compiled import compiled
+from detectors.compiled import quick
 
 
 def detrend(x: np.ndarray) -> np.ndarray:
@@ -58,7 +58,7 @@ def acf(x: np.ndarray) -> np.ndarray:
 def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) -> np.ndarray:
     """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back."""
     at = np.empty(x.size if most is None else most)
-    return at[: compiled(_crossings)(x, band, at)]
+    return at[: quick(_crossings)(x, band, at)]
 
 
 def _crossings(x, band, at):
@@ -101,12 +101,13 @@ def lasting(x: np.ndarray, period: float) -> float:
     third = power.size // 3
     if third == 0:
         return 0.0
-    first, last = max(power[:third].mean(), 0.0), max(power[-third:].mean(), 0.0)
+    # summed sample by sample, so that plain and compiled give the same bits
+    first, last = max(power[:third].cumsum()[-1] / third, 0.0), max(power[-third:].cumsum()[-1] / third, 0.0)
     if first > 0.0:
         return float(np.sqrt(last / first))
     return 1.0 if last > 0.0 else 0.0
 
 
 def decay_and_lasting(rho, at, x, period):
-    """Return both in one compiled call."""
+    """Return both in one call."""
     return decay_ratio(rho, at), lasting(x, period)

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.compiled import compiled
+from detectors.compiled import quick
 from detectors.signal.autocorrelation import decay_and_lasting, detrend, detrended, fast_size, zero_crossings
 from detectors.signal.conditioning import snapped
 
@@ -83,7 +83,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     # what counts as a reversal shall not hang on the unit
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
-    turn = compiled(_reversals)
+    turn = quick(_reversals)
     count = np.zeros(_LEAST_SWINGS.size)
     for i, least in enumerate(_LEAST_SWINGS):
         count[i] = turn(x, least, at) - 1
@@ -175,7 +175,7 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     period = float(np.add.reduce(Tp)) / kept
     off = Tp - period
     r = period / max(3.0 * math.sqrt(float(np.add.reduce(off * off)) / (kept - 1)), 1e-6 * period)
-    R, lasts = compiled(decay_and_lasting)(rho, at, x, period)
+    R, lasts = quick(decay_and_lasting)(rho, at, x, period)
     return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
 

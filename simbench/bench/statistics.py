@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import stats
 from scipy.special import ndtri
 
 _LEVEL = 0.95
@@ -60,7 +60,7 @@ def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
     if lost + won == 0:
         return 1.0
     side = "greater" if worse else "two-sided"
-    return float(stats.binomtest(int(lost), int(lost + won), 0.5, alternative=side).pvalue)
+    return float(scipy.stats.binomtest(int(lost), int(lost + won), 0.5, alternative=side).pvalue)
 
 
 def holm(p: ArrayLike) -> np.ndarray:
@@ -86,7 +86,7 @@ def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float 
         return 1.0
     p1, p2 = (before + 1) / (of_before + 2), (now + 1) / (of_now + 2)
     error = np.sqrt(p1 * (1 - p1) / (of_before + 2) + p2 * (1 - p2) / (of_now + 2))
-    return float(stats.norm.sf((p1 - p2 - margin) / error))
+    return float(scipy.stats.norm.sf((p1 - p2 - margin) / error))
 
 
 def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
@@ -104,7 +104,7 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimat
     if variance == 0.0 or value in (0.0, 1.0):
         return Estimate(value, *(float(x) for x in wilson(value * min(m, n), min(m, n), level)))
     centre, slope = np.log(value / (1 - value)), 1 / (value * (1 - value))
-    half = stats.norm.ppf(0.5 + level / 2) * np.sqrt(variance) * slope
+    half = scipy.stats.norm.ppf(0.5 + level / 2) * np.sqrt(variance) * slope
     return Estimate(value, *(float(1 / (1 + np.exp(-(centre + s * half)))) for s in (-1, 1)))
 
 
@@ -161,7 +161,7 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     drop, variance = change[0].mean(), np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
     if variance == 0.0:
         return 0.0 if drop > 0 else 1.0
-    return float(stats.norm.sf(drop / np.sqrt(variance)))
+    return float(scipy.stats.norm.sf(drop / np.sqrt(variance)))
 
 
 def auc_drop_unpaired(
@@ -176,7 +176,7 @@ def auc_drop_unpaired(
         return 1.0
     (one, v1), (two, v2) = (_auc_variance(s, t) for s, t in zip((before, now), truths))
     excess = one - two - margin
-    return float(stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
+    return float(scipy.stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
 
 
 class _Ranking(NamedTuple):
@@ -200,9 +200,9 @@ def mean_ranks(results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | No
     if x.ndim != 2 or x.shape[0] < 2 or x.shape[1] < 3:
         raise ValueError(f"ranks need at least 2 cases and 3 methods, not an array of shape {x.shape}")
     cases, methods = x.shape
-    ranks = stats.rankdata(-x, axis=1)
-    q = stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
-    p = 1.0 if np.all(ranks == ranks[:, :1]) else float(stats.friedmanchisquare(*x.T).pvalue)
+    ranks = scipy.stats.rankdata(-x, axis=1)
+    q = scipy.stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
+    p = 1.0 if np.all(ranks == ranks[:, :1]) else float(scipy.stats.friedmanchisquare(*x.T).pvalue)
     mean, apart = ranks.mean(axis=0), float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
     if groups is not None:
         place = np.unique(groups, return_inverse=True)[1] % _MOST_GROUPS
@@ -234,7 +234,7 @@ def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]
 def _placements(score: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # share of the other class that each case is on the right side of, by midranks
     m, n = positive.sum(), (~positive).sum()
-    joint = stats.rankdata(score)
-    of_positive = (joint[positive] - stats.rankdata(score[positive])) / n
-    of_negative = 1 - (joint[~positive] - stats.rankdata(score[~positive])) / m
+    joint = scipy.stats.rankdata(score)
+    of_positive = (joint[positive] - scipy.stats.rankdata(score[positive])) / n
+    of_negative = 1 - (joint[~positive] - scipy.stats.rankdata(score[~positive])) / m
     return of_positive, of_negative

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import sampled_ultimate_gain, significant
 from simbench.loop.simulate import simulate
+from simbench.progress import Progress
 
 _EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
 _ELITE = 6
@@ -97,7 +97,6 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
     First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
     drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
     """
-    from tqdm import tqdm
 
     process = registry.load(method).METHOD.process
     if budget < 1:
@@ -107,7 +106,7 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
     elite: list[tuple[tuple[bool, float], np.ndarray, WorstCase]] = []
     drawn = fooled = tried = 0
     explore = math.ceil(_EXPLORED * budget)
-    for number in tqdm(range(budget), desc=f"worst {method}", unit="loop", file=sys.stderr, disable=None):
+    for number in Progress(range(budget), desc=f"worst {method}", unit="loop"):
         if time.monotonic() - begun > _TIME:
             break
         if number < explore or not elite:

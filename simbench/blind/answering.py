@@ -10,13 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from detectors.errors import ParameterError
 from simbench.blind import outcomes
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries, whole_file
 from simbench.handout import ask_in_processes
+from simbench.progress import Progress
 
 _Diagnose = Callable[..., dict[str, Any]]
 COST = "cost.csv"
@@ -47,7 +46,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
         _round(folder, diagnose, jobs, opened, place)
         for name in answers:
             if not _answered(place / name):
-                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands", file=sys.stderr)
+                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands")
                 _write(place / name, answers[name])
     return done
 
@@ -77,7 +76,7 @@ def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[s
     cost = folder / COST
     costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
     questions = {r.stem: (diagnose, str(r), tests.get(r.stem, [])) for r in todo}
-    bar = tqdm(total=len(records), initial=len(records) - len(todo), desc="diagnosed", file=sys.stderr, delay=1.0)
+    bar = Progress(total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0)
     with bar:
         for name, (found, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"

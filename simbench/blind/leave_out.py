@@ -5,14 +5,12 @@ Knows the truth and the diagnosis, so neither a world nor the diagnosis imports 
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
-from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
@@ -27,6 +25,7 @@ from simbench.gap.effects import left_out
 from simbench.gap.intake.recorded_test import read_test
 from simbench.loop.effects import NONE, UNKNOWN, block_of
 from simbench.loop.effects._alike import indistinguishable
+from simbench.progress import Progress
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
@@ -61,7 +60,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         world_of = drawn_by.draw, getattr(drawn_by, "test", None)
         rows = parallel(delayed(_one)(records, name, *names[name], *world_of, seed, tests) for name in todo)
-        for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
+        for row in Progress(rows, total=len(names), initial=len(names) - len(todo), desc="left out", delay=1.0):
             done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
     found = pd.read_csv(table, keep_default_na=False)

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
@@ -24,6 +22,7 @@ from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder, whole_file
 from simbench.handout import refuse_key_inside, refuse_unwritable_key
+from simbench.progress import Progress
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
@@ -131,13 +130,13 @@ def make(
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         found = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
-        items = list(tqdm(found, total=len(entries), desc="records", file=sys.stderr, delay=1.0))
+        items = list(Progress(found, total=len(entries), desc="records", delay=1.0))
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
     text = _answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
     sealed = seal.seal(text)
-    print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
+    print(f"commitment {sealed.commitment}", flush=True)
     half = out / ".records"  # until all of it stands; a call that was killed begins anew
     rmtree(half, ignore_errors=True)
     try:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import read_toml
@@ -23,6 +21,7 @@ from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
+from simbench.progress import Progress
 
 _OPEN_ANSWERS = "answers.csv"
 
@@ -35,7 +34,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     truth = _read_answers(text)
     judged, claims = [], []
     after: dict[str, list[dict[str, Any]]] = {str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()}
-    for row in tqdm(truth, desc="scored", file=sys.stderr, delay=1.0):
+    for row in Progress(truth, desc="scored", delay=1.0):
         record, baseline = _record(folder, row["id"])
         here = true_circumstances(row, baseline, record)
         found = _answer(folder / "answers" / f"{row['id']}.json")

@@ -29,12 +29,15 @@ def contract(
 
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
-    what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
+    what: Annotated[str | None, typer.Argument(help="detectors, valves, grids, effects or figures.")] = None,
     as_json: Json = False,
 ) -> None:
     """List what there is, one line and source each."""
     from simbench.catalogue import LISTED_KINDS, catalogue
 
+    if what is None:
+        show(list(LISTED_KINDS) if as_json else "\n".join(f"simbench list {kind}" for kind in LISTED_KINDS), as_json)
+        return
     if what not in LISTED_KINDS:
         raise ParameterError(f"nothing to list under {what!r}: {nearest(what, LISTED_KINDS)}")
     rows = catalogue(what)

@@ -11,9 +11,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
+import scipy
 
+from detectors.signal.filters import lfilter
 from detectors.signal.holds import holds, runs_of
 from detectors.signal.lattice import written_unit
 from simbench.gap.controller.regression import FORMS
@@ -150,7 +150,7 @@ class _Controller(NamedTuple):
 
         box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
-            found = least_squares(
+            found = scipy.optimize.least_squares(
                 misfit, [*guess.values(), self.newest], bounds=tuple(zip(*box)), loss="soft_l1", f_scale=0.1,
                 x_scale=[*by.values(), 0.5], max_nfev=60,
             )  # fmt: skip

@@ -7,9 +7,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from detectors.errors import ParameterError, UnknownName
+from detectors.signal.filters import lfilter
 from scenarios.spec import Loop, Part
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup

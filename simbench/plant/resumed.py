@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
@@ -15,7 +14,6 @@ import joblib
 import numpy as np
 from joblib import Parallel, delayed
 from pydantic import BaseModel
-from tqdm import tqdm
 
 import detectors
 import scenarios
@@ -23,6 +21,7 @@ import simbench
 from detectors.errors import UserError
 from simbench.bench.store.checksums import with_checksum, without_checksum
 from simbench.files import folder, whole_file
+from simbench.progress import Progress
 
 _NAMED = "of"  # key under which an encoded object names its class
 
@@ -43,7 +42,7 @@ def resumed(
             other.unlink(missing_ok=True)
         calls = [delayed(_kept)(ask, file, a) for file, a in zip(files, about, strict=True)]
     with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:
-        return list(tqdm(parallel(calls), total=len(about), file=sys.stderr, desc=what))
+        return list(Progress(parallel(calls), total=len(about), desc=what))
 
 
 @cache

@@ -133,3 +133,58 @@ def test_a_cache_of_one_process_goes_with_it(tmp_path):
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split()[0] == "7.0"
     assert list((tmp_path / "tmp").iterdir()) == []
+
+
+def test_light_kernels_give_the_same_bits_plain_and_compiled():
+    from detectors.compiled import compiled
+    from detectors.signal.autocorrelation import _crossings, acf, decay_and_lasting
+    from detectors.signal.oscillation import _reversals
+
+    rng = np.random.default_rng(5)
+    for n in (120, 333, 4001):
+        x = np.sin(2 * np.pi * np.arange(n) / 17.3) + 0.3 * rng.standard_normal(n)
+        rho, at = acf(x - x.mean()), [np.empty(n), np.empty(n)]
+        counts = [kernel(rho, 0.05, to) for kernel, to in zip((_crossings, compiled(_crossings)), at)]
+        assert counts[0] == counts[1] > 4
+        assert np.array_equal(at[0][: counts[0]], at[1][: counts[0]])
+        both = [kernel(rho, at[0], x, 17.3) for kernel in (decay_and_lasting, compiled(decay_and_lasting))]
+        assert both[0] == both[1]
+        turns = [np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)]
+        assert _reversals(x, 0.5, turns[0]) == compiled(_reversals)(x, 0.5, turns[1])
+
+
+IMPORTS = """
+import contextlib, io, sys
+from simbench.cli import main
+with contextlib.redirect_stdout(io.StringIO()):
+    code = main(sys.argv[1:])
+print(code, *(m for m in {heavy!r} if m in sys.modules))
+"""
+HEAVY = ("numba", "control", "pandas", "matplotlib", "scipy.stats", "scipy.signal", "scipy.optimize", "joblib")
+
+
+def imported(*words, heavy=HEAVY):
+    """Return the exit code of a command, and what it imported of heavy packages."""
+    told = subprocess.run([sys.executable, "-c", IMPORTS.format(heavy=heavy), *map(str, words)], capture_output=True, text=True)
+    code, *found = told.stdout.split()
+    return int(code), found
+
+
+@pytest.mark.parametrize("words", [("--help",), ("list",), ("list", "detectors"), ("list", "valves"), ("list", "effects")])
+def test_help_and_lists_import_nothing_heavy(words):
+    assert imported(*words) == (0, [])
+
+
+def test_three_detectors_on_one_record_import_nothing_heavy(tmp_path):
+    t = np.arange(800)
+    rows = np.column_stack([t, 50 + np.sin(t / 8), 20 + np.cos(t / 8)])
+    np.savetxt(tmp_path / "rec.csv", rows, delimiter=",", header="t_s,op,pv", comments="")
+    assert imported("detect", tmp_path / "rec.csv", "--method", "horch,he,choudhury") == (0, [])
+
+
+@pytest.mark.parametrize("module", ["simbench.gap.command", "simbench.plant.command"])
+def test_diagnosis_and_trust_load_no_package_that_they_may_not_need(module):
+    slow = ("scipy.signal", "scipy.stats", "scipy.optimize", "pandas", "matplotlib", "control")
+    code = f"import sys, {module}; print(*(m for m in {slow} if m in sys.modules))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == []

@@ -226,10 +226,9 @@ class _Bar:
     """Progress on stderr, and the sums that end in the manifest."""
 
     def __init__(self, shown: bool | None, total: int) -> None:
-        from tqdm import tqdm
+        from simbench.progress import Progress
 
-        # None: only where stderr is a terminal
-        self._bar = tqdm(total=total, unit=" scenarios", disable=None if shown is None else not shown, dynamic_ncols=True)
+        self._bar = Progress(total=total, unit=" scenarios", desc="run", bar=bool(shown), disable=shown is False)
         self._failures = 0
         self._seconds = {"simulating": 0.0, "judging": 0.0, "working": 0.0}
         self.extra: dict[str, Any] = {}

@@ -93,10 +93,21 @@ def code_hash() -> str:
 
 def _difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
-        keys = [k for k in {**old, **new} if old.get(k) != new.get(k)]
-        return f"{key} differs: {', '.join(f'{k} was {old.get(k)}, is {new.get(k)}' for k in keys[:3])}"
+        gone, come = [k for k in old if k not in new], [k for k in new if k not in old]
+        said = [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
+        said += [f"this command asks for {', '.join(come)}, which the run does not have"] if come else []
+        said += [_changed(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]]
+        verb = "differ" if key.endswith("s") else "differs"
+        return f"{key} {verb}: {'; '.join(said[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}
     return f"{names.get(key, key)} differs (was {old}, is {new})"
+
+
+def _changed(name: str, old: Any, new: Any) -> str:
+    """Say what changed of one entry: a nested one is named, not printed."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return f"{name} has another {' and '.join(k for k in {**old, **new} if old.get(k) != new.get(k))}"
+    return f"{name} was {old}, is {new}"
 
 
 def _version(name: str) -> str:

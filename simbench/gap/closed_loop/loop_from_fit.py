@@ -101,7 +101,9 @@ def _rest(situation: Situation, fit: Fit) -> float:
     v = valve_of(fit.spec, fit.theta, d.u)
     gain = fit.K if fit.K != 0 else d.K
     ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)
-    slope = float(np.polyfit(v, situation.op, 1)[0]) if np.ptp(v) > 0 else 1.0
+    # a valve with memory moves as far as OP on average; its regression on OP over a cycle tells the lag between them
+    maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None
+    slope = float(np.polyfit(v, situation.op, 1)[0]) if maps and np.ptp(v) > 0 else 1.0
     return _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
 
 

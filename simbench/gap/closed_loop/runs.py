@@ -10,6 +10,7 @@ from scenarios.spec import Loop
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.lacking import Lacking, lacking
+from simbench.gap.closed_loop.level import level
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Fit
@@ -23,6 +24,7 @@ class ClosedLoops:
         self.done: dict[tuple[str, ...], Shrinkage] = {}
         self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
         self.shared: dict[tuple[str, int, bool], Runs | None] = {}
+        self.levelled: dict[tuple[str, ...], Loop] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
         """Return the baseline with some effects in it, under their own fit's load or another one."""
@@ -30,6 +32,18 @@ class ClosedLoops:
         fit = self._fit(effects)
         own = {e: f.parameters[e] for e in effects if e in f.parameters}
         return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit, jumps=_load_may_jump(effects))
+
+    def corrected(self, effects: Sequence[str]) -> Loop:
+        """Return the baseline with some effects in it, at the level of the record."""
+        key = tuple(effects)
+        if key not in self.levelled:
+            self.levelled[key] = level(self.found.situation, self.loop(effects), self._kick(effects), self.seed)
+        return self.levelled[key]
+
+    def _kick(self, effects: Sequence[str]) -> float:
+        """Return the offset of OP (%) that starts a cycle under these effects."""
+        known = self.found.parameters
+        return max((recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0)
 
     def _fit(self, effects: Sequence[str]) -> Fit:
         f = self.found
@@ -44,11 +58,7 @@ class ClosedLoops:
         return self.shared[key]
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        kick = max(
-            (recogniser(e).initial_op_offset(self.found.parameters[e]) for e in effects if e in self.found.parameters),
-            default=0.0,
-        )
-        return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, kick)
+        return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, self._kick(effects))
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
         """Return gap before, recalibrated, after and floor for some effects."""

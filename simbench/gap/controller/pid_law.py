@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
+from detectors.signal.filters import lfilter
 from detectors.signal.lattice import written_unit
 from scenarios.spec import Controller
 from simbench.gap.controller.pi_law import Law

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
+import scipy
+
+from detectors.signal.filters import lfilter
 
 FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
 ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
@@ -113,7 +114,7 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
     grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
     best = grid[int(np.argmin([misfit(x) for x in grid]))]
     width = grid[1] - grid[0]
-    found = minimize_scalar(misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6})
+    found = scipy.optimize.minimize_scalar(misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6})
     X, forget = channels(float(np.exp(found.x)))
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
     X0, _ = channels(Kc / Ki)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from detectors.errors import UserError
 from simbench.gap.closed_loop.gap import Runs, held_out, simulate_runs
@@ -68,7 +68,8 @@ def matched(s: Situation, found: Found, seed: int) -> Found:
 
     def nearest(steps: list[float], trials: int) -> tuple[np.ndarray, float]:
         simplex = np.vstack([np.zeros(len(steps)), np.diag(steps)])
-        best = minimize(off, simplex[0], method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": trials})
+        options = {"initial_simplex": simplex, "maxfev": trials}
+        best = scipy.optimize.minimize(off, simplex[0], method="Nelder-Mead", options=options)
         return best.x, float(best.fun)
 
     with lent_effect(law) as name:

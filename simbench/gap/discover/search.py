@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from simbench.gap.discover.families import Nulls, Tried, families, fitted, gain_of, judged, nulls_of, worth
 from simbench.gap.discover.valve import valve_law
@@ -18,6 +16,7 @@ from simbench.gap.likelihood.model import Data, Fit, input_gain
 from simbench.gap.likelihood.residual_tests import of_load
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.laws import LAW_FORMS
+from simbench.progress import Progress
 
 _TRIED = 24  # forms asked of a record: the price of having asked so many questions (Bonferroni)
 _CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
@@ -55,7 +54,7 @@ def chance(nats: float) -> float:
 
 def search(s: Situation, first: int, progress: bool = False) -> Found:
     """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
-    with tqdm(total=16, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
+    with Progress(total=16, desc="laws", disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
         nulls = nulls_of(learn)
         null = max(nulls, key=worth)[0]
@@ -80,7 +79,7 @@ def _part(d: Data, begin: int, end: int) -> Data:
     return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
 
 
-def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: tqdm) -> Found:
+def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: Progress) -> Found:
     """Return the law between OP and PV that pays, beside the nulls or in the place of the load's jumps."""
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)

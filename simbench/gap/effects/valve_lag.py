@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from simbench.gap.effects import _draw
 from simbench.gap.effects._pole import pole, tau
@@ -20,7 +20,7 @@ def by_mv(search: MapSearch) -> Found:
 
     best = int(np.argmin([level(x) for x in taus]))
     around = (taus[max(best - 1, 0)], taus[min(best + 1, taus.size - 1)])
-    tau = float(minimize_scalar(level, bounds=around, method="bounded", options={"xatol": 1e-3 * taus[best]}).x)
+    tau = float(scipy.optimize.minimize_scalar(level, bounds=around, method="bounded", options={"xatol": 1e-3 * taus[best]}).x)
     return search.priced(level(tau), {"tau": tau * search.Ts}, 1.0)
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter
 
+from detectors.signal.filters import lfilter
 from simbench.gap.likelihood import kernels
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")

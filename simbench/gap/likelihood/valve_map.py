@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
+from detectors.signal.filters import lfilter
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
@@ -116,4 +116,4 @@ def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray
     if tau <= 0.0:
         return op
     a, start = np.exp(-1.0 / tau), op[0] if first is None else first
-    return start + lfilter([1.0 - a], [1.0, -a], op - start, zi=[(1.0 - a) * (start - op[0])])[0]
+    return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))

@@ -172,7 +172,7 @@ class GapReport:
         -------
         Loop
         """
-        return self.behind.loops.loop(self.named)
+        return self.behind.loops.corrected(self.named)
 
     def sentence(self) -> str:
         """Return the answer in one sentence.

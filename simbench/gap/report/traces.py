@@ -74,7 +74,7 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
     if effects:
         loops[FIXED] = (report.fixed_loop(), kick_of(report, effects))
     elif close:
-        loops[NEAREST] = (runs.loop(close), kick_of(report, close))
+        loops[NEAREST] = (runs.corrected(close), kick_of(report, close))
     found = {}
     for name, (loop, kick) in loops.items():
         try:

@@ -25,14 +25,13 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.pace import at_its_pace, own_samples, unheld
-from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds, probability
+from simbench.gap.stiction.probability import BOUNDS, SHORTEST_ASKED, FrictionEvidence, log_odds, probability
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 
 FRICTION, _BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
-SHORTEST_ASKED = 60  # samples
 _OWN = 0.2  # share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
 _ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 

@@ -18,8 +18,7 @@ from detectors.errors import UserError
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
-from simbench.gap.stiction.friction import SHORTEST_ASKED, friction, in_percent
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, verdict
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, SHORTEST_ASKED, verdict
 
 NAME = "likelihood"
 METHOD = Method(
@@ -47,6 +46,9 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     >>> detect(Prepared(random_case(5, ("stiction",)).record), **METHOD.defaults()).verdict
     'stiction'
     """
+    # its models take a second to load, and a list of methods needs none
+    from simbench.gap.stiction.friction import friction, in_percent
+
     record = prepared.record
     try:
         found = friction(record)

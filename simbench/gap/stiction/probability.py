@@ -18,6 +18,7 @@ CLAIMED_FROM, DENIED_BELOW = (
     0.7,
     0.5,
 )  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
+SHORTEST_ASKED = 60  # samples
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
 
 

@@ -119,7 +119,7 @@ def _ramps(setup: Any, p: Any, rng: np.random.Generator) -> None:
 
 
 def _bursts(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    from scipy.signal import lfilter
+    from detectors.signal.filters import lfilter
 
     a = np.exp(-setup.Ts / p.time)
     load = lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], rng.standard_normal(setup.sp.size))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import detrend
+import scipy
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
@@ -173,7 +173,7 @@ def _recorded_load(loop: Loop, record: LoopRecord) -> np.ndarray | None:
     driven = signals_of(replace(plant, Kc=0.0, Ti=None, load_in=mv - mv.mean()))[1]
     # where the valve stood before the record nobody knows
     late = (record.pv - driven)[int(_WARM_UP * record.n) :]
-    return np.resize(detrend(late), record.n)
+    return np.resize(scipy.signal.detrend(late), record.n)
 
 
 def _variance(loop: Loop | None, S: float, seed: int, load: np.ndarray | None) -> float:

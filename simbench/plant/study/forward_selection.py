@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.judge import judge
@@ -25,6 +23,7 @@ from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
 from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
+from simbench.progress import Progress
 
 _FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
 _MOST_EFFECTS = 5  # effects joined one after the other
@@ -53,7 +52,7 @@ def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
     rng = np.random.default_rng([seed, 1])
     order = rng.permutation(source.group_count)[:groups]
     out = []
-    for index in tqdm(order, file=sys.stderr, desc="grid"):
+    for index in Progress(order, desc="grid"):
         try:
             members = list(resolve(source.group(int(index))))
             pick = int(rng.integers(len(members)))

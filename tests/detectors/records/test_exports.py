@@ -354,18 +354,26 @@ ASKED = {
     "two loops": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {}, ["--tag", "FIC101"]),
     "a wrong tag": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {"tag": "FIC110"}, ["--tag", "FIC101"]),
     "two loops by path": (wide("Time,U1/FIC101/PV,U1/FIC101/OP,U1/LIC7/PV,U1/LIC7/OP", *TWO), {}, ["--tag", "U1/FIC101"]),
-    "MV is the output": (wide("Time,PV,SV,MV", stamps(), PV, SP, OP), {}, ["--columns", "pv=PV,op=MV"]),
-    "CV is the output": (wide("Time,FIC101.PV,FIC101.CV", stamps(), PV, OP), {}, ["--columns", "pv=FIC101.PV,op=FIC101.CV"]),
-    "unnamed signal": (wide("Time,Flow,OP", stamps(), PV, OP), {}, ["--columns", "op=OP,pv=Flow"]),
-    "two clocks": (wide("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), {}, ["--columns", "t=Local Time"]),
+    "MV is the output": (wide("Time,PV,SV,MV", stamps(), PV, SP, OP), {}, ["--columns", "op=NAME,pv=PV"]),
+    "CV is the output": (wide("Time,FIC101.PV,FIC101.CV", stamps(), PV, OP), {}, ["--columns", "op=NAME,pv=FIC101.PV"]),
+    "unnamed signal": (wide("Time,Flow,OP", stamps(), PV, OP), {}, ["--columns", "op=OP,pv=NAME"]),
+    "two clocks": (wide("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), {}, ["--columns", "t=NAME"]),
     "no time": (wide("PV,OP", PV, OP), {}, ["--ts", "1"]),
     "clock set back": (wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP), {}, ["--ts", "5"]),
     "quality unknown": (wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N), {}, ["--columns", "quality=none"]),
     "volts": (wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)), {}, ["--op-span", "1", "5"]),
-    "two loops by number": (wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO), {},
-                            ["--columns", "pv=FT-101.PV,op=FV-101.OUT"]),
+    "two loops by number": (wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO), {"columns": {"op": "FV-101.OUT"}},
+                            ["--columns", "pv=NAME"]),
     "counts": (wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)), {}, ["--op-span", "0", "1023"]),
     "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
+}  # fmt: skip
+
+
+# what the user alone can name -> the column that it is
+NAMED = {
+    "MV is the output": ("op=NAME", "op=MV"), "CV is the output": ("op=NAME", "op=FIC101.CV"),
+    "unnamed signal": ("pv=NAME", "pv=Flow"), "two clocks": ("t=NAME", "t=Local Time"),
+    "two loops by number": ("pv=NAME", "pv=FT-101.PV"),
 }  # fmt: skip
 
 
@@ -384,8 +392,18 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
         read_record(file, **options)
     assert shlex.split(caught.value.cure) == cure
     assert str(caught.value).endswith(caught.value.cure)
-    record = read_record(file, **{**options, **options_of(cure)})
-    assert np.allclose(record.pv, PV)
+    typed = options_of([word.replace(*NAMED.get(name, ("", ""))) for word in cure])
+    if "columns" in typed:
+        typed["columns"] = {**options.get("columns", {}), **typed["columns"]}
+    assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
+
+
+def test_a_hint_names_no_column_whose_header_does_not_say_what_it_is(tmp_path):
+    file = written(tmp_path, wide("Time,A,B", stamps(), OP, PV), "csv")
+    with pytest.raises(RecordError) as caught:
+        read_record(file)
+    assert caught.value.cure == "--columns op=NAME,pv=NAME"
+    assert f"A ({OP.min():.4g} to {OP.max():.4g}), B ({PV.min():.4g} to {PV.max():.4g})" in str(caught.value)
 
 
 def test_of_qualities_beside_every_signal_each_blanks_its_own(tmp_path):

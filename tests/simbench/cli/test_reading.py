@@ -123,9 +123,12 @@ def test_what_a_verb_refuses_it_reads_when_its_command_is_typed(tmp_path, caught
     content, options, _ = exports.ASKED[name]
     file = exports.written(tmp_path, content, "csv")
     for verb, line in list(VERBS.items())[list(exports.ASKED).index(name) % 2 :: 2]:
-        words = [*line.format(f=file).split(), *(w for value in options.values() for w in ("--tag", value))]
+        words = line.format(f=file).split()
+        for key, value in options.items():
+            words += ["--tag", value] if key == "tag" else ["--columns", ",".join(f"{r}={n}" for r, n in value.items())]
         assert typed(words) == 2, verb
-        _, *again = shlex.split(capsys.readouterr().err.strip().split("try: ")[1])
+        refusal = capsys.readouterr().err.strip().split("try: ")[1]
+        _, *again = [w.replace(*exports.NAMED.get(name, ("", ""))) for w in shlex.split(refusal)]
         caught.clear()
         assert typed(again) == 0, verb
         assert np.allclose(caught[0].pv, exports.PV), verb

@@ -421,10 +421,10 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
     ("change", "words"),
     [
         ({"grid": {"noise_ratio": 0.2}}, "the grid differs"),
-        ({"methods": ["he"]}, "methods differs: yamashita"),
-        ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differs"),
+        ({"methods": ["he"]}, "methods differ: the run has yamashita, which this command does not ask for$"),
+        ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differ"),
         ({"code": "0" * 16}, "the code differs"),
-        ({"numpy": "1.0"}, "versions differs: numpy was 1.0"),
+        ({"numpy": "1.0"}, "versions differ: numpy was 1.0"),
     ],
 )
 def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_path, change, words, monkeypatch):

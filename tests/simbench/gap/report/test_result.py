@@ -6,7 +6,7 @@ import pytest
 
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 
-BEHIND = SimpleNamespace(loops=SimpleNamespace(loop=lambda effects: ("loop with", *effects)))
+BEHIND = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
 STUCK = {"block": "valve", "effect": "stiction", "parameters": {"S": 6.04, "J": 3.0}, "probability": 0.914}
 COARSE = {"block": "sensor", "effect": "quantisation", "parameters": {"step": 0.3, "at": "record"}, "probability": 0.05}
 RANKING = (

@@ -31,7 +31,7 @@ class Loops:
     def shrink(self, effects):
         self.asked.append(list(effects))
 
-    def loop(self, effects):
+    def corrected(self, effects):
         return loop(1.3)
 
 

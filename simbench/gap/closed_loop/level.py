@@ -1,0 +1,50 @@
+"""The operating point of a corrected loop, moved until its simulations have the record's mean OP and PV."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.errors import UserError
+from scenarios.spec import Loop
+from simbench.gap.situation import Situation
+from simbench.loop.simulate import simulate
+
+_SEEDS = 6  # runs whose means are averaged: a single one has a load of its own
+_ROUNDS = 4
+_CLOSE = 0.02  # of the record's standard deviation, at which the level is reached
+_WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
+
+
+def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
+    """Return the loop with the operating point at which the means of its runs are the record's; the nearest one tried."""
+    op, pv = situation.op, np.asarray(situation.record.pv)
+    wide = max(float(op.std()), 1e-9), max(float(pv.std()), 1e-9)
+    bias_only = loop.controller.Ti is None and not loop.plant.integrating
+    best, least = loop, np.inf
+    for _ in range(_ROUNDS):
+        means = _means(loop, kick, seed)
+        if means is None:
+            break
+        d_op, d_pv = float(op.mean()) - means[0], float(pv.mean()) - means[1]
+        off = max(abs(d_op) / wide[0], abs(d_pv) / wide[1])
+        if off < least:
+            best, least = loop, off
+        if off < _CLOSE:
+            break
+        at = loop.operating_point
+        op0 = at.op0 + d_op
+        if bias_only:  # without integral action PV has a level of its own
+            op0 += loop.controller.sign * loop.controller.Kc * d_pv
+            loop = loop.with_("operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0))
+        loop = loop.with_("operating_point.op0", float(np.clip(op0, *_WITHIN)))
+    return best
+
+
+def _means(loop: Loop, kick: float, seed: int) -> np.ndarray | None:
+    """Return mean OP and PV over several runs; None where the loop runs away."""
+    try:
+        runs = [simulate(loop, seed=seed + i, kick=kick).record for i in range(_SEEDS)]
+    except UserError:
+        return None
+    means = np.mean([(run.op.mean(), run.pv.mean()) for run in runs], axis=0)
+    return means if np.all(np.isfinite(means)) else None
