@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from shutil import rmtree
 
-from tqdm import tqdm
-
 from detectors.compiled import one_thread
 from detectors.errors import ParameterError
 from detectors.judge import check_thresholds
@@ -27,6 +25,7 @@ from simbench.bench.store.manifest import code_hash
 from simbench.files import folder as make_folder
 from simbench.files import refuse_own_input, remove_stale_temporaries, whole_file
 from simbench.handout import ask_in_processes
+from simbench.progress import Progress
 
 _PIECE = 8  # records: what is asked again after a kill
 _SETTINGS = "settings.json"
@@ -79,7 +78,7 @@ def _ask(
     pieces = {f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]} for i in range(0, len(ids), _PIECE)}
     todo = {name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()}
     left, failed = sum(len(some) for some, *_ in todo.values()), Counter()
-    with tqdm(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0, disable=None) as bar:
+    with Progress(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0) as bar:
         for name, (text, errors) in ask_in_processes(_answers, todo, jobs):
             with whole_file(parts / name) as f:
                 f.write(text)

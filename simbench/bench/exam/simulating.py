@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import groupby
 from typing import Any
-
-from tqdm import tqdm
 
 from detectors.compiled import one_thread
 from scenarios.grid import Grid
 from simbench.bench.execute.plugin_host import settled
 from simbench.bench.execute.work import Simulated, simulated
 from simbench.bench.execute.workers import on_processes
+from simbench.progress import Progress
 
 Pick = tuple[int, int]  # a scenario of a grid: its group, and its place in it
 _PIECE = 20  # scenarios
@@ -30,7 +28,7 @@ def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[
             pieces.append([])
         pieces[-1] += some
     found: dict[Pick, Any] = {}
-    bar = tqdm(total=len(wanted), desc="simulated", file=sys.stderr, delay=1.0, disable=None)
+    bar = Progress(total=len(wanted), desc="simulated", delay=1.0)
     with on_processes(jobs) as run, bar:
         done: Any = run(partial(_piece, grid, look), list(enumerate(pieces)))  # pyright: ignore[reportArgumentType]
         for number, some in done:
