@@ -70,7 +70,11 @@ def draw(data: pd.DataFrame) -> Figure:
     wide = sum(map(len, columns.values()))
     ratios = [1.0, *(float(len(loops)) for loops in columns.values())]
     figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
-    names = [f"{m.method}{HOME_MARKS[m.home]}  {m.rank:.0f}".replace("  nan", "   ") for m in methods.itertuples()]
+    ranks = pd.to_numeric(methods["rank"])  # reference rows and methods that failed have none
+    names = [
+        f"{method}{HOME_MARKS[home]}  {rank:.0f}".replace("  nan", "   ")
+        for method, home, rank in zip(methods["method"], methods["home"], ranks)
+    ]
     whole = methods["accuracy"].to_numpy(dtype=float)[:, None]
     covered = np.asarray(data.groupby("method", sort=False)["applicable"].sum(), dtype=float)
     image = _cells(axes[0, 0], whole, covered[:, None])

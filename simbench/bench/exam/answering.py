@@ -119,7 +119,7 @@ def _answers(
     records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str]
 ) -> tuple[str, dict[str, int]]:
     """Return the lines of some records' answers, and on how many each method failed."""
-    registry.add_all_hosted(plugins, SECONDS)
+    registry.add_hosted(*plugins, seconds=SECONDS)
     chosen = {name: check_thresholds(name, registry.load(name).METHOD, {}) for name in names}
     lines, failed = [], Counter()
     with one_thread():
