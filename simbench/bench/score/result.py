@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from detectors.report.report import columns
 from detectors.views import page_part
-from simbench.bench.score.ranks import Ranks, loops_needed
+from simbench.bench.score.ranks import UNDECIDED, Ranks, loops_needed
 from simbench.bench.store.place import Place, place_of
 from simbench.files import csv_text
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 FRONT, RAW = "front end", "raw"
 ALL = "all"
-UNDECIDED = 0.5  # cost of no decision; an error costs 1
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
 # behind a method's name, by where its constants were fitted: on loops of this grid, of one with the same blocks, of neither

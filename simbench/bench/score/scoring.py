@@ -13,8 +13,8 @@ from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names, load_grid
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
 from simbench.bench.score.quantification import quantification
-from simbench.bench.score.ranks import Ranks, rank_methods
-from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
+from simbench.bench.score.ranks import UNDECIDED, Ranks, rank_methods
+from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import AXES
