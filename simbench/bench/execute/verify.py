@@ -143,7 +143,7 @@ def _compare_rows(stored: list[dict[str, Any]], again: list[dict[str, Any]], not
 def _plugin_files(
     place: Place, manifest: Mapping[str, Any], plugins: Iterable[str | Path], notes: Notes
 ) -> dict[str, list[str]]:
-    """Return the files given by kind of plug-in ("" for detectors), those whose digest is another one left out."""
+    """Return the files given by kind of plug-in ("" for detectors), detectors of another digest left out."""
     stated, files = manifest["plugins"], {kind: [] for kind in ("", *_PARTS)}
     given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
     for file in plugins:
@@ -155,7 +155,8 @@ def _plugin_files(
             raise RunError(f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin")
         if file is not None:
             notes.compare(f"digest of plug-in {name}", "", digest, file_digest(file))
-            files[kind] += [str(file)] * (digest == file_digest(file))
+            # without its part no loop can be simulated, so that a part takes part all the same
+            files[kind] += [str(file)] * (digest == file_digest(file) or name.startswith(_PARTS))
     return files
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from detectors.views import page_part
-from simbench.bench.score.names import ALL, FRONT, OSCILLATING, UNDECIDED, kind_of
-from simbench.bench.score.ranks import Ranks
+from simbench.bench.score.names import ALL, FRONT, OSCILLATING, kind_of
+from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import Stability
 from simbench.bench.score.table import full_text, headline
 from simbench.bench.store.place import Place, place_of

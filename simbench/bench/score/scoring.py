@@ -25,11 +25,10 @@ from simbench.bench.score.names import (
     OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
-    UNDECIDED,
     kind_of,
 )
 from simbench.bench.score.quantification import quantification
-from simbench.bench.score.ranks import RANKED_LOOPS, Ranks, rank_methods
+from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import Stability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
