@@ -285,7 +285,7 @@ def _rank(
     """
     use, standing, enough = block.use, [], block.use.size >= RANKED_LOOPS
     for row in rows:
-        row["rank"] = None
+        row["rank"] = math.nan
     for kind in (0, 1):
         mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind and a.method not in failing]
         # a rank compares methods on the same loops
