@@ -100,7 +100,7 @@ class Scores:
         here = (t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)
         rows = t[here & (t.population == population)]
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
-        unranked = [k < 2 and math.isnan(rank) for k, rank in zip(kind, rows["rank"].astype(float))]
+        unranked = [k < 2 and math.isnan(rank) for k, rank in zip(kind, rows["rank"])]
         keys = {"kind": kind, "partial": unranked}
         return rows.assign(**keys).sort_values(["kind", "partial", "cost"], kind="stable")
 

@@ -197,7 +197,7 @@ class _Block(NamedTuple):
 
 def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
-    positive, groups = book.truth[truth][use] == 1, book.groups[use]
+    positive, groups = book.truth[truth][use] == 1, np.unique(book.groups[use], return_inverse=True)[1]
     return _Block(place, int(chosen.sum()), use, positive, groups, folds_of(groups), blind.said[use])
 
 
@@ -251,9 +251,11 @@ def _mean_of_groups(values: np.ndarray, groups: np.ndarray, least: float = 0.0) 
     if not values.size:
         return math.nan, least, 1.0
     mean = float(values.mean())
-    shares = np.bincount(np.unique(groups, return_inverse=True)[1], values - mean)
+    shares = np.bincount(groups, values - mean)
     # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost exactly
-    variance = max(float(shares @ shares) / values.size, float(np.var(np.r_[values, 0.0, 1.0])))
+    size = values.size + 2
+    alone = (float(values @ values) + 1.0) / size - ((float(values.sum()) + 1.0) / size) ** 2
+    variance = max(float(shares @ shares) / values.size, alone)
     half = 1.96 * math.sqrt(variance / values.size)
     return mean, max(mean - half, least), min(mean + half, 1.0)
 
@@ -285,7 +287,7 @@ def _rank(
     """
     use, standing, enough = block.use, [], block.use.size >= RANKED_LOOPS
     for row in rows:
-        row["rank"] = None
+        row["rank"] = math.nan
     for kind in (0, 1):
         mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind and a.method not in failing]
         # a rank compares methods on the same loops

@@ -159,7 +159,7 @@ def _cells(rows: Sequence[Any]) -> list[str]:
     for shown in (_interval, lambda value, lo, hi, few: _rate(value, few)):
         lines = [HEAD]
         for r in rows:
-            few, rank = r.applicable < LEAST, r.rank is None or math.isnan(r.rank)
+            few, rank = r.applicable < LEAST, math.isnan(r.rank)
             lines.append(
                 (
                     ("" if r.kind > 1 else "-") if rank else f"{r.rank:.0f}",
@@ -229,7 +229,7 @@ def _details(scores: Any, truth: str, mode: str) -> list[str]:
         return [f"no loop has a clear label against {truth!r}"]
     lines = [("rank", "method", "n", "cost", "accuracy", "no decision", "sens. at 5 %", "AUC", "risk", "of all")]
     for r in rows.itertuples():
-        few, none = r.applicable < LEAST, r.rank is None or math.isnan(r.rank)
+        few, none = r.applicable < LEAST, math.isnan(r.rank)
         rates = (r.cost, r.accuracy_applicable, r.no_decision, r.found_at_5, r.auc, r.risk_coverage, r.accuracy_all)
         rank = ("" if r.kind > 1 else "-") if none else f"{r.rank:.0f}"
         lines.append((rank, r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates)))

@@ -249,8 +249,9 @@ def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_say
     assert "the loop ran away" in err
     rows = pq.read_table(tmp_path / "run" / "scenarios.parquet", columns=["error"]).column(0)
     assert rows.length() - rows.null_count == failed["scenarios"]
-    assert main(["score", str(tmp_path / "run")]) == 0
-    assert "could not be simulated" in capsys.readouterr().out
+    assert main(["score", str(tmp_path / "run")]) == 1
+    assert "could not be simulated" in capsys.readouterr().err
+    assert main(["score", str(tmp_path / "run"), "--allow-failed", "0.9"]) == 0
     folder = run_grid(path, tmp_path / "again", ["horch"])
     assert read_failures(folder).above(0.0)
     assert not read_failures(folder).above(0.9)
