@@ -88,7 +88,6 @@ def _asked(name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: d
 
 def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
     """Ask the worker of a plug-in."""
-    prepared.flags  # noqa: B018  found here, once for all methods
     bare = replace(prepared, shared={})
     bare.__dict__.update({key: prepared.__dict__[key] for key in ("oscillation", "flags") if key in prepared.__dict__})
     answer = host.call(_judge_there, name, bare, modes, thresholds, seconds=host.seconds * len(modes))
