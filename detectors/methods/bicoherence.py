@@ -61,7 +61,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     period = prepared.oscillation.period_s / record.Ts
     found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if found is None:
-        return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+        return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
     nonlinear = found.nonlinear(ngi_low, nli_low)
     numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
     said = "nonlinear" if nonlinear else "no nonlinearity seen, which a symmetric cycle would not show either"

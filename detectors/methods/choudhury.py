@@ -1,8 +1,8 @@
 """Choudhury 2006, the whole Procedure 11.3: first a nonlinearity in the control error, then an ellipse of PV over OP.
 
-Needs: PV and OP (SP where it moves), either process type, 16 cycles of 16 samples; with `surrogate` 12 cycles of at least 7.
-All steps see a record resampled to 16 samples a cycle, where it has more: a segment of 64 samples, the authors', then holds
-four cycles. Their records have some thousand samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the
+Needs: PV and OP (SP where it moves), either process type, 12 cycles; with `surrogate` each of at least 7 samples.
+All steps see a record resampled to 21 samples a cycle, where it has more: a segment of 64 samples, the authors', then holds
+three cycles. Their records have some thousand samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the
 bound of NGI rises, and less is seen.
 Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`, `nli_low` as in bicoherence;
 `fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2.
@@ -105,7 +105,7 @@ def detect(
     period = prepared.oscillation.period_s / record.Ts
     higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if higher is None:
-        return Verdict("choudhury", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+        return Verdict("choudhury", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
     if not np.isfinite(period):
         return Verdict("choudhury", NO_DECISION, reason="no period found in OP or PV: no cycle whose ellipse could be fitted")
     if surrogate > 0.5:

@@ -64,7 +64,7 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     if harmonics <= 0.0:
         higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
         if higher is None:
-            return Verdict("ellipse", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+            return Verdict("ellipse", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
         op, pv = (band_pass(prepared.signal(name), *boundaries(higher.peak)) for name in ("travel", "pv"))
     else:
         op, pv = (prepared.band(name, period / harmonics) for name in ("travel", "pv"))

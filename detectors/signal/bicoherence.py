@@ -13,8 +13,8 @@ _SEGMENT = 128  # samples per segment, half overlapping
 _FEWEST = 4  # segments in a record
 _FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
-# how the authors' records are sampled: 64 samples a segment, which hold the three or four cycles that Jelali asks for
-SAMPLES_PER_CYCLE, _OF_CYCLES = 16.0, 64
+_OF_CYCLES = 64  # samples per segment of an oscillation, as its authors have them
+_SAMPLES_PER_CYCLE = _OF_CYCLES / 3.0  # a segment then holds three cycles, the least that Jelali asks for
 LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
 
 
@@ -78,10 +78,10 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
 
 
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
-    """Estimate the bicoherence of a control error, resampled so that a segment of 64 samples holds four cycles.
+    """Estimate the bicoherence of a control error, resampled so that a segment of 64 samples holds three cycles.
 
     Source: segments of 64 as in Choudhury, Shah & Thornhill (2004); Jelali (2013), section 11.7.2: down-sampled in such a
-    way that the FFT length holds at least 3 or 4 cycles. None for fewer than four segments. Not for signals whose
+    way that the FFT length holds at least 3 or 4 cycles. None for less than twelve cycles. Not for signals whose
     nonlinearity shows above half the frequency of the new samples.
     """
     step = resampling_step(period)
@@ -94,7 +94,7 @@ def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
 
 def resampling_step(period: float) -> float:
     """Return how many samples become one, so that a cycle of `period` samples has no more than its authors' records have."""
-    return max(1.0, period / SAMPLES_PER_CYCLE) if np.isfinite(period) else 1.0
+    return max(1.0, period / _SAMPLES_PER_CYCLE) if np.isfinite(period) else 1.0
 
 
 @lru_cache(maxsize=4)

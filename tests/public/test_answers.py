@@ -87,7 +87,9 @@ OPTIONS = {
 @pytest.fixture(scope="module")
 def place(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("public")
-    for name, text in {"sticky": LOOP + STICKY + STEP, "slow": LOOP.replace("Kc = 1.0", "Kc = 0.6") + STICKY + STEP}.items():
+    # the bicoherence asks for twelve cycles, here of 100 s
+    sticky, slow = LOOP.replace("n = 1200", "n = 1500"), LOOP.replace("Kc = 1.0", "Kc = 0.6")
+    for name, text in {"sticky": sticky + STICKY + STEP, "slow": slow + STICKY + STEP}.items():
         (folder / f"{name}.toml").write_text(text)
         assert main(["simulate", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.csv"), "--seed", "1"]) == 0
     (folder / "model.toml").write_text(LOOP)
