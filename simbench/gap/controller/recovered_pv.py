@@ -114,7 +114,8 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
     grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
     best = grid[int(np.argmin([misfit(x) for x in grid]))]
     width = grid[1] - grid[0]
-    found = scipy.optimize.minimize_scalar(misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6})
+    bounds = (best - width, best + width)
+    found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
     X, forget = channels(float(np.exp(found.x)))
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
     X0, _ = channels(Kc / Ki)
