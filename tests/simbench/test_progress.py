@@ -45,3 +45,10 @@ def test_one_mistake_in_many_blocks_of_a_grid_is_told_once(tmp_path, capsys):
     said = capsys.readouterr().err
     assert said.count("'quick' is unknown") == 1
     assert "(the same in 4 more)" in said
+
+
+def test_a_closed_stdout_is_no_fault_of_the_program():
+    code = "from detectors.usage import exit_code; exit(exit_code(lambda: print('to nobody')))"
+    shell = ["sh", "-c", f'exec "{sys.executable}" -c "{code}" >&-']
+    done = subprocess.run(shell, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
