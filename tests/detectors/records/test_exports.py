@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from detectors.errors import RecordError
+from detectors.records import tables
 from detectors.records.io import read_folder, read_record, read_records
 from detectors.records.roles import column_pairs
 from detectors.usage import cured
@@ -407,6 +408,19 @@ def test_a_mark_behind_a_value_is_the_quality_of_the_sample(tmp_path, mark):
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
     assert np.allclose(record.pv, PV)
     assert any("5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes)
+
+
+LARGE = [("MOST_PARQUET_ROWS", "has 400 rows; at most 100"), ("MOST_PARQUET_BYTES", "unpacks to")]
+
+
+@pytest.mark.parametrize(("limit", "words"), LARGE)
+def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch, limit, words):
+    file = tmp_path / "rec.parquet"
+    pd.DataFrame({"t": np.arange(400.0), "op": 50.0, "pv": 20.0}).to_parquet(file)
+    monkeypatch.setattr(tables, limit, 100)
+    monkeypatch.setattr(pd, "read_parquet", lambda path: pytest.fail("it was read"))
+    with pytest.raises(RecordError, match=words):
+        read_record(file)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
