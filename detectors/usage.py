@@ -27,8 +27,9 @@ _LONGEST = 950  # characters of a sentence; of a longer one its beginning and it
 def exit_code(work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()) -> int:
     """Run a command and return its exit code; a refusal that options would help ends with the command that has them."""
     # a daemon may have closed them
-    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")
-    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
