@@ -306,8 +306,8 @@ def _numba_version() -> str:
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
     """Return a folder that this user alone can write: what lies there is executed."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
     try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
         base.mkdir(parents=True, exist_ok=True)
         if os.name == "posix":  # elsewhere a user's own folders are closed to others
             if base.stat().st_uid != os.getuid():
@@ -315,7 +315,7 @@ def cache_folder() -> Path:
             base.chmod(0o700)
         with tempfile.TemporaryFile(dir=base):
             return base
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: a user without a home folder
         passing = tempfile.mkdtemp(prefix="stiction-simbench-")
         atexit.register(shutil.rmtree, passing, ignore_errors=True)
         return Path(passing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
@@ -83,6 +84,15 @@ _SECRETS = re.compile(
 def masked(text: object) -> str:
     """Return a text with user, password and keys of every URL in it replaced by `***`."""
     return _SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
+
+
+def printable(text: object) -> str:
+    r"""Return a text with what would move a terminal's cursor, turn its direction or be no Unicode written as an escape.
+
+    >>> printable("FIC\x1b[31m\u202e")
+    'FIC\\x1b[31m\\u202e'
+    """
+    return "".join(c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1] for c in str(text))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from detectors.errors import UserError, masked
+from detectors.errors import UserError, masked, printable
 from detectors.records.roles import column_pairs
 
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
@@ -26,6 +26,10 @@ _LONGEST = 950  # characters of a sentence; of a longer one its beginning and it
 
 def exit_code(work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()) -> int:
     """Run a command and return its exit code; a refusal that options would help ends with the command that has them."""
+    # a daemon may have closed them
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
@@ -94,7 +98,7 @@ def cured(command: Sequence[str], cure: str) -> str:
 
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
-    said = masked(" ".join(sentence.split()))
+    said = printable(masked(" ".join(sentence.split())))
     print(f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
     return 2
 

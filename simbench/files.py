@@ -38,7 +38,8 @@ _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslas
 
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
-_FORMULA = re.compile(r"\s*(?:[=@]|[+-](?![\d.,e+\- ]*$))")
+_STARTS = r"[=@]|[+-](?![\d.,e+\- ]*(?:$|[;\t]))"
+_FORMULA = re.compile(rf"(^|[;\t])(\s*)(?={_STARTS})")  # a spreadsheet of many countries splits at semicolons, too
 
 
 class FileError(UserError, OSError):
@@ -162,7 +163,7 @@ def refuse_kind(path: str | Path) -> None:
 def plain_cell(value: Any) -> Any:
     """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula gets an apostrophe."""
     text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
-    return f"'{text}" if isinstance(value, str) and _FORMULA.match(value) else text
+    return _FORMULA.sub(lambda m: f"{m[1]}'{m[2]}", text) if isinstance(text, str) else text
 
 
 def csv_text(table: DataFrame, **how: Any) -> str:

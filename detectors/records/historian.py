@@ -49,6 +49,8 @@ _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")  # a cell that says its unit: 12,3 m3/h
+# a historian's mark behind a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
+_MARKED, _MARK_ENDS = re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE), ("?", "*", ")")
 _SUMMARY = 12  # lines below a table that may sum it up
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
 _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
@@ -127,14 +129,15 @@ def op_span(unit_of_op: str, known: object, op: np.ndarray, where: str, notes: l
     return None
 
 
-def open_span(record: LoopRecord) -> list[str]:
-    """Return what must be said of an OP whose unit nothing tells: mA and counts look like numbers of any kind."""
+def open_span(record: LoopRecord, where: str) -> list[str]:
+    """Return what must be said of an OP whose unit nothing tells; a share of 1 is asked for, as % is 100 times as large."""
     if record.op_span is not None:
         return []
     lo, hi = float(record.op.min()), float(record.op.max())
     runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
     if record.op_share:
-        return [f"{runs}: if that is a share of 1, add --op-span 0 1"]
+        said = f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0 and 100 % is needed"
+        raise RecordError(said, "--op-span 0 1")
     if record.op_percent is None:
         likely = next((span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}")
         return [f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span {likely}"]
@@ -152,6 +155,9 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     out: dict[str, np.ndarray] = {n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
+    for name in texts:
+        doubted = sum(bool(_MARKED.fullmatch(str(v).strip())) for v in sheet.columns[name] if str(v).strip()[-1:] in _MARK_ENDS)
+        sheet.notes += [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"] if doubted else []
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
@@ -253,6 +259,8 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
 
 def _bare(value: object) -> str:
     text = "" if value is None else str(value).strip()
+    if text[-1:] in _MARK_ENDS and (marked := _MARKED.fullmatch(text)):
+        text = marked[1].rstrip()
     if text.isascii() and "'" not in text and " " not in text:
         return text
     return _APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError, nearest
+from detectors.errors import RecordError, nearest, printable
 from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopRecord
 from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from detectors.records.clock import seconds
@@ -166,9 +166,9 @@ def read_folder(
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
         # a tag told of many files picks a loop that their columns name, and names none
-        sources = {f.stem: (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
+        sources = {printable(f.stem): (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
     elif path.is_file():
-        sources = {path.stem: (path, tag)}
+        sources = {printable(path.stem): (path, tag)}
     else:
         raise RecordError(f"folder {path} does not exist")
     wanted = None if names is None else set(names)
@@ -181,7 +181,7 @@ def read_folder(
         try:
             found, not_read = read_records(file, tag=own, loops=loops, **{**(each or {}).get(name, {}), **given})
         except RecordError as error:
-            found, not_read = {}, {file.stem: str(error)}
+            found, not_read = {}, {printable(file.stem): printable(error)}
         several = len(found) + len(not_read) > 1
         for into, what in ((records, found), (refused, not_read)):
             for label, value in what.items():
@@ -234,7 +234,7 @@ def _of_file(
         except RecordError as error:
             raise _with_ranges(error, table) from None
         for name, roles in named.items():
-            label = (name or sheet or tag or "") if len(named) > 1 or sheet or tag is not None else path.stem
+            label = (name or sheet or tag or "") if len(named) > 1 or sheet or tag is not None else printable(path.stem)
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
@@ -242,7 +242,7 @@ def _of_file(
     records, refused = {}, {}
     for label, (table, roles) in mine.items():
         try:
-            own = {"tag": label or path.stem, **about}
+            own = {"tag": printable(label or path.stem), **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
         except RecordError as error:
             refused[label] = error if where in str(error) else RecordError(f"{where}: {error.sentence}", error.cure)
@@ -371,7 +371,7 @@ def _record(
         times = begins + (np.arange(record.n) + 0.5) * Ts
         manual = held[np.searchsorted(recorded, times) - 1] == MAN
         record = replace(record, meta={"manual": manual, **record.meta})
-    return replace(record, notes=(*record.notes, *open_span(record), *_outside(record, where)))
+    return replace(record, notes=(*record.notes, *open_span(record, where), *_outside(record, where)))
 
 
 def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:

@@ -18,6 +18,7 @@ from detectors.errors import RecordError
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
+MOST_PARQUET_ROWS, MOST_PARQUET_BYTES = 10_000_000, 1_000_000_000  # a year of 3 s samples; bytes without compression
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
@@ -73,6 +74,7 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
         if suffix in (".parquet", ".pq"):
             import pandas as pd
 
+            _refuse_large_parquet(path)
             return {"": Sheet(_from_frame(pd.read_parquet(path)))}
         if suffix in (".xlsx", ".xls"):
             sheets = _workbook(path)
@@ -102,6 +104,19 @@ def range_of(cells: Sequence[object]) -> str:
             continue
     kept = [x for x in found if np.isfinite(x)]
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
+
+
+def _refuse_large_parquet(path: Path) -> None:
+    """Refuse a parquet file by what its footer says of it, before anything is unpacked."""
+    from pyarrow.parquet import read_metadata
+
+    about = read_metadata(path)
+    size = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
+    if about.num_rows > MOST_PARQUET_ROWS:
+        raise RecordError(f"file {path} has {about.num_rows} rows; at most {MOST_PARQUET_ROWS} are read")
+    if size > MOST_PARQUET_BYTES:
+        limit = f"at most {MOST_PARQUET_BYTES / 1e6:.0f} MB are read"
+        raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; {limit}")
 
 
 def _workbook(path: Path) -> dict[str, list[list[str]]]:

@@ -47,7 +47,12 @@ def test_text_that_a_spreadsheet_would_compute_is_quoted(cell, tmp_path):
     assert rows == [[quoted, "x"], [quoted, "-1.5"], ["plain", "2.0"], ["", "3.0"]]
 
 
-@pytest.mark.parametrize("cell", ["-1.5", "+3", "-1e-5", "-3,5", "-", "- 1", "a=b", "", 4, None, -2.5])
+def test_what_stands_behind_a_list_separator_is_a_cell_of_its_own_in_many_countries():
+    cells = ("x;=1+1", "x; @SUM(A1)", "x\t+cmd|'/c'!A0")
+    assert [plain_cell(c) for c in cells] == ["x;'=1+1", "x;' @SUM(A1)", "x\t'+cmd|'/c'!A0"]
+
+
+@pytest.mark.parametrize("cell", ["1;-2;+3,5", "-1.5", "+3", "-1e-5", "-3,5", "-", "- 1", "a=b", "", 4, None, -2.5])
 def test_numbers_and_plain_text_stand_as_they_are(cell):
     assert plain_cell(cell) == cell
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import sys
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -10,6 +12,7 @@ import pandas as pd
 import pytest
 
 from detectors.errors import RecordError
+from detectors.records import tables
 from detectors.records.io import read_folder, read_record, read_records
 from detectors.records.roles import column_pairs
 from detectors.usage import cured
@@ -365,6 +368,7 @@ ASKED = {
     "two loops by number": (wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO), {"columns": {"op": "FV-101.OUT"}},
                             ["--columns", "pv=NAME"]),
     "counts": (wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)), {}, ["--op-span", "0", "1023"]),
+    "a share of 1": (wide("Time,PV,OP", stamps(), PV, np.round(OP / 100, 4)), {}, ["--op-span", "0", "1"]),
     "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
 }  # fmt: skip
 
@@ -396,6 +400,36 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     if "columns" in typed:
         typed["columns"] = {**options.get("columns", {}), **typed["columns"]}
     assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
+
+
+@pytest.mark.parametrize("mark", [" ?", " (Q)", "*"])
+def test_a_mark_behind_a_value_is_the_quality_of_the_sample(tmp_path, mark):
+    marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
+    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
+    assert np.allclose(record.pv, PV)
+    assert any("5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes)
+
+
+LARGE = [("MOST_PARQUET_ROWS", "has 400 rows; at most 100"), ("MOST_PARQUET_BYTES", "unpacks to")]
+
+
+@pytest.mark.parametrize(("limit", "words"), LARGE)
+def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch, limit, words):
+    file = tmp_path / "rec.parquet"
+    pd.DataFrame({"t": np.arange(400.0), "op": 50.0, "pv": 20.0}).to_parquet(file)
+    monkeypatch.setattr(tables, limit, 100)
+    monkeypatch.setattr(pd, "read_parquet", lambda path: pytest.fail("it was read"))
+    with pytest.raises(RecordError, match=words):
+        read_record(file)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
+def test_a_file_name_that_is_no_text_costs_nothing_but_its_beauty(tmp_path):
+    for name in (b"good", b"n\xff", b"e\x1b[31m", "r\u202e".encode()):
+        (tmp_path / os.fsdecode(name + b".csv")).write_text(wide("Time,PV,OP", stamps(), PV, OP))
+    records, refused = read_folder(tmp_path)
+    assert (sorted(records), refused) == (["e\\x1b[31m", "good", "n\\udcff", "r\\u202e"], {})
+    assert sorted(r.tag for r in records.values()) == sorted(records)
 
 
 def test_a_hint_names_no_column_whose_header_does_not_say_what_it_is(tmp_path):

@@ -159,6 +159,12 @@ def test_op_begins_where_pv_rests_on_the_first_set_point(fit, more, op0):
     assert built(fit, **more).operating_point.op0 == pytest.approx(op0, abs=0.002)
 
 
+def test_a_sticking_valve_moves_as_far_as_op_on_average():
+    # the regression of OP on the position of a sticking valve is flat, and would leave half of the rise in the operating point
+    stuck = fitted_as(spec=Spec(valve=kernels.STICK), S=1.8, J=0.5)
+    assert built(stuck, pv=63.0).operating_point.op0 == pytest.approx(48.0, abs=0.01)
+
+
 @pytest.mark.parametrize(("lag", "stages"), [(0.1, 1), (0.11, 2)])
 def test_a_second_stage_counts_from_a_tenth_of_a_sample(lag, stages):
     ((std, _, second),) = load_parts({"load": 2.0, "load_time": 30.0, "load_lag": lag})

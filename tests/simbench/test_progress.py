@@ -1,0 +1,54 @@
+"""Long work tells where it stands, on a log file too, and a stopped command leaves a word."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from simbench import cli, progress
+from simbench.catalogue import LISTED_KINDS
+
+
+def test_a_log_gets_whole_lines_no_more_often_than_allowed(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "BETWEEN_LINES", 0.2)
+    for _ in progress.Progress(range(10), desc="loops"):
+        time.sleep(0.05)
+    lines = capsys.readouterr().err.splitlines()
+    assert 1 <= len(lines) <= 3
+    assert all(re.fullmatch(r"loops: \d+ of 10 after [\d:]+, [\d:]+ left", line) for line in lines)
+
+
+def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
+    list(progress.Progress(range(10), desc="loops"))
+    assert capsys.readouterr().err == ""
+
+
+def test_a_command_stopped_by_sigterm_says_so():
+    code = "import time\nfrom detectors.usage import exit_code\n"
+    code += "exit(exit_code(lambda: print('on', flush=True) or time.sleep(60)))"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as work:
+        assert work.stdout.readline() == "on\n"
+        work.send_signal(signal.SIGTERM)
+        _, said = work.communicate(timeout=60)
+    assert work.returncode == 143
+    assert said == "stopped by SIGTERM; no output is half-written\n"
+
+
+def test_list_alone_says_what_can_be_listed(capsys):
+    assert cli.main(["list"]) == 0
+    assert capsys.readouterr().out.split("\n")[:-1] == [f"simbench list {kind}" for kind in LISTED_KINDS]
+
+
+def test_one_mistake_in_many_blocks_of_a_grid_is_told_once(tmp_path, capsys):
+    assert cli.main(["run", "chapter", "-o", str(tmp_path / "run"), "--axis", "tuning=quick"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("'quick' is unknown") == 1
+    assert "(the same in 4 more)" in said
+
+
+def test_a_closed_stdout_is_no_fault_of_the_program():
+    code = "from detectors.usage import exit_code; exit(exit_code(lambda: print('to nobody')))"
+    shell = ["sh", "-c", f'exec "{sys.executable}" -c "{code}" >&-']
+    done = subprocess.run(shell, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
