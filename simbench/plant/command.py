@@ -14,10 +14,10 @@ from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
 from simbench.files import refuse_own_input
-from simbench.plant.report.causes import Causes, find_causes
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
-from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 

@@ -11,9 +11,9 @@ import numpy as np
 from detectors.report.report import choose_methods
 from results.studies.plant.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
 from scenarios.spec import Loop, Part, Scenario
+from simbench.gap.stiction.candidate_loops import with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size
-from simbench.plant.trust.candidate_loops import with_friction
 from simbench.plant.trust.result import SOUND, UNSEEN
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from detectors.prepared import Prepared
-from simbench.plant.report import causes as why
+from simbench.gap.stiction import causes as why
 from simbench.plant.report.what_if import LEAVE, REPAIR, RETUNE, Action
 from simbench.plant.trust.result import OPEN, UNSEEN, Trust
 

@@ -19,10 +19,10 @@ from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
 from simbench.files import folder as folder_made
+from simbench.gap.stiction.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.report.advice import VALVE, Advice, advise
-from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
 from simbench.plant.report.events import cascades, likely_root, shared_oscillations
 from simbench.plant.report.what_if import Action, what_if

@@ -10,8 +10,8 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
+from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.plant.episodes import OverTime
-from simbench.plant.trust.candidate_loops import CandidateLoops
 from simbench.plant.trust.power import Cell, Rule
 from simbench.plant.trust.remedies import Remedy
 

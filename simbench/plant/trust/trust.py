@@ -16,9 +16,9 @@ from detectors.report.report import choose_methods
 from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.plant.episodes import over_time
-from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins

@@ -129,7 +129,7 @@ def test_200_records_have_one_probability_whichever_verb_asks(monkeypatch):
             raise asked[key]
         return asked[key]
 
-    for room in ("gap.stiction.method", "gap.diagnosis", "plant.trust.candidate_loops"):
+    for room in ("gap.stiction.method", "gap.diagnosis", "gap.stiction.candidate_loops"):
         monkeypatch.setattr(f"simbench.{room}.friction", once)
     monkeypatch.setattr("simbench.gap.diagnosis.beside_tests", lambda s, tests: Assessment(s, None, {}, {}, [], None))
     monkeypatch.setattr("simbench.gap.diagnosis.plausible", lambda found, sticky: found)

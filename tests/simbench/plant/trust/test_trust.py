@@ -13,9 +13,9 @@ from detectors.verdict import NO_STICTION, STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
+from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import EACH, HEALTHY
-from simbench.plant.trust.candidate_loops import CandidateLoops
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust

@@ -9,10 +9,10 @@ import numpy as np
 
 from detectors.prepared import Prepared
 from detectors.signal.oscillation import Oscillation
+from detectors.signal.phase import coherence
+from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
-from simbench.plant.report.events import coherence
-from simbench.plant.report.margins import Margins, margins
-from simbench.plant.trust.candidate_loops import CandidateLoops
 
 STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
