@@ -18,7 +18,7 @@ from detectors.errors import UserError
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
-from simbench.gap.stiction.friction import SHORTEST_ASKED, friction, in_percent
+from simbench.gap.stiction.friction import SHORTEST_ASKED, friction_of, in_percent
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, verdict
 
 NAME = "likelihood"
@@ -48,7 +48,7 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     """
     record = prepared.record
     try:
-        found = friction(record)
+        found = friction_of(record)
     except UserError as why:
         return Verdict(NAME, NO_DECISION, reason=str(why))
     p, e = found.probability, found.evidence
