@@ -83,7 +83,7 @@ def detect(
     if html is not None:
         from simbench.plant.verdict_page import write_page
 
-        write_page(report, html, report.conclusions or {name: _conclude(r) for name, r in report.records.items()})
+        write_page(report, html, _conclude)
         print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
     if power:
         _print_power(path, asked, as_json, **about)
@@ -117,7 +117,8 @@ def diagnose(
     own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
     more = {
         "verdict": concluded.verdict, "reason": concluded.reason, "next_test": concluded.next,
-        "conclusion": concluded.as_json(), PROBABILITY: concluded.probability, "causes": causes.as_json(), "procedure": own, "notes": [*record.notes],
+        "conclusion": concluded.as_json(), PROBABILITY: concluded.probability, "causes": causes.as_json(), "procedure": own,
+        "notes": [*record.notes],
     }  # fmt: skip
     show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
     say_assumed([record], as_json)

@@ -103,21 +103,31 @@ def diagnose(
         raise RecordError(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
         )
+    return diagnose_all(records, baseline, tests, jobs, seed)
+
+
+def diagnose_all(
+    records: list[LoopRecord], baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = (), jobs: int = 1,
+    seed: int = 0, *, describe: bool = True,
+) -> GapReport:  # fmt: skip
+    """Return the report of `diagnose`; `describe` looks for a law of what is unknown, which changes no conclusion."""
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         found, behind, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
-        weights, like = closing(classify(found), found, runs), None
-        if named_by(weights, found) == [UNKNOWN]:
+        judged_by, like = closing(classify(found), found, runs), None
+        weights = judged_by
+        if describe and named_by(weights, found) == [UNKNOWN]:
             like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
             if like.block:
                 # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
                 weights = replace(weights, unknown_block=like.block)
-        out = replace(report(found, behind, weights, runs, more), looks_like=like)
+        out = replace(report(found, behind, weights, runs, more, judged_by), looks_like=like)
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
             # what a simulation with friction does not model is not the friction that the valve has
             tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
-            return replace(out, conclusion=diagnose(records, with_sound_valve(baseline), tests=tested, seed=seed).conclusion)
+            sound = diagnose_all(records, with_sound_valve(baseline), tested, jobs, seed, describe=False)
+            return replace(out, conclusion=sound.conclusion)
         return out
 
 
@@ -159,7 +169,8 @@ def conclude(
     """
     if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
         return judged(as_record(record, **signals))[0]
-    return diagnose(record, loop, tests=tests, **signals).conclusion
+    several = list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    return diagnose_all([as_record(one, **signals) for one in several], loop, tests, describe=False).conclusion
 
 
 def _assess_one(
@@ -289,9 +300,10 @@ def _wide(found: Assessment, runs: ClosedLoops) -> bool:
 
 
 def report(
-    found: Assessment, behind: CandidateLoops | str, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()
-) -> GapReport:
-    """Turn scores and probabilities into the answer."""
+    found: Assessment, behind: CandidateLoops | str, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (),
+    judged_by: Classified | None = None,
+) -> GapReport:  # fmt: skip
+    """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what is unknown was described."""
     situation = found.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     named = named_by(weights, found)
@@ -335,7 +347,7 @@ def report(
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     if situation.trusted and not behind:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        conclusion = from_posterior(weights, named, found, visible_band(found), test)
+        conclusion = from_posterior(judged_by or weights, named, found, visible_band(found), test)
     elif situation.trusted:
         conclusion = without(str(behind), named)
     else:

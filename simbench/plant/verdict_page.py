@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 
+from detectors.record import LoopRecord
 from detectors.report import summary
-from detectors.report.report import Report
-from simbench.gap.stiction.conclusion import Conclusion
+from detectors.report.report import Conclusion, Report
 from simbench.plant.page import section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
 
 
-def write_page(report: Report, path: str | Path, conclusions: Mapping[str | None, Conclusion]) -> None:
-    """Write conclusions, by record, and verdicts as one self-contained HTML page."""
+def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord], Conclusion]) -> None:
+    """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is for the records drawn."""
     groups = report.groups()
     said = []
-    for name, verdicts, _ in groups:
-        lines = [*(conclusions[name].as_lines() if name in conclusions else ()), f"{summary.sentence(verdicts)}."]
+    for number, (name, verdicts, record) in enumerate(groups):
+        found = report.conclusions.get(name)
+        if found is None and record is not None and number < _SHOWN:
+            found = conclude(record)
+        lines = [*([] if found is None else found.as_lines()), f"Methods: {summary.sentence(verdicts)}."]
         said += [f"{name + ': ' if name else ''}{line}" for line in lines]
     parts = [section("answer", "The answer", said)]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):

@@ -16,7 +16,7 @@ from detectors.report.report import choose_methods
 from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
-from simbench.gap.diagnosis import diagnose
+from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
@@ -107,7 +107,7 @@ def _trust(
     try:
         if loop is not None:
             # beside a loop file friction is weighed with every other effect
-            found = diagnose(in_percent(record)[0], with_sound_valve(loop))
+            found = diagnose_all([in_percent(record)[0]], with_sound_valve(loop), describe=False)
         behind = candidate_loops(record, loop, None if found is None else found.behind.found)
     except UserError as why:
         if loop is not None:
