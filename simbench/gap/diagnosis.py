@@ -33,7 +33,7 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops, visible_band
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_posterior, from_record, judged, without
 from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled
@@ -122,7 +122,7 @@ def diagnose_all(
             if like.block:
                 # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
                 weights = replace(weights, unknown_block=like.block)
-        out = replace(report(found, behind, weights, runs, more, judged_by), looks_like=like)
+        out = replace(report(found, weights, runs, more, behind, judged_by), looks_like=like)
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
             # what a simulation with friction does not model is not the friction that the valve has
             tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
@@ -300,7 +300,7 @@ def _wide(found: Assessment, runs: ClosedLoops) -> bool:
 
 
 def report(
-    found: Assessment, behind: CandidateLoops | str, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (),
+    found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (), behind: CandidateLoops | str = "",
     judged_by: Classified | None = None,
 ) -> GapReport:  # fmt: skip
     """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what is unknown was described."""
@@ -347,7 +347,8 @@ def report(
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     if situation.trusted and not behind:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        conclusion = from_posterior(judged_by or weights, named, found, visible_band(found), test)
+        visible = sizes.get(FRICTION, (float("inf"), ""))[0]
+        conclusion = from_posterior(judged_by or weights, named, found, visible, test)
     elif situation.trusted:
         conclusion = without(str(behind), named)
     else:

@@ -65,18 +65,13 @@ def candidate_loops(record: LoopRecord, loop: Loop | Partial | None = None, foun
         if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
+    sizes = smallest_detectable(found.situation, found.base, load_memory(found.situation), (FRICTION,))
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
         record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
-        max(float(gains.get(OUTSIDE, 0.0)), 0.0), visible_band(found),
+        max(float(gains.get(OUTSIDE, 0.0)), 0.0), sizes.get(FRICTION, (float("inf"), ""))[0],
     )  # fmt: skip
-
-
-def visible_band(found: Assessment) -> float:
-    """Return the smallest S (%) that an assessed record would have shown; infinite where no size would."""
-    sizes = smallest_detectable(found.situation, found.base, load_memory(found.situation), (FRICTION,))
-    return sizes[FRICTION][0] if FRICTION in sizes else float("inf")
 
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
