@@ -84,8 +84,8 @@ def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claim
         group=("deadband", "stiction"), gap=(1.0, 1.0, 1.0, 0.8, False), value=None, blocks=dict.fromkeys(SHARES, 0.0)
     )
     lines = text.as_text().splitlines()
-    assert lines[2] == "cannot be told apart here: deadband, stiction"
-    assert lines[3] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
+    assert lines[7] == "cannot be told apart here: deadband, stiction"
+    assert lines[8] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
     assert not [line for line in lines if line.startswith(("where", "shrinkage"))]
     assert report(group=("stiction",)).as_text().count("told apart") == 0
 
