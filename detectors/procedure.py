@@ -128,7 +128,8 @@ class Diagnosis:
         lines = []
         for i, s in enumerate(self.steps, 1):
             lines += [f"{i}. {s.question} {s.answer.capitalize()}.", f"   {s.evidence}. {s.reason}"]
-        return "\n".join([*lines, f"Verdict: {self.verdict.replace('_', ' ')}.", f"Next: {self.next_test}."])
+        word = self.verdict.replace("_", " ")
+        return "\n".join([*lines, f"Verdict of the procedure: {word}.", f"Next test of the procedure: {self.next_test}."])
 
     def to_frame(self) -> pd.DataFrame:
         """Return the path taken."""

@@ -8,6 +8,7 @@ from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.confirm.recorded import confirm as confirm
+from simbench.gap.diagnosis import conclude as conclude
 from simbench.loop.batch import simulate_batch as simulate_batch
 from simbench.loop.simulate import simulate as simulate
 from simbench.plant.trust.trust import trust as trust

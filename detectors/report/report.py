@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -25,7 +25,16 @@ if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
 _UNDECIDED = 0.5  # cost of no decision; an error costs 1
+_WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 _SETS = ("all", "fast", "full", PUBLISHED)
+
+
+class Conclusion(Protocol):
+    """What all evidence says of one valve; whoever weighs it gives `judge_files` the function."""
+
+    def as_lines(self) -> list[str]:
+        """Return verdict with probability and cause, reason, next step."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,8 @@ class Report:
     refused: dict[str, str] = field(default_factory=dict)  # files of a folder that are no records, each with its sentence
     scores: list[dict[str, Any]] = field(default_factory=list)  # one row per method, when labels were given
     records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)  # what was judged, by name
+    # what all evidence says of each record, by name; the methods alone conclude nothing
+    conclusions: dict[str | None, Conclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one object per verdict; `record` is its first key for a folder."""
@@ -70,7 +81,8 @@ class Report:
         -------
         str
         """
-        text = summary.as_text(self.groups(), why=why, colour=colour)
+        concluded = {name: found.as_lines() for name, found in self.conclusions.items()}
+        text = summary.as_text(self.groups(), concluded, why=why, colour=colour)
         if not self.scores:
             return text
         sticky, units = max(((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores), key=lambda n: n[1])
@@ -130,8 +142,9 @@ def judge_files(
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     time_limit: float = SECONDS,
+    conclude: Callable[[LoopRecord], Conclusion] | None = None,
 ) -> Report:
-    """Judge a record file, a folder of them, or an ISDB .mat file."""
+    """Judge a record file, a folder of them, or an ISDB .mat file; `conclude` weighs all evidence of one record."""
     with registry.hosted(plugins, time_limit) as added:
         names = choose_methods(methods)
         names += [a for a in added if a not in names]
@@ -143,13 +156,15 @@ def judge_files(
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
         records, refused, alone = _records(Path(path), known, labels, about)
-        verdicts = [
-            (None if alone else name, verdict)
-            for name, record in records.items()
-            for verdict in judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
-        ]
         kept = {None if alone else name: record for name, record in records.items()}
-        return Report(verdicts, refused, score_units(verdicts, known) if known else [], kept)
+        verdicts, conclusions = [], {}
+        for name, record in kept.items():
+            found = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
+            verdicts += [(name, verdict) for verdict in found]
+            # of a folder only where the method that costs as much was asked for: a report concludes of every record
+            if conclude is not None and (alone or _WEIGHED_BY in names):
+                conclusions[name] = conclude(record)
+        return Report(verdicts, refused, score_units(verdicts, known) if known else [], kept, conclusions)
 
 
 def _records(path: Path, known: Mapping[str, Mapping[str, str]], labels: str | Path | None, about: dict[str, Any]):

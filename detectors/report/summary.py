@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,18 +25,16 @@ _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
-    """Say what the methods say together."""
+    """Count what the methods say; they are evidence, no conclusion."""
     if len(verdicts) == 1:
         return f"{verdicts[0].method} says {VERDICT_WORDS[verdicts[0].verdict]}"
-    whole = next((v for v in verdicts if v.method == "procedure"), None)
-    asked = [v for v in verdicts if v is not whole and not _is_test(v.method)]
+    asked = [v for v in verdicts if not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]
     count = Counter(v.verdict for v in others)
     left_out = len(asked) - len(others)
     said = f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'} stiction, "
     said += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
-    said += f"; {left_out} not made for this loop" if left_out else ""
-    return said + (f"; the procedure, which weighs them, says {VERDICT_WORDS[whole.verdict]}" if whole else "")
+    return said + (f"; {left_out} not made for this loop" if left_out else "")
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
@@ -53,16 +51,27 @@ def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
 
 
 def as_text(
-    groups: Iterable[tuple[str | None, list[Verdict], LoopRecord | None]], *, why: bool = False, colour: bool = False
+    groups: Iterable[tuple[str | None, list[Verdict], LoopRecord | None]],
+    concluded: Mapping[str | None, Sequence[str]] | None = None,
+    *,
+    why: bool = False,
+    colour: bool = False,
 ) -> str:
-    """Return summary and table, and the reasons where asked for."""
-    found = list(groups)
+    """Return what was concluded of each record, summary and table, and the reasons where asked for."""
+    found, concluded = list(groups), concluded or {}
     lines = []
     if len(found) == 1:
         name, verdicts, record = found[0]
-        lines += [*_about(name, record), sentence(verdicts), "", *_drawn(_table(verdicts), colour)]
+        lines += [
+            *_about(name, record),
+            *concluded.get(name, ()),
+            f"Methods: {sentence(verdicts)}.",
+            "",
+            *_drawn(_table(verdicts), colour),
+        ]
         lines += ["", *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)])]
     elif found:
+        lines += [f"{name}: {concluded[name][0]}" for name, _, _ in found if name in concluded]
         lines += [*_drawn(_matrix(found), colour), _LEGEND]
     if why:
         for name, verdicts, record in found:

@@ -60,9 +60,12 @@ def detect(
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
+    asked = method or ["all"]
+    # single methods are asked for their own verdicts, and answer at once
+    weighed = not as_json and {"all", "full", "likelihood"} & {one.strip() for text in asked for one in text.split(",")}
     report = judge_files(
-        path, method or ["all"], labels=labels, raw=raw, front_end=front_end, plugins=plugin or [],
-        thresholds=threshold_file(thresholds), time_limit=time_limit, **about,
+        path, asked, labels=labels, raw=raw, front_end=front_end, plugins=plugin or [],
+        thresholds=threshold_file(thresholds), time_limit=time_limit, conclude=_conclude if weighed else None, **about,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
@@ -80,10 +83,10 @@ def detect(
     if html is not None:
         from simbench.plant.verdict_page import write_page
 
-        write_page(report, html)
+        write_page(report, html, _conclude)
         print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
     if power:
-        _print_power(path, method or ["all"], as_json, **about)
+        _print_power(path, asked, as_json, **about)
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
@@ -96,26 +99,37 @@ def diagnose(
     *,
     about: dict,
 ) -> None:
-    """Take one record through the chapter's whole diagnosis, step by step."""
+    """Say whether one valve sticks and why, with the causes weighed and the chapter's procedure step by step."""
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY
-    from simbench.plant.command import causes_of
+    from simbench.gap.stiction.conclusion import judged
 
     refuse_picture(picture, path)
     record = read_record(path, **about)
-    diagnosis, (causes, p) = procedure(record), causes_of(record)
+    diagnosis, (concluded, causes) = procedure(record), judged(record)
     if picture is not None:
         from simbench.figures import draw_path
 
         draw_path(diagnosis, picture)
-    said = "cannot be said" if p is None else f"{p:.2f}"
-    text = "\n".join([diagnosis.as_text(), f"Probability of stiction: {said}.", *causes.as_lines()])
-    more = {PROBABILITY: p, "causes": causes.as_json(), "notes": [*record.notes]}
-    show(diagnosis.as_json() | more if as_json else text, as_json)
+    text = [*concluded.as_lines(), "Causes weighed:", *causes.as_lines(), "The chapter's procedure, one method among others:"]
+    whole = diagnosis.as_json()
+    own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
+    more = {
+        "verdict": concluded.verdict, "reason": concluded.reason, "next_test": concluded.next,
+        "conclusion": concluded.as_json(), PROBABILITY: concluded.probability, "causes": causes.as_json(), "procedure": own,
+        "notes": [*record.notes],
+    }  # fmt: skip
+    show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
     say_assumed([record], as_json)
     if power:
         _print_power(path, ["all"], as_json, **about)
+
+
+def _conclude(record: Any) -> Any:
+    from simbench.gap.diagnosis import conclude
+
+    return conclude(record)
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:

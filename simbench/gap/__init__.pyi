@@ -1,4 +1,5 @@
 """The public names of the gap diagnosis."""
 
+from simbench.gap.diagnosis import conclude as conclude
 from simbench.gap.diagnosis import diagnose as diagnose
 from simbench.gap.report.result import GapReport as GapReport

@@ -151,8 +151,10 @@ def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None)
     return tuple(sorted(e for e in indistinguishable(effect, here) if e == effect or recogniser(e) != Recogniser()))
 
 
-def smallest_detectable(s: Situation, base: Fit, longest_load: float) -> dict[str, tuple[float, str]]:
+def smallest_detectable(
+    s: Situation, base: Fit, longest_load: float, effects: Iterable[str] = EFFECTS
+) -> dict[str, tuple[float, str]]:
     """Return the size of each effect that would have been found, with its unit."""
     probe = Probe(Engine(s.data, longest_load), base, s)
-    found = {e: recogniser(e).smallest(probe) for e in EFFECTS}
+    found = {e: recogniser(e).smallest(probe) for e in effects}
     return {e: size for e, size in found.items() if size is not None}

@@ -11,6 +11,7 @@ from joblib import Parallel, delayed
 
 from detectors.compiled import one_thread
 from detectors.errors import RecordError, UserError
+from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
@@ -23,6 +24,7 @@ from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.discover.discovery import described
 from simbench.gap.discover.search import search
+from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
@@ -31,8 +33,10 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.friction import FRICTION, friction
-from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.conclusion import Conclusion, from_posterior, from_record, judged, without
+from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
+from simbench.gap.stiction.probability import DENIED_BELOW, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 if TYPE_CHECKING:
@@ -99,35 +103,96 @@ def diagnose(
         raise RecordError(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
         )
+    return diagnose_all(records, baseline, tests, jobs, seed)
+
+
+def diagnose_all(
+    records: list[LoopRecord], baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = (), jobs: int = 1,
+    seed: int = 0, *, describe: bool = True,
+) -> GapReport:  # fmt: skip
+    """Return the report of `diagnose`; `describe` looks for a law of what is unknown, which changes no conclusion."""
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        found, more = _assess_all(records, baseline, jobs, tests)
+        found, behind, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
-        weights = closing(classify(found), found, runs)
-        if named_by(weights, found) != [UNKNOWN]:
-            return report(found, weights, runs, more)
-        like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
-        if like.block:
-            # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
-            weights = replace(weights, unknown_block=like.block)
-        return replace(report(found, weights, runs, more), looks_like=like)
+        judged_by, like = closing(classify(found), found, runs), None
+        weights = judged_by
+        if describe and named_by(weights, found) == [UNKNOWN]:
+            like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
+            if like.block:
+                # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
+                weights = replace(weights, unknown_block=like.block)
+        out = replace(report(found, weights, runs, more, behind, judged_by), looks_like=like)
+        if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
+            # what a simulation with friction does not model is not the friction that the valve has
+            tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
+            sound = diagnose_all(records, with_sound_valve(baseline), tested, jobs, seed, describe=False)
+            return replace(out, conclusion=sound.conclusion)
+        return out
+
+
+def conclude(
+    record: Source | Sequence[Source] | None = None,
+    loop: Loop | Partial | None = None,
+    *,
+    tests: Sequence[RecordedTest] = (),
+    **signals: Unpack[RecordSignals],
+) -> Conclusion:
+    """Say whether a valve sticks, from all evidence at hand; every verb shows this conclusion.
+
+    Parameters
+    ----------
+    record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
+        SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them.
+    loop : Loop, Partial or None
+        The loop where it is known; friction is then weighed with every other effect that could explain the record.
+    tests : sequence of RecordedTest
+        Tests of the same loop in other operation; they need a loop.
+    **signals
+        op, pv, sp, mv, Ts in place of a record, and what is known of it, as in `simbench.detect`.
+
+    Returns
+    -------
+    Conclusion
+        verdict, probability, cause, reason, next.
+
+    Raises
+    ------
+    detectors.errors.UserError
+        In one sentence, when record and loop cannot be compared.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> conclude(random_case(5, ("stiction",)).record).verdict
+    'stiction'
+    """
+    if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
+        return judged(as_record(record, **signals))[0]
+    several = list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    return diagnose_all([as_record(one, **signals) for one in several], loop, tests, describe=False).conclusion
 
 
 def _assess_one(
     record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
-) -> tuple[Assessment, float | None]:
-    """Return the assessment of one record, with its tests, and the log-odds of stiction where they can be said."""
+) -> tuple[Assessment, CandidateLoops | str]:
+    """Return the assessment of one record, with its tests, and the loops that may stand behind it, or why it is not weighed.
+
+    Beside a trusted baseline friction is weighed with all other effects: no loops are needed then.
+    """
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
+    behind: CandidateLoops | str = ""
     try:
-        odds = friction(record, baseline, found).log_odds
+        refuse_unweighable(record)
+        behind = behind if situation.trusted else candidate_loops(record, baseline)
     except UserError as why:
-        odds, silent = None, f"{FRICTION}: cannot tell, {why}"
+        behind, silent = str(why), f"{FRICTION}: cannot tell, {why}"
         found = replace(found, situation=replace(found.situation, notes=[*found.situation.notes, silent]))
-    sticky = None if odds is None else probability(odds) >= DENIED_BELOW
-    return found if situation.trusted else plausible(found, sticky), odds
+    sticky = None if isinstance(behind, str) else behind.probability >= DENIED_BELOW
+    return found if situation.trusted else plausible(found, sticky), behind
 
 
 def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
@@ -158,31 +223,38 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
 
 def _assess_all(
     records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest] = ()
-) -> tuple[Assessment, list[str]]:
+) -> tuple[Assessment, CandidateLoops | str, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
     longest = max(records, key=lambda r: r.n) if tests else None
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
         calls = (delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records)
         pairs: list[Any] = list(parallel(calls))
     every = [found for found, _ in pairs]
-    odds = [one for _, one in pairs if one is not None]
-    main = max(every, key=lambda f: f.situation.record.n)
+    main, behind = max(pairs, key=lambda pair: pair[0].situation.record.n)
     others = tuple(f for f in every if f is not main)
-    main = replace(main, stiction=probability(pooled(odds)) if odds else None)
+    weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
+    if weighed:
+        behind = behind if isinstance(behind, CandidateLoops) else weighed[0]
+        behind = replace(behind, log_odds=pooled([one.log_odds for one in weighed]))
+        main = replace(main, stiction=behind.probability)
     if not others:
-        return main, []
+        return main, behind, []
     proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
     gains = {e: float(sum(f.log_likelihood_gains[e] for f in every)) for e in main.log_likelihood_gains if e not in proven}
     gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
     parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), [said]
+    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), behind, [said]
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:
     """Return the answer: the most probable, and a second effect of another block that was found on top of it."""
-    first = max(weights.probability, key=lambda e: weights.probability[e])
+    p = weights.probability
+    if not found.situation.trusted and found.stiction is not None and found.stiction < DENIED_BELOW:
+        # friction that is not the more probable, all its effects taken together, is none of them
+        p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}
+    first = max(p, key=lambda e: p[e])
     if first not in EFFECTS or first not in found.chosen:
         return [first]
     return [first, *[e for e in found.chosen if block_of(e) != block_of(first)][:1]]
@@ -227,8 +299,11 @@ def _wide(found: Assessment, runs: ClosedLoops) -> bool:
     return gap.resolvable and size > _WIDE * gap.floor
 
 
-def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
-    """Turn scores and probabilities into the answer."""
+def report(
+    found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (), behind: CandidateLoops | str = "",
+    judged_by: Classified | None = None,
+) -> GapReport:  # fmt: skip
+    """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what is unknown was described."""
     situation = found.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     named = named_by(weights, found)
@@ -270,11 +345,19 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
+    if situation.trusted and not behind:
+        test = None if advice is None else f"{advice['test']}: {advice['says']}"
+        visible = sizes.get(FRICTION, (float("inf"), ""))[0]
+        conclusion = from_posterior(judged_by or weights, named, found, visible, test)
+    elif situation.trusted:
+        conclusion = without(str(behind), named)
+    else:
+        conclusion = from_record(Prepared(replace(situation.record, mv=None)), behind)[0]
     group = alike(first, situation, found.parameters.get(first))
     return GapReport(
         block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
+        conclusion=conclusion, behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
     )  # fmt: skip
 
 

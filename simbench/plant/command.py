@@ -8,16 +8,11 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from detectors.errors import UserError
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
 from simbench.files import refuse_own_input
-from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
-from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
@@ -38,16 +33,6 @@ def trust_file(
 
         write_page(found, html)
     return found
-
-
-def causes_of(record: LoopRecord) -> tuple[Causes, float | None]:
-    """Return why one loop moves, on the evidence of its own record, and the probability of stiction."""
-    prepared = Prepared(replace(record, mv=None))
-    try:
-        behind: CandidateLoops | str = candidate_loops(record)
-    except UserError as why:
-        behind = str(why)
-    return find_causes(prepared, behind), None if isinstance(behind, str) else behind.probability
 
 
 def report_folder(

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 
 from detectors.record import LoopRecord
 from detectors.report import summary
-from detectors.report.report import Report
-from detectors.verdict import Verdict
-from simbench.plant.command import causes_of
+from detectors.report.report import Conclusion, Report
 from simbench.plant.page import section, write
-from simbench.plant.report.advice import BY_CAUSE
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
 
 
-def write_page(report: Report, path: str | Path) -> None:
-    """Write verdicts as one self-contained HTML page."""
+def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord], Conclusion]) -> None:
+    """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is for the records drawn."""
     groups = report.groups()
-    said = [f"{name + ': ' if name else ''}{summary.sentence(verdicts)}." for name, verdicts, _ in groups]
-    for name, verdicts, record in groups[:_SHOWN]:
-        if record is not None:
-            said += [f"{name + ': ' if name else ''}{line}" for line in _next(record, verdicts)]
+    said = []
+    for number, (name, verdicts, record) in enumerate(groups):
+        found = report.conclusions.get(name)
+        if found is None and record is not None and number < _SHOWN:
+            found = conclude(record)
+        lines = [*([] if found is None else found.as_lines()), f"Methods: {summary.sentence(verdicts)}."]
+        said += [f"{name + ': ' if name else ''}{line}" for line in lines]
     parts = [section("answer", "The answer", said)]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
@@ -35,16 +36,6 @@ def write_page(report: Report, path: str | Path) -> None:
     if report.refused:
         parts.append(section("refused", "Left out", points=[f"{name}: {why}" for name, why in report.refused.items()]))
     write(path, "Does the valve stick?", f"{len(groups)} record{'s' * (len(groups) != 1)} judged", parts)
-
-
-def _next(record: LoopRecord, verdicts: list[Verdict]) -> list[str]:
-    """Return probability, size, cause and next step of one record, for the first screen."""
-    causes, p = causes_of(record)
-    S = next((v.S for v in verdicts if v.method == "procedure" and v.S is not None), None)
-    size = "not stated" if S is None else f"{summary.level(S)} {record.S_unit}"
-    chance = "cannot be said" if p is None else f"{p:.2f}"
-    _, step = BY_CAUSE[causes.named.name]
-    return [f"Probability of stiction: {chance}. Size S: {size}. Next: {step}.", *(line.strip() for line in causes.as_lines())]
 
 
 def _table(report: Report) -> pd.DataFrame:

@@ -244,7 +244,7 @@ def test_gap_diagnose(answer, place):
     found = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
     assert set(found) == {
         "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
-        "probability_of_stiction",
+        "probability_of_stiction", "conclusion",
     }  # fmt: skip
     assert (found["block"], found["effect"]) == ("valve", "stiction")
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
@@ -278,7 +278,10 @@ def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
 
 def test_trust(answer):
     found = answer("trust sticky.csv --method he,procedure")
-    assert set(found) == {"methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes"}
+    assert set(found) == {
+        "methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes", "conclusion",
+    }  # fmt: skip
+    assert set(found["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
     for m in found["methods"]:
         assert set(m) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
         assert all(set(p) == {"S", "J", "found", "lo", "hi"} for p in m["power"])

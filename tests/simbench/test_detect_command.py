@@ -43,7 +43,8 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
     out = said(capsys, "detect", folder / "sticky.csv", *FAST).out
     head, summary, _, names, *rows = out.splitlines()
     assert head.startswith("sticky: 1500 samples, Ts = 1 s")
-    assert "the procedure, which weighs them, says stiction" in summary
+    assert summary.startswith("Methods: ")
+    assert "methods say stiction" in summary
     assert names.split()[:2] == ["method", "verdict"]
     assert [r.split()[0] for r in rows[:4]] == ["horch", "he", "kano_a", "procedure"]
     assert len({r.index("stiction") for r in rows[:4] if "no stiction" not in r and " stiction" in r}) == 1

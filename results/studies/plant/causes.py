@@ -29,12 +29,12 @@ from results.studies.plant.stiction_probability import PLANTS
 from scenarios.spec import Loop
 from simbench.blind.making import write_item
 from simbench.blind.world import WORLDS
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.causes import Causes, find_causes
+from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
-from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.events import shared_oscillations
-from simbench.plant.report.margins import margins
 from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
-from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 
 CAUSES = ("stiction", "dead-band", "tuning", "outside", "upstream", "sensor", "saturation", "healthy")
 SAYS = {

@@ -28,7 +28,6 @@ from simbench.gap.stiction.friction import probability_of_stiction
 from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
-from simbench.plant.trust.result import SOUND, UNSEEN
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
 
@@ -118,7 +117,8 @@ def claimed(record: LoopRecord) -> dict[str, Any]:
     found = trust(record, help_wanted=False)
     answer = found.as_json()
     best = None if found.best is None else {"method": found.best.verdict.method, "says": found.best.says}
-    return {"said": found.answer, "best": best, **{k: answer[k] for k in ("probability", "methods", "smallest_visible")}}
+    shown = {k: answer[k] for k in ("probability", "methods", "smallest_visible")}
+    return {"said": found.conclusion.verdict, "best": best, **shown}
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
@@ -253,7 +253,7 @@ def _visible(rows: list[dict[str, Any]]) -> list[str]:
             kind = "plainly visible" if best >= PLAIN else "buried" if best <= BURIED else None
             if kind is not None:
                 small = r["smallest_visible"] is None or r["S"] < r["smallest_visible"]["S"]
-                now = (small, small and r["said"] in (UNSEEN, SOUND), True)
+                now = (small, small and r["said"] == NO_STICTION, True)
                 counts[kind] = [k + bool(x) for k, x in zip(counts[kind], now)]
         lines += ["", f"friction as {whose} see it on runs of the loop itself:"]
         for kind, (claim, answer, n) in counts.items():

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from detectors.report.report import choose_methods
+from detectors.verdict import NO_STICTION
 from results.studies.plant.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
 from scenarios.spec import Loop, Part, Scenario
+from simbench.gap.stiction.candidate_loops import with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size
-from simbench.plant.trust.candidate_loops import with_friction
-from simbench.plant.trust.result import SOUND, UNSEEN
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
 
@@ -58,7 +58,7 @@ def _one(loop: Loop, seed: int, methods: list[str], alarms: dict[str, float]) ->
     smallest = answer.smallest_visible
     return {
         # what detectors see needs no likelihood
-        "seen": seen, "fitted": fitted(loop, seed) if seen <= BURIED else None, "said": answer.answer,
+        "seen": seen, "fitted": fitted(loop, seed) if seen <= BURIED else None, "said": answer.conclusion.verdict,
         "probability": answer.probability, "smallest_visible": None if smallest is None else smallest[0],
     }  # fmt: skip
 
@@ -78,7 +78,7 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     lines = [f"{len(rows)} loops of grid plant, each with little and with much friction (S over OP's range {SIZES})"]
     for kind in SIZES:
         here = [r[kind] for r in rows if _is(kind, r[kind])]
-        denied = [r["said"] in (SOUND, UNSEEN) and _below(r) for r in here]
+        denied = [r["said"] == NO_STICTION and _below(r) for r in here]
         said = ", ".join(f"{a} {sum(r['said'] == a for r in here)}" for a in sorted({r["said"] for r in here}))
         lines.append(f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))}; said: {said}")
     return lines

@@ -27,9 +27,9 @@ class Assessment(Fitted):
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
-    judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
-    menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a
-    higher order; `by_lab` the nats of lab samples in `log_likelihood_gains`.
+    judged together with this one; `stiction` the probability of it beside an identified baseline, None where it cannot be
+    said; `asked` the tests of the menu that were run; `tested` how many were judged with it; `beside_load` the candidates
+    before the plant was allowed a higher order; `by_lab` the nats of lab samples in `log_likelihood_gains`.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)

@@ -12,6 +12,7 @@ from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.discover.discovery import Discovery
+from simbench.gap.stiction.conclusion import Conclusion
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -81,8 +82,8 @@ class GapReport:
         The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its reason in the notes, where
         nothing on the menu would help.
     notes : tuple of str
-    probability_of_stiction : float or None
-        The same in every verb, pooled over the records; None where it cannot be said.
+    conclusion : Conclusion
+        Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over the records.
     behind : Behind
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
@@ -98,7 +99,7 @@ class GapReport:
     blocks: dict[str, float]
     next_test: dict[str, Any] | None
     notes: tuple[str, ...]
-    probability_of_stiction: float | None
+    conclusion: Conclusion
     behind: DiagnosisDetails = field(repr=False)
     looks_like: Discovery | None = None
 
@@ -122,6 +123,7 @@ class GapReport:
             "next_test": None if self.next_test is None else dict(self.next_test),
             "notes": [*self._likeness(), *self.notes],
             PROBABILITY: self.probability_of_stiction,
+            "conclusion": self.conclusion.as_json(),
         }
 
     def _likeness(self) -> list[str]:
@@ -157,6 +159,11 @@ class GapReport:
 
     def _repr_html_(self) -> str:
         return page_part(self.sentence(), self.to_frame().head(8))
+
+    @property
+    def probability_of_stiction(self) -> float | None:
+        """Probability of stiction; None where the record cannot be judged."""
+        return self.conclusion.probability
 
     @property
     def named(self) -> list[str]:
@@ -207,7 +214,7 @@ class GapReport:
         -------
         str
         """
-        lines = [self.sentence(), "", *self._likeness()]
+        lines = [self.sentence(), "", "The valve:", *self.conclusion.as_lines(), "", *self._likeness()]
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):
@@ -220,11 +227,9 @@ class GapReport:
         if self.shrinkage:
             s = self.shrinkage
             lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
-        if self.probability_of_stiction is not None:
-            lines.append(f"probability of stiction: {self.probability_of_stiction:.2f}")
         lines.append("")
         lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}" for r in self.ranking[:6]]
-        told = [] if self.next_test is None else [f"next: {self.next_test['test']}: {self.next_test['says']}"]
+        told = [] if self.next_test is None else [f"next test: {self.next_test['test']}: {self.next_test['says']}"]
         lines += ["", *told] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 

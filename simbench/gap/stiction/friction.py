@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -68,6 +69,27 @@ def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = No
         return None
 
 
+_KEPT: dict[tuple[Any, ...], Friction | UserError] = {}
+
+
+def friction_of(record: LoopRecord) -> Friction:
+    """Return `friction` of a record alone; the last one is kept, as method, conclusion and replicates ask in turn."""
+    signals = (record.op, record.pv, record.sp, record.mv, record.meta.get("manual"))
+    about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span, record.tag)
+    library = tuple(recogniser(e) for e in EFFECTS)
+    key = (*(None if x is None else np.asarray(x).tobytes() for x in signals), *about, library)
+    if key not in _KEPT:
+        _KEPT.clear()
+        try:
+            _KEPT[key] = friction(record)
+        except UserError as why:
+            _KEPT[key] = why
+    kept = _KEPT[key]
+    if isinstance(kept, UserError):
+        raise kept
+    return kept
+
+
 def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> Friction:
     """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
 
@@ -77,17 +99,11 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Asse
 
     Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
     """
-    where = f"record {record.tag!r}" if record.tag else "record"
-    refuse_unfit(record, where)
-    flags = Prepared(record.without_mv()).flags
-    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
-    if record.n < SHORTEST_ASKED:
-        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
-    if unfit:
-        raise RecordError(f"{where} unfit: {unfit}")
+    refuse_unweighable(record)
     # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
-    if found is not None and isinstance(loop, Loop) and with_sound_valve(loop) is loop:
+    if found is not None:
         return _measured(found)
+    where = f"record {record.tag!r}" if record.tag else "record"
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
@@ -111,6 +127,18 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Asse
         if every is None and own is None:
             return _measured(_fitted(record, identify(record)))
         return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
+
+
+def refuse_unweighable(record: LoopRecord) -> None:
+    """Refuse a record that says nothing about its valve, whatever is known of its loop."""
+    where = f"record {record.tag!r}" if record.tag else "record"
+    refuse_unfit(record, where)
+    flags = Prepared(record.without_mv()).flags
+    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
+    if record.n < SHORTEST_ASKED:
+        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
+    if unfit:
+        raise RecordError(f"{where} unfit: {unfit}")
 
 
 def with_sound_valve(loop: Loop) -> Loop:

@@ -47,11 +47,11 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     'stiction'
     """
     # its models take a second to load, and a list of methods needs none
-    from simbench.gap.stiction.friction import friction, in_percent
+    from simbench.gap.stiction.friction import friction_of, in_percent
 
     record = prepared.record
     try:
-        found = friction(record)
+        found = friction_of(record)
     except UserError as why:
         return Verdict(NAME, NO_DECISION, reason=str(why))
     p, e = found.probability, found.evidence

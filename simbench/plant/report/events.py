@@ -8,13 +8,12 @@ import numpy as np
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
+from detectors.signal.phase import phase_locking
 
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
-_WIDE = 1.35  # half width of the band around the period, as a factor
 _FOLLOWS = 0.995  # correlation from which a set point is another loop's output
 _FEWEST, _FEWEST_PERIODS = 20, 6  # samples, and periods, of common time below which nothing is concluded
-_EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -87,30 +86,6 @@ def _follows(master: LoopRecord, slave: LoopRecord) -> float:
     if np.ptp(op) == 0.0 or np.ptp(sp) == 0.0 or np.count_nonzero(np.diff(sp)) < _FEWEST:
         return 0.0
     return max(abs(float(np.corrcoef(op[: op.size - k], sp[k:])[0, 1])) for k in (0, 1))
-
-
-def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return how constant the phase between two signals is around one period (samples): 1 = locked, near 0 = independent."""
-    cut = int(_EDGE * x.size)
-    inner = slice(cut, x.size - cut)
-    turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
-    return float(np.abs(np.exp(1j * turn).mean()))
-
-
-def coherence(x: np.ndarray, period: float) -> float:
-    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as no loop does by itself."""
-    cut = int(_EDGE * x.size)
-    swing = _analytic(x, period)[cut : x.size - cut]
-    unit = swing / np.maximum(np.abs(swing), 1e-300)
-    return float(np.abs(np.fft.fft(unit, 8 * unit.size)).max() / unit.size)
-
-
-def _analytic(x: np.ndarray, period: float) -> np.ndarray:
-    n = x.size
-    line = np.linspace(x[0], x[-1], n)
-    power = np.fft.fft((x - line) * np.hanning(n) ** 0.25)
-    f = np.fft.fftfreq(n)
-    return np.fft.ifft(np.where((f > 1 / (_WIDE * period)) & (f < _WIDE / period), 2 * power, 0.0))
 
 
 def likely_root(group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]) -> list[str]:

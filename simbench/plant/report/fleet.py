@@ -17,17 +17,18 @@ from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels
 from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
-from detectors.verdict import Verdict
+from detectors.verdict import STICTION, Verdict
 from simbench.files import folder as folder_made
+from simbench.gap.stiction.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes
+from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.report.advice import VALVE, Advice, advise
-from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
 from simbench.plant.report.events import cascades, likely_root, shared_oscillations
 from simbench.plant.report.what_if import Action, what_if
 from simbench.plant.resumed import resumed
-from simbench.plant.trust.result import STICKY, Trust
+from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
 JUDGED = ".judged"  # ends the name of the folder beside a page in which the answers on its loops are kept
@@ -39,7 +40,7 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant: what few twins and the fast methods say, the verdicts of all methods, cause, cost and what to do.
+    """One loop of a plant: its conclusion, what few twins and the fast methods say, every verdict, cause, cost, what to do.
 
     `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
     from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
@@ -48,6 +49,7 @@ class FleetLoop:
 
     name: str
     found: Trust
+    conclusion: Conclusion
     verdicts: tuple[Verdict, ...]
     over_time: OverTime
     size: tuple[float, float] | None
@@ -181,7 +183,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
         hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
         size = None if hidden > 0.5 * size[0] else size  # an archive that leaves out as much says no size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
-    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""), cost, actions=actions)
+    return FleetLoop(name, found, found.conclusion, said, when, size, label, None, None, Advice("", ""), cost, actions=actions)
 
 
 def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[FleetLoop]:
@@ -214,16 +216,17 @@ def _joined(
     for m in members:
         number, root = place.get(m.name, (None, None))
         # a loop as surely sticky as its root is a case of its own
-        driven = root if root not in (None, m.name) and m.found.answer != STICKY else None
+        driven = root if root not in (None, m.name) and m.found.conclusion.verdict != STICTION else None
         # a cascade's outer loop swings with its inner one, whose valve it is
         slave = inner.get(m.name)
         if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
             driven = slave
-        causes = find_causes(prepared[m.name], m.found.behind or m.found.notes[0], driven, probability.get(driven or "", 0.0))
+        behind = m.found.behind or m.found.conclusion.reason
+        concluded, causes = from_record(prepared[m.name], behind, driven, probability.get(driven or "", 0.0))
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
-        advice = advise(m.found, prepared[m.name], causes.named, driven, actions)
-        out.append(replace(m, event=number, root=root, causes=causes, advice=advice, actions=actions))
+        advice = advise(concluded, prepared[m.name], causes.named, driven, actions)
+        out.append(replace(m, conclusion=concluded, event=number, root=root, causes=causes, advice=advice, actions=actions))
     shares = {m.name: _costs(m) for m in out}
     followers = {event[0]: event[1:] for event in events}
     priced = []

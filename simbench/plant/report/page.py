@@ -14,6 +14,7 @@ from detectors.record import LoopRecord
 from detectors.report.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.files import write_table
+from simbench.gap.stiction.conclusion import WORDS
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import OverTime, marks
@@ -22,11 +23,11 @@ from simbench.plant.report.advice import MEASUREMENT, TUNING, UPSTREAM, VALVE, b
 from simbench.plant.report.fleet import Fleet, FleetLoop
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
-from simbench.plant.trust.result import STICKY
 
 _BESIDE = (  # in the table beside the page, and in the loop's own part of it
     "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
-    "of today's", "from", "to", "S from", "S to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
+    "of today's", "from", "to", "S from", "S to", "answer", "reason",
+    "best action", "PV share", "S unit", "smallest visible S", "root",
     "cycles",
 )  # fmt: skip
 _FIRST = 12  # loops named per trade
@@ -44,7 +45,7 @@ def write_fleet(
     fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1, keep: Path | None = None
 ) -> Path:
     """Write a plant's loops as one self-contained page, and a CSV of the same name beside it; pictures drawn are in `keep`."""
-    sticky = [m for m in fleet.members if m.found.answer == STICKY]
+    sticky = [m for m in fleet.members if m.conclusion.verdict == STICTION]
     tiles = [
         (str(len(fleet.members)), "loops judged"),
         (str(len(sticky)), "with stiction claimed"),
@@ -99,7 +100,8 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "rank": rank,
             "loop": m.name,
             PROBABILITY: m.found.probability,
-            "answer": m.found.answer,
+            "answer": WORDS[m.conclusion.verdict],
+            "reason": m.conclusion.reason,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
             **dict(zip(("S from", "S to"), _interval(m), strict=True)),
@@ -188,7 +190,7 @@ def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
     return {
         "rank": rank,
         "name": m.name,
-        "sentence": m.found.sentence(),
+        "sentence": f"{m.conclusion.sentence()} Reason: {m.conclusion.reason}.",
         "job": m.advice.job,
         "do": m.advice.do,
         "why": _why(m),

@@ -12,13 +12,13 @@ import scipy
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
+from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
+from simbench.gap.stiction.margins import margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.loop.resolve import resolve_loop, undisturbed
 from simbench.loop.response import stages_response
 from simbench.loop.run import run_setup, signals_of
 from simbench.loop.setup import plain_setup
-from simbench.plant.report.margins import margins
-from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
 LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = "leave", "repair", "retune", "P-only", "dead-band compensation", "resize"
 _RUNS = 20  # of every action, each of another seed and loop: a further one lies between the least and the largest in .9

@@ -18,7 +18,7 @@ _SHOWN = 3  # detectors drawn beside the one to trust
 def write_page(found: Trust, path: str | Path) -> None:
     """Write a trust as one self-contained HTML page."""
     record = found.record
-    answer = [found.sentence()]
+    answer = found.conclusion.as_lines()
     if found.best is not None:
         answer.append(f"{found.power_line()[0].upper()}{found.power_line()[1:]}.")
     tiles = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.judge import judge
 from detectors.verdict import STICTION
-from simbench.plant.trust.candidate_loops import ARCHIVE, CandidateLoops, archived, without
+from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_twins
 
 _TWINS = 24  # of each kind, per remedy

@@ -10,12 +10,11 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
+from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.conclusion import Conclusion
 from simbench.plant.episodes import OverTime
-from simbench.plant.trust.candidate_loops import CandidateLoops
 from simbench.plant.trust.power import Cell, Rule
 from simbench.plant.trust.remedies import Remedy
-
-STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this record", "cannot tell"
 
 
 @dataclass(frozen=True)
@@ -42,21 +41,25 @@ class Trust:
     """What can be believed of this record.
 
     `methods` stand as they agree with the probability and are right on the twins; `smallest_visible` (S, J in the unit of the
-    record's S) and `power` are those of the method most often right on the twins, as read best; `probability` is None where no
-    loop could be identified; `twins` are S and J (%) of each.
+    record's S) and `power` are those of the method most often right on the twins, as read best; `twins` are S and J (%) of
+    each.
     """
 
-    answer: str
+    conclusion: Conclusion
     methods: tuple[MethodTrust, ...]
     smallest_visible: tuple[float, float] | None
     power: tuple[Cell, ...]
-    probability: float | None
     twins: tuple[tuple[float, float], ...]
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
     behind: CandidateLoops | None = field(repr=False, default=None)
     over_time: OverTime | None = field(repr=False, default=None)
+
+    @property
+    def probability(self) -> float | None:
+        """Probability of stiction; None where the record cannot be judged."""
+        return self.conclusion.probability
 
     @property
     def best(self) -> MethodTrust | None:
@@ -73,33 +76,32 @@ class Trust:
             "probability": self.probability,
             PROBABILITY: self.probability,
             "twins": len(self.twins),
-            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes, *self.record.notes],
+            "conclusion": self.conclusion.as_json(),
+            "notes": [
+                self.sentence(),
+                self._seen(),
+                *self._asides(),
+                *(r.sentence() for r in self.helps),
+                *self.notes,
+                *self.record.notes,
+            ],
         }
 
     def sentence(self) -> str:
-        """Return the answer in one sentence."""
-        unit = self.record.S_unit
-        if self.probability is None:
-            return f"Cannot tell: {self.notes[0]}."
-        p = f"probability of stiction {self.probability:.2f}{self._sources()}"
-        seen = self.smallest_visible
-        size = "" if seen is None else f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {unit}"
-        if self.answer == STICKY:
-            return f"Stiction: {p}."
-        if not self.twins:
-            return f"Cannot tell: {p}; {self.notes[0]}."
-        if self.answer == UNSEEN:
-            return f"Stiction cannot be seen in this record up to S = {self.power[-1].S:.2g} {unit}: {p}."
-        if self.answer == SOUND:
-            return f"No stiction above {size} ({p}); less than that could not be seen in this record."
-        return f"Cannot tell: {p}; from {size} on stiction would have been seen more clearly."
+        """Return the conclusion in one line."""
+        return self.conclusion.sentence()
 
-    def _sources(self) -> str:
-        """Return what the probability is made of."""
-        if self.behind is None:
-            return ""
-        gain = self.behind.gain
-        return f" (friction makes the record {'likelier' if gain > 0 else 'less likely'}, by {abs(gain):.0f} of log-likelihood)"
+    def _seen(self) -> str:
+        """Return what simulated replicates of the loop would have shown."""
+        if not self.twins:
+            return f"no simulated replicates: {self.notes[0]}"
+        return f"in this record {self._visible()} would have shown to the best method in 4 of 5 simulated replicates"
+
+    def _visible(self) -> str:
+        seen = self.smallest_visible
+        return "no stiction of any size tried" if seen is None else (
+            f"stiction from S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit} on"
+        )  # fmt: skip
 
     def _asides(self) -> list[str]:
         """Return how the best method is to be read, and what it says over time, as far as there is something to say."""
@@ -110,20 +112,17 @@ class Trust:
 
     def power_line(self) -> str:
         """Return in one line what this record could have shown, and whom to believe."""
-        best, seen = self.best, self.smallest_visible
+        best = self.best
         if best is None:
             return f"power: unknown ({self.notes[0]})"
-        size = "no stiction of any size tried"
-        if seen is not None:
-            size = f"stiction from S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit} on"
         return (
-            f"power: this record would have shown {size}; probability of stiction {self.probability:.2f}; "
+            f"power: this record would have shown {self._visible()}; probability of stiction {self.probability:.2f}; "
             f"the method to trust: {_reading(best.rule)}, right on {best.rule.right:.0%} of its {len(self.twins)} twins"
         )
 
     def as_text(self) -> str:
         """Return the answer for people: the sentence, whom to trust, the table of methods, what would help."""
-        lines = [self.sentence()]
+        lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
         best = self.best
         if best is not None:
             agrees = best.says == likely(self.probability or 0.0)

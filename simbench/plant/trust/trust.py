@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT, judge, refuse_wrong_forms
+from detectors.judge import judge, refuse_wrong_forms
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -16,13 +16,15 @@ from detectors.report.report import choose_methods
 from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
+from simbench.gap.diagnosis import diagnose_all
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.conclusion import Conclusion, from_record
+from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
 from simbench.plant.episodes import over_time
-from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
-from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
+from simbench.plant.trust.result import MethodTrust, Trust, likely
 
 if TYPE_CHECKING:
     from detectors.sources import Source
@@ -73,7 +75,7 @@ def trust(
 
     Notes
     -----
-    The probability is that of `simbench.gap.stiction`, the same in every verb. What the methods say of record and twins adds
+    The conclusion is that of `simbench.gap.stiction`, the same in every verb. What the methods say of record and twins adds
     nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the
     methods that agree with it, twins say which is worth reading here, and how much friction it would have shown.
 
@@ -98,16 +100,21 @@ def _trust(
     healthy, each = counts
     refuse_wrong_forms(names)
     said = judge(record, names)
-    prepared = Prepared(record.without_mv())
-    unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
-    if unfit:
-        return _without_twins(record, said, unfit)
+    prepared, found = Prepared(replace(record, mv=None)), None
     try:
-        behind = candidate_loops(record, loop)
-    except UserError as error:
+        refuse_unweighable(record)
+    except UserError as why:
+        return _without_twins(record, said, str(why), from_record(prepared, str(why))[0])
+    try:
+        if loop is not None:
+            # beside a loop file friction is weighed with every other effect
+            found = diagnose_all([in_percent(record)[0]], with_sound_valve(loop), describe=False)
+        behind = candidate_loops(record, loop, None if found is None else found.behind.found)
+    except UserError as why:
         if loop is not None:
             raise
-        return _without_twins(record, said, str(error))
+        return _without_twins(record, said, str(why), from_record(prepared, str(why))[0])
+    conclusion = from_record(prepared, behind)[0] if found is None else found.conclusion
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
@@ -115,16 +122,16 @@ def _trust(
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"
         why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
-        return _without_twins(record, said, why, behind)
-    return _weighed(record, behind, names, said, twins, help_wanted, seed)
+        return _without_twins(record, said, why, conclusion, behind)
+    return _weighed(record, conclusion, behind, names, said, twins, help_wanted, seed)
 
 
 def _weighed(
-    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], twins: list[Twin], help_wanted: bool,
-    seed: int,
+    record: LoopRecord, conclusion: Conclusion, behind: CandidateLoops, names: list[str], said: list[Verdict],
+    twins: list[Twin], help_wanted: bool, seed: int,
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
-    sticky, probability = S > 0, behind.probability
+    sticky = S > 0
     verdicts = [judge(t.record, names) for t in twins]
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
@@ -133,20 +140,19 @@ def _weighed(
     keenest = max(range(len(names)), key=lambda i: (made[i], rules[i][0].right))
     shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
     # nor is a reading that contradicts what is more probable here
-    wanted = likely(probability)
+    wanted = likely(conclusion.probability or 0.0)
     read = [next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0]) for i in range(len(names))]
     rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
     rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
     seen = smallest_visible(shown)
-    answer = STICKY if probability > CLAIMED_FROM else UNSEEN if seen is None else SOUND if probability < DENIED_BELOW else OPEN
     helps: tuple[Remedy, ...] = ()
-    if help_wanted and answer != STICKY:
+    if help_wanted and conclusion.verdict != STICTION:
         helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
     scaled = tuple(_in_units(c, behind.percent) for c in shown)
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
         over_time=over_time(record),
-        answer=answer, methods=tuple(rows), power=scaled, probability=probability,
+        conclusion=conclusion, methods=tuple(rows), power=scaled,
         twins=tuple((t.S, t.J) for t in twins), helps=helps,
         smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
         notes=behind.notes, record=record, behind=behind,
@@ -172,10 +178,10 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None) -> Trust:
+def _without_twins(
+    record: LoopRecord, said: list[Verdict], why: str, conclusion: Conclusion, behind: CandidateLoops | None = None
+) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
-    probability = None if behind is None else behind.probability
-    answer = STICKY if (probability or 0.0) > CLAIMED_FROM else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)
-    return Trust(answer, rows, None, (), probability, (), (), (why, *notes), record, behind, when)
+    return Trust(conclusion, rows, None, (), (), (), (why, *notes), record, behind, when)

@@ -71,6 +71,7 @@ def test_the_json_has_the_contracts_keys_and_no_others(answer):
     assert set(answer) == {
         "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
         "probability_of_stiction",
+        "conclusion",
     }  # fmt: skip
     for named in answer["effects"]:
         assert set(named) == {"block", "effect", "parameters", "probability"}

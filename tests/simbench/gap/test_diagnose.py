@@ -48,6 +48,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
     assert set(found) == {
         "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
         "probability_of_stiction",
+        "conclusion",
     }  # fmt: skip
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
     assert set(found["ranking"][0]) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}

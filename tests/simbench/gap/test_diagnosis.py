@@ -14,6 +14,7 @@ from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
 from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
+from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
 
@@ -44,6 +45,7 @@ def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tes
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
         situation=s or situation(), unexplained={"valve": "MV strays"},
         base=SimpleNamespace(theta={"noise_std": noise}, residual=np.array([1.0, -1.0])),
+        log_likelihood_gains=dict.fromkeys(EFFECTS, 0.0), log_likelihood_gains_on_top={},
         stiction=0.5, asked=(), tested=tested, tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
@@ -134,7 +136,7 @@ def stubs(monkeypatch):
     def plan(found, probability, loops, **more):
         seen.update(probability=probability, loops=loops, **more)
         tests = [SimpleNamespace(trial=SimpleNamespace(id="bump"), p_right=0.8)]
-        return SimpleNamespace(next_test={"test": "bump"}, why="", tests=tests)
+        return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="", tests=tests)
 
     monkeypatch.setattr(diagnosis, "plan", plan)
     monkeypatch.setattr(diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")})
@@ -155,7 +157,7 @@ def test_the_answer_is_put_together(stubs):
     assert answer.as_json()["gap"] == {"before": 4.0, "recalibrated": 3.0, "after": 1.0, "floor": 0.8, "resolvable": True}
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
     assert answer.notes == ("noted", "two records", "valve: MV strays")
-    assert (answer.next_test, answer.behind.after_tests) == ({"test": "bump"}, {"bump": 0.8})
+    assert (answer.next_test, answer.behind.after_tests) == ({"test": "bump", "says": "bump it"}, {"bump": 0.8})
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
 
@@ -197,9 +199,12 @@ def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
     return diagnosis.Assessment(s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains)
 
 
+LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
+
+
 def together(monkeypatch, *every):
     queue = iter(every)
-    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: (next(queue), 1.0))
+    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: (next(queue), LOOPS))
     return diagnosis._assess_all([SimpleNamespace()] * len(every), None, 1)
 
 
@@ -209,7 +214,7 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     short = assessment(500, gained, proven=["quantisation"], chosen=["noise", "stiction"], parameters=numbers)
     long = assessment(900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1")
     more = assessment(700, {"drift": 890.0}, chosen=["drift"])
-    found, said = together(monkeypatch, short, long, more)
+    found, behind, said = together(monkeypatch, short, long, more)
     assert found.situation is long.situation
     gains = found.log_likelihood_gains
     assert (gains["stiction"], gains["noise"], gains["quantisation"]) == (13.0, -2.0, 1000.0)
@@ -219,9 +224,9 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     assert found.chosen == ["noise", "stiction"]
     assert [f.situation.record.n for f in found.beside] == [500, 700]
     assert said == ["3 records judged together; gap and parameters are those of FIC1"]
-    assert found.stiction == pytest.approx(probability(pooled([1.0] * 3)))
-    assert together(monkeypatch, short)[1] == []
-    assert "those of the longest" in together(monkeypatch, short, more)[1][0]
+    assert found.stiction == behind.probability == pytest.approx(probability(pooled([1.0] * 3)))
+    assert together(monkeypatch, short)[2] == []
+    assert "those of the longest" in together(monkeypatch, short, more)[2][0]
 
 
 @pytest.mark.parametrize(("Ts", "judged"), [(1.009, True), (1.011, False)])

@@ -5,7 +5,7 @@ import pytest
 
 from detectors.record import LoopRecord
 from results.studies.plant.causes import CAUSES, WEEK, archived, door, drawn, plant, told
-from simbench.plant.report.causes import Cause, Causes
+from simbench.gap.stiction.causes import Cause, Causes
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
+from simbench.gap.stiction.conclusion import Conclusion
 
 BEHIND = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
 STUCK = {"block": "valve", "effect": "stiction", "parameters": {"S": 6.04, "J": 3.0}, "probability": 0.914}
@@ -14,6 +15,8 @@ RANKING = (
     *(Ranked(f"effect_{i}", "process", 0.007, None, None, {}) for i in range(5)),
 )  # fmt: skip
 SHARES = {"controller": 0.004, "valve": 0.914, "process": 0.006, "sensor": 0.07, "disturbance": 0.006}
+
+CONCLUSION = Conclusion("stiction", 0.9, "stiction", "friction explains it", "confirm on the valve")
 
 
 def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5, 1.25, 0.8, True), value=0.859, **more):
@@ -27,7 +30,7 @@ def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5,
     } | more
     return GapReport(
         block, effect, effects, given["group"], given["ranking"], Gap(*gap), shrinkage, given["blocks"], given["next_test"],
-        given["notes"], 0.9, BEHIND,
+        given["notes"], CONCLUSION, BEHIND,
     )  # fmt: skip
 
 
@@ -66,14 +69,14 @@ def test_none_is_an_answer_and_a_gap_that_stays_is_said(recalibrated, resolvable
 
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
     lines = report().as_text().splitlines()
-    assert lines[1:6] == [
-        "", "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
+    assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
+    assert lines[7:10] == [
+        "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
         "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80", "shrinkage: 0.86 [0.76, 0.91]",
-        "probability of stiction: 0.90",
     ]  # fmt: skip
-    assert lines[7] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
-    assert [line.split()[1] for line in lines[7:13]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
-    assert lines[13:] == ["", "next: bump: bump it", "note: one", "note: two"]
+    assert lines[11] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
+    assert [line.split()[1] for line in lines[11:17]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
+    assert lines[17:] == ["", "next test: bump: bump it", "note: one", "note: two"]
 
 
 def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claimed():
@@ -81,8 +84,8 @@ def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claim
         group=("deadband", "stiction"), gap=(1.0, 1.0, 1.0, 0.8, False), value=None, blocks=dict.fromkeys(SHARES, 0.0)
     )
     lines = text.as_text().splitlines()
-    assert lines[2] == "cannot be told apart here: deadband, stiction"
-    assert lines[3] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
+    assert lines[7] == "cannot be told apart here: deadband, stiction"
+    assert lines[8] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
     assert not [line for line in lines if line.startswith(("where", "shrinkage"))]
     assert report(group=("stiction",)).as_text().count("told apart") == 0
 

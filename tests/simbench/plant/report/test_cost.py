@@ -6,10 +6,10 @@ import pytest
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
+from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.report.cost import cost_of, cycle_share, reversals
 from simbench.plant.report.what_if import COMPENSATE, LEAVE, REPAIR, RETUNE, compare, retuned, what_if
-from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},

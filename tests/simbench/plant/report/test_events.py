@@ -6,7 +6,8 @@ import numpy as np
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from simbench.plant.report.events import cascades, coherence, same_time, shared_oscillations
+from detectors.signal.phase import coherence
+from simbench.plant.report.events import cascades, same_time, shared_oscillations
 
 T = np.arange(2000.0)
 WEEK = 7 * 86400.0

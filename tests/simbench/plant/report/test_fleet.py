@@ -12,11 +12,12 @@ from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
+from detectors.signal.phase import phase_locking
 from simbench.bench.store.checksums import with_checksum
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.plant.report import fleet
-from simbench.plant.report.events import likely_root, phase_locking, shared_oscillations
+from simbench.plant.report.events import likely_root, shared_oscillations
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import likely
 from simbench.plant.trust.trust import trust

@@ -9,9 +9,9 @@ from random_case import random_case
 
 from detectors.record import LoopRecord
 from scenarios.spec import load_loop
+from simbench.gap.stiction.candidate_loops import candidate_loops, with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.trust import replicates as twins
-from simbench.plant.trust.candidate_loops import candidate_loops, with_friction
 from simbench.plant.trust.replicates import Change, draw_twins, levels
 
 

@@ -9,14 +9,13 @@ from recorded import RESTING, resting
 from recorded import STICKY as STUCK
 
 from detectors.record import LoopRecord
-from detectors.verdict import NO_STICTION, STICTION
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
+from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import EACH, HEALTHY
-from simbench.plant.trust.candidate_loops import CandidateLoops
-from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
 
@@ -34,24 +33,24 @@ def found(sticky):
 
 
 def test_plain_stiction_is_called_so(found):
-    assert found.answer == STICKY
+    assert found.conclusion.verdict == STICTION
     assert found.probability > 0.75
 
 
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
     answer = trust(resting(2), **FEW, help_wanted=False)
-    assert answer.answer in (SOUND, UNSEEN, OPEN)
+    assert answer.conclusion.verdict in (NO_STICTION, NO_DECISION)
     assert answer.probability is not None
     assert answer.probability < 0.75
-    if answer.answer == SOUND:
-        assert answer.smallest_visible is not None
-        assert f"{answer.smallest_visible[0]:.2g}" in answer.sentence()
+    if answer.smallest_visible is not None:
+        assert f"{answer.smallest_visible[0]:.2g}" in answer.as_text()
+    assert "would have shown in this record" in answer.conclusion.reason
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
     monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
     answer = trust(sticky, **FEW)
-    assert answer.answer == STICKY
+    assert answer.conclusion.verdict == STICTION
     assert answer.best is None
     assert answer.smallest_visible is None
     assert "does not move as the record does" in answer.power_line()
@@ -81,17 +80,19 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
 
 
-@pytest.mark.parametrize(("probability", "answer"), [(0.8, STICKY), (0.6, OPEN), (0.4, SOUND), (0.1, SOUND)])
+@pytest.mark.parametrize(("probability", "answer"), [(0.8, STICTION), (0.6, NO_DECISION), (0.4, NO_STICTION)])
 def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
     monkeypatch.setattr(CandidateLoops, "probability", probability)
     found = trust(sticky, **FEW, help_wanted=False)
     assert found.smallest_visible is not None
-    assert found.answer == answer
+    assert found.conclusion.verdict == answer
 
 
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
     answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
-    assert set(answer) == {"methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes"}
+    assert set(answer) == {
+        "methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes", "conclusion",
+    }  # fmt: skip
     assert answer["probability_of_stiction"] == answer["probability"]
     for row in answer["methods"]:
         assert set(row) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
@@ -120,16 +121,16 @@ def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
         op=sticky.op, pv=8.0 * sticky.pv - 64.0, sp=8.0 * sticky.sp - 64.0, Ts=sticky.Ts, process=sticky.process,
         op_span=sticky.op_span,
     )  # fmt: skip
-    assert trust(other, **FEW).answer == found.answer
+    assert trust(other, **FEW).conclusion.verdict == found.conclusion.verdict
 
 
 def test_a_dead_record_is_no_error_and_no_verdict():
     flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
     answer = trust(flat, **FEW)
-    assert answer.answer == OPEN
+    assert answer.conclusion.verdict == NO_DECISION
     assert answer.as_json()["probability"] is None
     assert answer.as_json()["best"] is None
-    assert "unfit" in answer.as_text()
+    assert "OP is constant (50)" in answer.as_text()
     json.dumps(answer.as_json(), allow_nan=False)
 
 

@@ -9,8 +9,12 @@ from typing import Any
 from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 from scenarios.spec import Loop
+from simbench.gap.candidates import smallest_detectable
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.stiction.friction import FRICTION, OUTSIDE, friction, in_percent, with_sound_valve
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.intake.partial import Partial
+from simbench.gap.situation import load_memory
+from simbench.gap.stiction.friction import FRICTION, OUTSIDE, friction, friction_of, in_percent, with_sound_valve
 from simbench.gap.stiction.probability import probability
 
 ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
@@ -21,7 +25,8 @@ class CandidateLoops:
     """What may stand behind a record (OP in %): loops without friction, the most plausible first, and the one with friction.
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an oscillation from outside, bring
-    over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is.
+    over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is;
+    `visible` is the smallest S (%) that the record would have shown, infinite where no size would.
     """
 
     record: LoopRecord
@@ -35,6 +40,7 @@ class CandidateLoops:
     percent: float
     notes: tuple[str, ...]
     outside: float = 0.0
+    visible: float = float("inf")
 
     @property
     def probability(self) -> float:
@@ -42,13 +48,13 @@ class CandidateLoops:
         return probability(self.log_odds)
 
 
-def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLoops:
-    """Identify the loop behind a record, with a sound valve and with friction."""
+def candidate_loops(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> CandidateLoops:
+    """Identify the loop behind a record, with a sound valve and with friction; `found` where it was assessed already."""
     notes = []
+    weighed = friction_of(record) if loop is None else friction(record, loop, found)
     record, percent = in_percent(record)
-    if loop is not None and with_sound_valve(loop) is not loop:
+    if isinstance(loop, Loop) and with_sound_valve(loop) is not loop:
         notes.append("the loop file's valve has friction; twins are drawn with and without it")
-    weighed = friction(record, loop)
     found = weighed.found
     loops = ClosedLoops(found, 0)
     archive = [e for e in ARCHIVE if e in found.situation.proven]
@@ -59,11 +65,12 @@ def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLo
         if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
+    sizes = smallest_detectable(found.situation, found.base, load_memory(found.situation), (FRICTION,))
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
         record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
-        max(float(gains.get(OUTSIDE, 0.0)), 0.0),
+        max(float(gains.get(OUTSIDE, 0.0)), 0.0), sizes.get(FRICTION, (float("inf"), ""))[0],
     )  # fmt: skip
 
 

@@ -5,11 +5,11 @@ import pytest
 
 from detectors.prepared import Prepared
 from scenarios.spec import Loop
+from simbench.gap.stiction import causes
+from simbench.gap.stiction.candidate_loops import candidate_loops
+from simbench.gap.stiction.causes import find_causes
+from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
-from simbench.plant.report import causes
-from simbench.plant.report.causes import find_causes
-from simbench.plant.report.margins import margins
-from simbench.plant.trust.candidate_loops import candidate_loops
 
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},

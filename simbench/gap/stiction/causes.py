@@ -9,10 +9,10 @@ import numpy as np
 
 from detectors.prepared import Prepared
 from detectors.signal.oscillation import Oscillation
+from detectors.signal.phase import coherence
+from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
-from simbench.plant.report.events import coherence
-from simbench.plant.report.margins import Margins, margins
-from simbench.plant.trust.candidate_loops import CandidateLoops
 
 STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -51,9 +51,8 @@ class Causes:
         return {"named": asdict(self.named), "weighed": [asdict(c) for c in self.weighed]}
 
     def as_lines(self) -> list[str]:
-        """Return the cause named, and of those weighed what speaks for and against."""
-        why = "; ".join((*self.named.speaks_for, *self.named.against))
-        return [f"Cause: {self.named.name} ({why})." if why else f"Cause: {self.named.name}.", *map(_line, self.weighed[:4])]
+        """Return of the likeliest causes what speaks for and against each."""
+        return [*map(_line, self.weighed[:4])]
 
 
 def _line(c: Cause) -> str:
@@ -68,8 +67,9 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | No
     `root` is the loop that drives it, `sure` that loop's probability of stiction.
     """
     flags, swing = prepared.flags, prepared.oscillation
+    claimed = not isinstance(behind, str) and behind.probability > CLAIMED_FROM
     for flag, name in _TOLD_BY_FLAGS.items():
-        if flag in flags:
+        if flag in flags and not claimed:
             found = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
             return Causes(found, (found,))
     if isinstance(behind, str):
@@ -90,10 +90,15 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | No
     first, second = weighed[:2]
     # friction of its own is a case of its own, whatever else swings with it
     own = next(c for c in weighed if c.name == STICKING)
-    if root is None and own.confidence > CLAIMED_FROM:
-        return Causes(own, tuple(weighed))
     if root is not None and sure > CLAIMED_FROM and sure >= own.confidence - 0.1:
         return Causes(next(c for c in weighed if c.name == NEIGHBOUR), tuple(weighed))
+    if own.confidence > CLAIMED_FROM:
+        return Causes(own, tuple(weighed))
+    if claimed:
+        return _open("the swing speaks against a valve that sticks", tuple(weighed))
+    if behind.probability >= DENIED_BELOW:
+        between = f"a probability between {DENIED_BELOW:g} and {CLAIMED_FROM:g} leaves the valve open"
+        return _open(f"{between}, and with it every other cause", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is own:
         return _open("no cause has enough evidence", tuple(weighed))
     if first.confidence - second.confidence < _APART and {first.name, second.name} != {SENSOR, NO_CAUSE}:
@@ -180,7 +185,7 @@ def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) 
     p = behind.probability
     if p >= DENIED_BELOW:
         return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
-    said = f"the loop does not swing, and friction explains nothing (probability {p:.2f})"
+    said = "the loop does not oscillate, and nothing else asks for a cause"
     if known is not None and known.sensitivity > _POOR:
         return Cause(NO_CAUSE, 0.7 * (1.0 - p), (said,), (known.sentence(),))
     return Cause(NO_CAUSE, 1.0 - p, (said,))

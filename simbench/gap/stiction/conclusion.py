@@ -1,0 +1,179 @@
+"""One conclusion about one valve: stiction, no stiction or cannot tell, with its probability, cause, reason and next step.
+
+Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand below it as evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+from detectors.errors import UserError
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.gap.decide.assess import LEAST_NATS, Assessment
+from simbench.gap.decide.classify import TEMPERATURE, Classified
+from simbench.gap.effects import recogniser
+from simbench.gap.stiction import causes as why
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.causes import Causes, find_causes
+from simbench.gap.stiction.probability import EDGE, verdict
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+
+WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
+_GAIN = "change the controller gain by 30 to 50 % and watch the period"
+_NEXT = {
+    why.STICKING: f"confirm on the valve: {_GAIN}, or do a travel test by hand; then repair it",
+    why.TIGHT: "retune the controller",
+    why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
+    why.NEIGHBOUR: "see to the loop that drives this oscillation first, then record again",
+    why.SENSOR: "check the transmitter",
+    why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
+    why.NO_CAUSE: "nothing to do",
+}
+_RECORD_AGAIN = "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per oscillation"
+_TO_TELL = f"{_GAIN}: it tells friction from everything else"
+_ORIGIN = f"{_GAIN}: an oscillation that keeps its period comes from outside, one that dies out was tuning"
+_AT_REST = "record the loop through set-point steps, or test the valve's travel by hand: a sticking valve need not oscillate"
+_WATCH = "nothing to do now: watch whether the loop starts to oscillate"
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What all evidence at hand says about one valve.
+
+    `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None where the record cannot be
+    judged; `cause` what moves the loop, or with a loop file what the simulation does not model; `reason` one sentence; `next`
+    what to do.
+    """
+
+    verdict: str
+    probability: float | None
+    cause: str
+    reason: str
+    next: str
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the conclusion in JSON types."""
+        return asdict(self)
+
+    def sentence(self) -> str:
+        """Return verdict, probability and cause in one line."""
+        p = "unknown" if self.probability is None else f"{self.probability:.2f}"
+        word = WORDS[self.verdict]
+        return f"{word[0].upper()}{word[1:]} (probability of stiction {p}). Cause: {self.cause}."
+
+    def as_lines(self) -> list[str]:
+        """Return the conclusion for people: verdict, reason, next step."""
+        return [self.sentence(), f"Reason: {self.reason}.", f"Next: {self.next}."]
+
+
+def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
+    """Conclude from a record alone, and return the causes weighed."""
+    try:
+        behind: CandidateLoops | str = candidate_loops(record)
+    except UserError as reason:
+        behind = str(reason)
+    return from_record(Prepared(replace(record, mv=None)), behind)
+
+
+def from_record(
+    prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
+) -> tuple[Conclusion, Causes]:
+    """Conclude from a record alone, and return the causes weighed; parameters as in `find_causes`."""
+    causes = find_causes(prepared, behind, root, sure)
+    cause, swings = causes.named.name, prepared.oscillation.sustained
+    if isinstance(behind, str):
+        return Conclusion(NO_DECISION, None, cause, behind, _NEXT.get(cause, _RECORD_AGAIN)), causes
+    p = behind.probability
+    said = verdict(p)
+    if said == STICTION and cause != why.STICKING:
+        # what else is known of this loop stands against the claim
+        said = NO_DECISION
+    friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
+    reasons = [r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)]
+    if said != STICTION:
+        reasons.append(_visible(behind.visible * behind.percent, prepared.record.S_unit))
+        if not swings:
+            reasons.append("a sticking valve need not make a loop oscillate, so the probability decides")
+    to_do = _NEXT.get(cause)
+    if to_do is None:
+        to_do = (_ORIGIN if swings else _WATCH) if said == NO_STICTION else _TO_TELL if swings else _AT_REST
+    return Conclusion(said, p, cause, "; ".join(reasons), to_do), causes
+
+
+def from_posterior(
+    weights: Classified, named: Sequence[str], found: Assessment, visible: float, test: str | None
+) -> Conclusion:
+    """Conclude from the probabilities of all effects beside a loop file; `test` is the one to run next, `visible` S in %.
+
+    The verdict never contradicts the effect that is named: friction that is named without enough probability, or something
+    unknown in the valve, leaves it open.
+    """
+    p, first = friction_share(weights, named, found), named[0]
+    said = verdict(p)
+    sticks = [e for e in named if _is_friction(e)]
+    open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
+    # friction named without a claim, a claim without friction named, or something in the valve that nobody knows
+    if (said == NO_STICTION and (sticks or open_valve)) or (said == STICTION and not sticks):
+        said = NO_DECISION
+    words = " and ".join(e.replace("_", " ") for e in named)
+    cause = why.NOT_TOLD if said == NO_DECISION else words
+    reasons = [
+        f"of the known explanations that the record leaves beside the loop file, those with friction hold {p:.2f}",
+        f"the likeliest is {words} ({weights.probability[first]:.2f})",
+    ]
+    if said != STICTION:
+        reasons.append(_visible(visible, "% of travel"))
+    if said == STICTION:
+        to_do = _NEXT[why.STICKING]
+    elif test is not None:
+        to_do = test
+    elif said == NO_DECISION:
+        to_do = _TO_TELL
+    elif first == NONE:
+        to_do = _NEXT[why.NO_CAUSE]
+    elif first == UNKNOWN:
+        to_do = "describe what the simulation does not model with `simbench gap discover`"
+    else:
+        to_do = f"add {words} to the simulation (`--write-loop`)"
+    return Conclusion(said, p, cause, "; ".join(reasons), to_do)
+
+
+def friction_share(weights: Classified, named: Sequence[str], found: Assessment) -> float:
+    """Return the probability of friction: its share of the known explanations; what is unknown tells nothing of it.
+
+    Of two effects named together both hold: the share of the other one counts by what friction brings on top of it.
+    """
+    p, gains = weights.probability, found.log_likelihood_gains
+    known = max(1.0 - p[UNKNOWN], 1e-9)
+    share = sum(p[e] for e in EFFECTS if _is_friction(e)) / known
+    if len(named) == 2 and len(friction := [e for e in named if _is_friction(e)]) == 1:
+        first, second = named
+        other = second if friction[0] == first else first
+        on_top = found.log_likelihood_gains_on_top.get(second, gains[second])
+        brings = on_top if other == first else gains[first] + on_top - gains[second]
+        share += p[other] / known * float(expit(TEMPERATURE * (brings - LEAST_NATS)))
+    return float(np.clip(share, 1.0 - EDGE, EDGE))
+
+
+def without(reason: str, named: Sequence[str]) -> Conclusion:
+    """Return the conclusion beside a loop file where the record cannot be judged for friction."""
+    told = [e.replace("_", " ") for e in named if e in EFFECTS and not _is_friction(e)]
+    return Conclusion(NO_DECISION, None, " and ".join(told) or why.NOT_TOLD, reason, _RECORD_AGAIN)
+
+
+def _is_friction(effect: str) -> bool:
+    return effect in EFFECTS and recogniser(effect).band is not None
+
+
+def _visible(S: float, unit: str) -> str:
+    """Return which size of stiction the record would have shown."""
+    if not np.isfinite(S):
+        return "no size of stiction that was tried would have shown in this record"
+    return f"stiction from about S = {S:.2g} {unit} on would have shown in this record"

@@ -1,0 +1,238 @@
+"""One conclusion per record: verdict, probability, cause and next step agree with each other and in every verb."""
+
+import contextlib
+import io
+import json
+import os
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from random_case import random_case
+
+from detectors.prepared import Prepared
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from scenarios.spec import Loop, load_loop
+from simbench.blind.making import write_item
+from simbench.blind.world import WORLDS
+from simbench.cli import main
+from simbench.gap import conclude
+from simbench.gap.decide.classify import Classified
+from simbench.gap.stiction import causes
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.simulate import simulate
+from simbench.plant.report.fleet import survey
+from simbench.plant.report.page import table
+
+REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
+EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"
+COUNT = int(os.environ.get("RECORDS", "40"))
+LONGEST = int(os.environ.get("SAMPLES", "600"))
+WORLD_NAMES = ("own", "mill", "refinery")
+HEALTHY = ("none", "sensor_lag", "oscillation", "detuning", "noise", "load_steps", "valve_lag", "dead_time_mismatch", "drift")
+FRICTION = ("stiction", "deadband")
+SEED = 431
+
+
+def contradictions(c):
+    """Return what of one conclusion, as JSON, contradicts itself."""
+    p, verdict, cause, step = c["probability"], c["verdict"], c["cause"], c["next"]
+    friction = bool(set(cause.split(" and ")) & set(FRICTION))
+    rules = {
+        "stiction claimed at less than even odds": verdict == STICTION and (p is None or p < 0.5),
+        "stiction denied at more than even odds": verdict == NO_STICTION and (p is None or p > 0.5),
+        "cause friction without a claim": verdict != STICTION and friction,
+        "a claim with another cause": verdict == STICTION and not friction,
+        "a claim without work on the valve": verdict == STICTION and "valve" not in step,
+        "repair without a claim": verdict != STICTION and "repair" in step,
+        "no reason": not c["reason"].strip(),
+        "no next step": not step.strip(),
+    }
+    return [said for said, wrong in rules.items() if wrong]
+
+
+def printed(*words):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()):
+        code = main([str(w) for w in words])
+    return out.getvalue() if code == 0 else None
+
+
+def of_text(text):
+    """Return the conclusion that a verb printed for people, probability to two digits."""
+    word, p, cause = re.search(r"^(.*) \(probability of stiction (.*)\)\. Cause: (.*)\.$", text, re.MULTILINE).groups()
+    verdict = {word: verdict for verdict, word in WORDS.items()}[word.lower()]
+    step = re.search(r"^Next: (.*)\.$", text, re.MULTILINE).group(1)
+    reason = re.search(r"^Reason: (.*)\.$", text, re.MULTILINE).group(1)
+    return {
+        "verdict": verdict, "probability": None if p == "unknown" else float(p), "cause": cause, "reason": reason, "next": step,
+    }  # fmt: skip
+
+
+def alone(file):
+    """Return the conclusion of each verb that sees a record only."""
+    out = {name: json.loads(printed(name, file, "--json", *more))["conclusion"] for name, more in (
+        ("diagnose", ()), ("trust", ("--method", "he")),
+    )}  # fmt: skip
+    out["detect"] = of_text(printed("detect", file, "--method", "likelihood"))
+    gap = printed("gap", "diagnose", file, "--identify", "--json")
+    if gap is not None:  # where the gap refuses a record it shows nothing
+        out["gap diagnose"] = json.loads(gap)["conclusion"]
+    with contextlib.redirect_stderr(io.StringIO()):
+        row = table(survey(file.parent, jobs=1)).iloc[0]
+    p = None if pd.isna(row["probability_of_stiction"]) else row["probability_of_stiction"]
+    verdict = {word: verdict for verdict, word in WORDS.items()}[row["answer"]]
+    out["report"] = {
+        "verdict": verdict, "probability": p, "cause": row["cause"], "reason": row["reason"], "next": row["next"],
+    }  # fmt: skip
+    return out
+
+
+def with_loop(file, loop):
+    """Return the conclusion of each verb that takes a loop file."""
+    both = (("gap diagnose", ("gap", "diagnose", file, "--baseline", loop)), ("trust", ("trust", file, "--loop", loop)))
+    out = {name: printed(*words, "--json", *(("--method", "he") if name == "trust" else ())) for name, words in both}
+    return {name: json.loads(text)["conclusion"] for name, text in out.items() if text is not None}
+
+
+def differ(shown):
+    """Return what contradicts in what the verbs show of one record."""
+    wrong = [f"{verb}: {said}" for verb, c in shown.items() for said in contradictions(c)]
+    one = next(iter(shown.values()))
+    for verb, c in shown.items():
+        same = (c["verdict"], c["cause"]) == (one["verdict"], one["cause"])
+        near = (c["probability"] is None) == (one["probability"] is None) and (
+            c["probability"] is None or abs(c["probability"] - one["probability"]) < 0.006
+        )
+        # a report adds to the step what it knows of the loop
+        if not (same and near and (c["next"].startswith(one["next"]) or one["next"].startswith(c["next"]))):
+            wrong.append(f"{verb} differs: {c} against {one}")
+    return wrong
+
+
+def drawn(place, number):
+    """Return the files of record and loop of a simulated loop: every other one sticks."""
+    effect = FRICTION[0] if number % 2 else HEALTHY[number // 2 % len(HEALTHY)]
+    world = WORLD_NAMES[number // 2 % len(WORLD_NAMES)]
+    strength = ("weak", "medium", "strong")[number // 6 % 3]
+    about = {"kind": "none"} if effect == "none" else {"kind": "single", "effect": effect, "strength": strength}
+    item = WORLDS.load(world).draw(SEED, number, about | {"mv": False})
+    (place / "drawn").mkdir(parents=True)
+    record, loop = write_item(item, place / "drawn", "loop")
+    cut = pd.read_csv(record).iloc[:LONGEST]
+    (place / "record").mkdir()
+    cut.to_csv(place / "record" / "loop.csv", index=False)
+    return place / "record" / "loop.csv", loop, effect
+
+
+def weights(**p):
+    """Return probabilities of effects, `none` and `unknown`; what is not given has none."""
+    return Classified(dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | p, block_of(max(p, key=lambda e: p[e])))
+
+
+def assessed(chosen=(), **gains):
+    nats = dict.fromkeys(EFFECTS, -5.0) | gains
+    return SimpleNamespace(log_likelihood_gains=nats, log_likelihood_gains_on_top=gains, chosen=list(chosen))
+
+
+def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effect_named():
+    rng, answers = np.random.default_rng(5), (*EFFECTS, NONE, UNKNOWN)
+    seen = set()
+    for _ in range(2000):
+        shares = rng.dirichlet(np.full(len(answers), rng.choice([0.02, 0.1, 1.0])))
+        w = Classified(dict(zip(answers, map(float, shares), strict=True)), str(rng.choice(BLOCKS)))
+        named = [max(w.probability, key=lambda e: w.probability[e])]
+        if named[0] in EFFECTS and rng.random() < 0.3:
+            named += [str(rng.choice([e for e in EFFECTS if block_of(e) != block_of(named[0])]))]
+        found = assessed(named, **{e: float(rng.uniform(-5, 40)) for e in named if e in EFFECTS})
+        c = from_posterior(w, named, found, 1.0, None)
+        assert contradictions(c.as_json()) == [], (named, c)
+        if c.verdict == STICTION:
+            assert set(named) & set(FRICTION)
+        if c.verdict == NO_STICTION:
+            assert not set(named) & set(FRICTION)
+        seen.add(c.verdict)
+    assert seen == {STICTION, NO_STICTION, NO_DECISION}
+
+
+def test_friction_named_beside_another_effect_counts_by_what_it_brings_on_top_of_it():
+    w, named = weights(sensor_lag=0.75, stiction=0.2, none=0.05), ["sensor_lag", "stiction"]
+    much = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=40.0))
+    little = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=6.0))
+    assert much > 0.9
+    assert 0.2 < little < 0.8
+    assert friction_share(w, ["sensor_lag"], assessed(named)) == pytest.approx(0.2)
+
+
+def test_what_is_unknown_says_nothing_of_friction_and_in_the_valve_leaves_it_open():
+    w = weights(stiction=0.45, none=0.05, unknown=0.5)
+    assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.9)
+    assert from_posterior(w, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+    refuted = weights(stiction=0.95, none=0.05).refuted("stiction")
+    assert from_posterior(refuted, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+
+
+@pytest.mark.parametrize(("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.3, NO_STICTION)])
+@pytest.mark.parametrize("effects", [(), ("stiction",)])
+def test_the_probability_decides_whether_the_loop_oscillates_or_not(monkeypatch, p, verdict, effects):
+    record = random_case(7, effects).record
+    behind = candidate_loops(record)
+    monkeypatch.setattr(CandidateLoops, "probability", p)
+    c, _ = from_record(Prepared(record), behind)
+    assert c.verdict == verdict
+    assert contradictions(c.as_json()) == []
+    assert verdict == STICTION or "would have shown in this record" in c.reason
+
+
+def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
+    record = random_case(7, ("stiction",)).record
+    behind = candidate_loops(record)
+    monkeypatch.setattr(CandidateLoops, "probability", 0.8)
+    c, _ = from_record(Prepared(record), behind, "FIC101", 0.9)
+    assert (c.verdict, c.cause) == (NO_DECISION, causes.NEIGHBOUR)
+    assert "FIC101" in c.reason
+
+
+def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_beside_the_lag():
+    table = load_loop(EXAMPLE).to_table() | {"noise": {"std": 0.3}, "effect": [{"name": "sensor_lag", "tau": 6.0}]}
+    record = simulate(Loop.from_table(table), 1).record.without_mv()
+    alone, beside = conclude(record), conclude(record, load_loop(EXAMPLE))
+    assert alone.verdict == beside.verdict == NO_STICTION
+    assert beside.probability < 0.1
+    assert "sensor lag" in beside.cause
+
+
+def test_what_cannot_be_judged_has_no_probability_and_says_why():
+    c = conclude(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
+    assert (c.verdict, c.probability) == (NO_DECISION, None)
+    assert "OP is constant (50)" in c.reason
+    assert contradictions(c.as_json()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkeypatch):
+    """Simulated loops of three simulators, with and without loop file, and recorded ones; replicates change no conclusion."""
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.plant.trust.trust.over_time", lambda *a: None)
+    monkeypatch.setattr("simbench.plant.report.fleet.what_if", lambda *a: ())
+    monkeypatch.setattr("simbench.plant.report.fleet.judge", lambda *a: [])
+    monkeypatch.setattr("simbench.plant.report.fleet.choose_methods", lambda names: ["bicoherence"])
+    real = sorted(REAL.glob("*[0-9].csv"))[:: max(64 * 4 // COUNT, 1)] if REAL.is_dir() else []
+    wrong, rows = [], []
+    for number in range(COUNT - len(real)):
+        file, loop, effect = drawn(tmp_path / f"{number}", number)
+        for shown in (alone(file), with_loop(file, loop)):
+            wrong += [(number, effect, said) for said in differ(shown)] if shown else []
+            rows += [(effect, len(shown), c["verdict"], c["probability"]) for c in list(shown.values())[:1]]
+    for source in real:
+        (tmp_path / source.stem).mkdir()
+        copy = tmp_path / source.stem / source.name
+        copy.write_bytes(source.read_bytes())
+        wrong += [(source.stem, said) for said in differ(alone(copy))]
+    print(*rows, sep="\n")
+    assert not wrong, "\n".join(map(str, wrong))
