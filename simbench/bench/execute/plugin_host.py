@@ -16,7 +16,7 @@ from scenarios.cell import Draft
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
-from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.resolve import resolve, settle
 from simbench.bench.scenario.truth import CYCLED, Cycled, simulate_with_truth
 from simbench.loop.hosted import PartHost, host_of, parts_of_loop, run_of
 from simbench.loop.resolve import resolve_loop
@@ -34,19 +34,23 @@ def said_of(error: BaseException) -> str:
 
 
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
-    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled."""
-    found: dict[int, tuple[Scenario, str | None]] = {}
+    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled.
+
+    A healthy loop that cannot be matched with its sticky siblings is left out.
+    """
+    found: dict[int, tuple[Scenario | None, str | None]] = {}
     parties: dict[PartHost | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
         parties.setdefault(_host_of_draft(group.twin, draft), []).append(i)
     for host, places in parties.items():
         part = replace(group, drafts=tuple(group.drafts[i] for i in places))
         try:
-            answers = [(s, None) for s in (resolve(part) if host is None else _settled_there(host, part))]
+            answers = [(s, None) for s in (settle(part) if host is None else _settled_there(host, part))]
         except Exception as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
             answers = [(Scenario(loop=d.loop, seed=group.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
         found.update(zip(places, answers, strict=True))
-    return [found[i] for i in range(len(group.drafts))]
+    every = (found[i] for i in range(len(group.drafts)))
+    return [(scenario, error) for scenario, error in every if scenario is not None]
 
 
 def refuse_unsettled(group: Group) -> None:
@@ -90,9 +94,9 @@ def theory(loop: Loop) -> Theory:
         return *NO_THEORY[:-1], said_of(wrong)
 
 
-def _plain_resolve(group: Group) -> list[dict[str, Any]]:
-    """Resolve a group, and return plain values."""
-    return [{"loop": s.loop.to_table(), "tags": s.tags} for s in resolve(group)]
+def _plain_settle(group: Group) -> list[dict[str, Any]]:
+    """Settle a group, and return plain values; an empty table where there is no scenario."""
+    return [{} if s is None else {"loop": s.loop.to_table(), "tags": s.tags} for s in settle(group)]
 
 
 @lru_cache(maxsize=256)
@@ -123,8 +127,10 @@ def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:
     return host_of(parts_of_loop(twin) | parts_of_loop(draft.loop) | effects)
 
 
-def _settled_there(host: PartHost, part: Group) -> list[Scenario]:
-    said = host.ask(_plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
+def _settled_there(host: PartHost, part: Group) -> list[Scenario | None]:
+    said = host.ask(_plain_settle, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
     if not isinstance(said, list) or len(said) != len(part.drafts) or not all(isinstance(s, dict) for s in said):
         raise PluginError("its cell has other loops than asked for")
-    return [Scenario(loop=Loop.from_table(s.get("loop"), "cell"), seed=part.seed, tags=s.get("tags")) for s in said]
+    loops = (Loop.from_table(s.get("loop"), "cell") if s else None for s in said)
+    found = zip(loops, said, strict=True)
+    return [None if loop is None else Scenario(loop=loop, seed=part.seed, tags=s.get("tags")) for loop, s in found]
