@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from scenarios.cell import SETTINGS, TUNING, Draft, Oscillation, Rules, Scaled, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
@@ -23,6 +23,7 @@ _Range = Real | tuple[Real, Real]
 _Names = str | tuple[str, ...]
 _Scale = Literal["S", "J", "period", "pv"]
 _GRID_KEYS = ("seed", "repeats")
+_UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
@@ -70,7 +71,12 @@ class Member(_Table):
     disturbance: _Names | None = None
     # healthy loops that oscillate like sticky ones: by "tuning", or a name of [disturbances] for a load that does it
     oscillation: _Names | None = None
-    where: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: Any) -> dict[str, Any]:
+        # a grid that does not ask for it keeps its hash
+        return {k: v for k, v in handler(self).items() if k != "oscillation" or v is not None}
 
 
 class Block(_Table):
@@ -90,6 +96,7 @@ class GridFile(_Table):
 
     title: str = "own grid"
     source: str = "own"
+    version: Annotated[Whole, Field(ge=1)] = 1
     expected: int | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
     repeats: Annotated[Whole, Field(ge=1, le=_MOST_REPEATS)] = 1
@@ -149,13 +156,13 @@ class Grid:
     @property
     def hash(self) -> str:
         """16 hex digits that change with anything that changes the list of scenarios."""
-        kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in _UNHASHED}
         return content_hash({"content": kept, "overrides": self.overrides})
 
     @property
     def cells_hash(self) -> str:
         """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
-        without = ("title", "source", "expected", *_GRID_KEYS)
+        without = (*_UNHASHED, *_GRID_KEYS)
         kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
         return content_hash({"content": kept, "overrides": self.overrides})
 
@@ -412,6 +419,9 @@ def make_grid(
             if isinstance(values, list) and len(values) > _MOST_VALUES:
                 raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed")
     content = checked(GridFile, table, name)
+    # an axis replaced from outside may leave a member no value; a file that allows none is mistaken
+    for block, member, key in [(b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v]:
+        raise SpecError(f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one is needed")
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:

@@ -66,7 +66,7 @@ class _Settings(TypedDict, total=False):
     until_width: float | None
     keep: int
     front_end: Literal["acf", "hagglund"]
-    sealed: bool
+    fresh_seeds: bool
     progress: bool | None
     large: bool
     backend: Literal["loky", "dask", "ray"]
@@ -238,8 +238,8 @@ def run(
         Worker processes; -1 = all cores.
     **settings
         Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes, thresholds, plugins, valve_plugins,
-        effect_plugins, plant_plugins, controller_plugins, time_limit, until_width, keep, front_end, sealed, progress, large,
-        backend, address.
+        effect_plugins, plant_plugins, controller_plugins, time_limit, until_width, keep, front_end, fresh_seeds, progress,
+        large, backend, address.
 
     Returns
     -------

@@ -60,7 +60,8 @@ def run(
         float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="Of scenarios, or of a built-in method's records.")
     ] = 0.0,
     large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
-    sealed: Annotated[bool, typer.Option("--sealed", help="Draw the seeds now, write them when the run ends.")] = False,
+    fresh_seeds: Annotated[bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")] = False,
+    sealed: Annotated[bool, typer.Option("--sealed", hidden=True)] = False,  # the former name of --fresh-seeds
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
@@ -80,7 +81,7 @@ def run(
             axes=axes, thresholds=threshold_file(thresholds), large=large, time_limit=time_limit,
             valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [], plant_plugins=plant_plugin or [],
             controller_plugins=controller_plugin or [],
-            sealed=sealed,
+            fresh_seeds=fresh_seeds or sealed,
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
@@ -152,6 +153,28 @@ def check(
                 f.write(text)
     show(result.as_json() if as_json else result.as_text(), as_json)
     if result.answer != "passed":
+        raise typer.Exit(1)
+
+
+@app.command(epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2"))
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the scenarios that are simulated and judged again.")
+    ] = 0.05,
+    jobs: Jobs = 1,
+    plugin: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable.")
+    ] = None,
+    time_limit: Limit = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Simulate a random share of a run again, judge it again, and recompute every score; exit 1 with each contradiction."""
+    from simbench.bench.execute.verify import verify_run
+
+    found = verify_run(folder, share, jobs, plugin or [], time_limit)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+    if found.contradictions:
         raise typer.Exit(1)
 
 

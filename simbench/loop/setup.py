@@ -26,9 +26,9 @@ class Setup:
 
     Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and in PV units at its output;
     `pv_add` is measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers
-    of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean nothing
-    where the plant is a plug-in without a transfer function.
+    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
+    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean
+    nothing where the plant is a plug-in without a transfer function.
     """
 
     loop: Loop

@@ -21,7 +21,7 @@ import detectors
 import scenarios
 import simbench
 from detectors.errors import UserError
-from simbench.bench.store.checksums import opened, sealed
+from simbench.bench.store.checksums import with_checksum, without_checksum
 from simbench.files import folder, whole_file
 
 _NAMED = "of"  # key under which an encoded object names its class
@@ -56,12 +56,12 @@ def _code() -> str:
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
     """Return the answer in a file; where there is none, or not what was written, ask and keep it."""
     try:
-        content = opened(json.loads(file.read_text(encoding="utf-8")), file)
+        content = without_checksum(json.loads(file.read_text(encoding="utf-8")), file)
         return _decoded(content["answer"], {c.__name__: c for c in _classes(get_type_hints(ask)["return"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
         answer = ask(*about)
     with whole_file(file) as f:
-        f.write(json.dumps(sealed({"answer": _encoded(answer)})))
+        f.write(json.dumps(with_checksum({"answer": _encoded(answer)})))
     return answer
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from simbench.bench.score.result import benchmark_text
 from simbench.files import whole_file
 from simbench.report import axes, disagreement, failures, maps, overview, provenance, roc, slowest, summary
 from simbench.report.data import RunData
@@ -17,7 +18,8 @@ def write_report(run_folder: str | Path, path: str | Path) -> None:
     run = RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]
-    origin = f"commit {commit}, grid {manifest['grid']} ({manifest['grid_hash']}), records {manifest.get('records_hash', '-')}"
+    grid = f"grid {manifest['grid']} ({manifest['grid_hash']}){benchmark_text(manifest)}"
+    origin = f"commit {commit}, {grid}, records {manifest.get('records_hash', '-')}"
     sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in _SECTIONS]
     text = render(
         "page.html",

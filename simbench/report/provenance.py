@@ -39,9 +39,8 @@ def section(run: RunData) -> Markup:
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
-    overrides = manifest.get("overrides") or {}
-    words += [w for k, v in (overrides.get("sets") or {}).items() for w in ("--set", f"{k}={v}")]
-    words += [w for k, v in (overrides.get("axes") or {}).items() for w in ("--axis", f"{k}={','.join(map(str, v))}")]
+    words += ["--set", f"seed={manifest['seed']}"]
+    words += [w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")]
     words += [w for m in manifest["methods"] for w in ("--method", m)]
     words += ["--until-width", str(manifest["until_width"])] if manifest.get("until_width") else []
     lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []

@@ -48,7 +48,6 @@ def section(run: RunData) -> Markup:
     if not math.isnan(run.scores.resolution):
         tiles.append((f"{run.scores.resolution:.3f}", "smallest difference of cost that this run resolves"))
     tiles.append((str(len(run.errors)), "failures"))
-    tiles.append(("sealed", "seeds drawn as it began") if run.scores.manifest.get("sealed") else ("not sealed", "seeds known"))
     other = next(m for m in (FRONT, RAW) if m != mode)
     blocks = [(mode, process) for process in _PROCESS_TITLES] + [(other, "all")]
     tables = [(f"{_PROCESS_TITLES[p]}, {_FRONTS[m]}", _readable(run.scores, m, p)) for m, p in blocks]

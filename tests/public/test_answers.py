@@ -62,7 +62,7 @@ OPTIONS = {
     "diagnose": "--json",
     "confirm gain-change": "--records --ratio --json",
     "confirm travel": "--record --json",
-    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --sealed --json",
+    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --fresh-seeds --json",
     "score": "--paired --report --json",
     "check": "--against",
     "calibrate": "--false-alarm",

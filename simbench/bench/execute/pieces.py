@@ -15,7 +15,8 @@ import numpy as np
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.work import Chunk
 from simbench.bench.score.scoring import score_book
-from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, digest, opened, partition, sealed
+from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
+from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, digest, partition, with_checksum, without_checksum
 from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import RunArrays
@@ -75,7 +76,7 @@ def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
     marks = {kind: digest(getattr(piece, kind)) for kind in TABLE_KINDS}
     times = (piece.simulating, piece.judging, piece.total)
     receipt = Receipt(piece.number, piece.count, piece.failures, *times, marks)
-    place.write(receipt_file(piece.number), json.dumps(sealed({"run": key, **asdict(receipt)})).encode())
+    place.write(receipt_file(piece.number), json.dumps(with_checksum({"run": key, **asdict(receipt)})).encode())
     if find_receipt(place, piece.number, key) is None:
         raise RunError(f"{place}: what is written there reads back otherwise; is the disk sound?")
     return receipt
@@ -84,7 +85,7 @@ def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
 def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
     """Return the receipt of a piece of this run when all its files stand there, bit for bit as they were written."""
     try:
-        said = opened(json.loads(place.read(receipt_file(number))), "receipt")
+        said = without_checksum(json.loads(place.read(receipt_file(number))), "receipt")
         if (said["run"], said["piece"]) != (key, number):
             return None
         if any(digest(place.read(partition_file(kind, number))) != said["marks"][kind] for kind in TABLE_KINDS):
@@ -108,11 +109,16 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
         TABLES: marks_of(receipts),
     }
     book = RunArrays.read(place, whole)
-    hashes = np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b"")
-    whole["records_hash"] = digest(hashes)
+    whole["records_hash"] = records_hash(book)
+    whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.ids.astype(str).tolist())
     score_book(book).write(place)
     write_manifest(place, whole)
     place.remove(_RECEIPTS)
+
+
+def records_hash(book: RunArrays) -> str:
+    """Return 16 hex digits of all records of a run, in order."""
+    return digest(np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b""))
 
 
 def marks_of(receipts: Sequence[Receipt]) -> dict[str, list[str]]:

@@ -69,7 +69,7 @@ def run_grid(
     effect_plugins: Iterable[str | Path] = (),
     plant_plugins: Iterable[str | Path] = (),
     controller_plugins: Iterable[str | Path] = (),
-    sealed: bool = False,
+    fresh_seeds: bool = False,
     own: Mapping[str, Any] | None = None,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables."""
@@ -80,9 +80,12 @@ def run_grid(
         raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
     parts = (valve_plugins, effect_plugins, plant_plugins, controller_plugins)
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
-    if sealed and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
-        raise RunError("a sealed run draws its own seed: it takes a grid by name or file, without --resume and --set seed=")
-    drawn = {"seed": secrets.randbits(62)} if sealed else {}
+    if fresh_seeds and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
+        raise RunError(
+            "--fresh-seeds draws the grid's seed: it needs a grid by name or file, and neither --resume nor --set seed= "
+            "(to resume such a run, give --resume and --set seed= with the seed that its manifest states)"
+        )
+    drawn = {"seed": secrets.randbits(62)} if fresh_seeds else {}
     plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
     files = [str(Path(p).resolve()) for p in plugins]
     callers = own or {}
@@ -104,7 +107,7 @@ def run_grid(
                 "overrides": plan.overrides,
                 "seed": plan.content.seed,
                 "scenarios": len(plan),
-                "methods": {n: _about(n) for n in names},
+                "methods": {n: about_method(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
                 "plugins": _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
                 | {f"own {name}": _source_digest(detector) for name, detector in callers.items()},
@@ -112,17 +115,15 @@ def run_grid(
                 "raw": raw,
                 "front_end": known_front_end(front_end),
                 "command": masked(" ".join(sys.argv)),
-                "sealed": sealed,
             }
         )
-        telling = ("grid_hash", "grid_content", "seed") if sealed else ()
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end, callers)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
         place.refuse_unkept()
         with _workers(backend, address, jobs) as run, pieces.held(place):
-            pieces.open_run(place, {**manifest, **dict.fromkeys(telling)}, resume)
+            pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
                 return _path(place)
@@ -290,7 +291,8 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
     return len(names) - slow, slow
 
 
-def _about(name: str) -> dict[str, Any]:
+def about_method(name: str) -> dict[str, Any]:
+    """Return what a manifest states of a method."""
     if name == ORACLE:
         return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": [], "stated": []}
     method = registry.load(name).METHOD

@@ -211,22 +211,26 @@ def _judged(it: _Simulated, asked: _Questions) -> _Judged:
     )
 
 
+def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
+    """Return the columns of a scenario that its definition gives, without a simulation."""
+    loop, tags = scenario.loop, scenario.tags
+    return {
+        **{name: tags.get(name) for name in tables.TAG_KEYS},
+        "scenario_id": scenario.id,
+        "group": group,
+        "seed": scenario.seed,
+        "Ts": loop.sampling.Ts,
+        "n": loop.sampling.n,
+        "noise_std": loop.noise.std,
+        "loop": json.dumps(loop.to_table()),
+        "tags": json.dumps(tags),
+    }
+
+
 def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
-    loop, tags = it.scenario.loop, it.scenario.tags
-    row: dict[str, Any] = {name: tags.get(name) for name in tables.TAG_KEYS}
+    row = scenario_columns(it.scenario, it.group)
     row.update(
-        scenario_id=it.ident,
-        group=it.group,
-        seed=it.scenario.seed,
-        cycled=it.cycled.answer,
-        cycle_period=it.cycled.period,
-        cycle_swing=it.cycled.swing,
-        Ts=loop.sampling.Ts,
-        n=loop.sampling.n,
-        noise_std=loop.noise.std,
-        loop=json.dumps(loop.to_table()),
-        tags=json.dumps(tags),
-        error=it.error,
+        cycled=it.cycled.answer, cycle_period=it.cycled.period, cycle_swing=it.cycled.swing, error=it.error
     )
     row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), it.theory))
     if it.run is not None and prepared is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Oscillation, Scaled, overridden
+from scenarios.cell import Draft, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion

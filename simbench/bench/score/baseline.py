@@ -23,7 +23,7 @@ _EMPTY = {
 }
 _KEPT = (
     "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
-    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
+    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "benchmark",
 )  # fmt: skip
 _BASELINE_COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",

@@ -18,6 +18,7 @@ from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
+from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import CODES, RunArrays, RunError
 
 _LEVEL = 0.05
@@ -49,7 +50,9 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count. Where a drop that
     matters (`_REACH`) would not have been found, the check cannot tell, and fails.
     """
-    return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
+    now, before = read_book(folder), read_book(against)
+    refuse_other_benchmark(now.manifest, before.manifest)
+    return replace(compare_books(now, before, margin), home=str(against))
 
 
 def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> Check:
@@ -99,6 +102,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     if there:
         try:
             before = read_book(baseline)
+            refuse_other_benchmark(now.manifest, before.manifest)
             lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
             changes = compare_books(now, before).as_text().splitlines()[1:]
             lines += changes or ["nothing moved"]

@@ -15,6 +15,7 @@ from detectors.errors import UserError, nearest
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import axis_values, home_of
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
+from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
 from simbench.bench.store.tables import AXES
 
@@ -78,7 +79,11 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
     book = read_book(folder)
-    return between_methods(book, truth, raw) if other is None else between_runs(book, read_book(other), truth, raw)
+    if other is None:
+        return between_methods(book, truth, raw)
+    theirs = read_book(other)
+    refuse_other_benchmark(book.manifest, theirs.manifest)
+    return between_runs(book, theirs, truth, raw)
 
 
 def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -> _Comparison:

@@ -106,8 +106,7 @@ class Scores:
         """Return the tables for a terminal."""
         m, table = self.manifest, self.table
         size = int(table.n_all.max()) if len(table) else 0
-        seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
-        lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, {seal}"]
+        lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, seed {m.get('seed')}{benchmark_text(m)}"]
         modes = (self.first, next(x for x in ("front end", "raw") if x != self.first))
         blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
         for mode, process in blocks:
@@ -125,7 +124,7 @@ class Scores:
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
-            "sealed": bool(self.manifest.get("sealed")),
+            "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
             "rows": _records(table[list(_ROWS)] if len(table) else table),
             "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
@@ -174,6 +173,12 @@ class Scores:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
             place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
+
+
+def benchmark_text(manifest: dict[str, Any]) -> str:
+    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an older simbench."""
+    stated = manifest.get("benchmark")
+    return f", benchmark {stated['name']} ({stated['hash']})" if stated else ""
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 from detectors.errors import UserError
 from simbench.bench.store.place import Place, place_of
 
-_SEAL = "seal"
+_CHECKSUM = "checksum"
 TABLES = "tables"
 TABLE_KINDS = ("verdicts", "scenarios")
 
@@ -31,19 +31,20 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(f, "sha256").hexdigest()[:16]
 
 
-def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+def with_checksum(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return JSON content with a checksum over all of it as its last key."""
-    plain = {k: v for k, v in content.items() if k != _SEAL}
-    return {**plain, _SEAL: _of(plain)}
+    plain = {k: v for k, v in content.items() if k != _CHECKSUM}
+    return {**plain, _CHECKSUM: _of(plain)}
 
 
-def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
-    """Return sealed content without its checksum; raise RunError when it is not what was sealed."""
-    plain = {k: v for k, v in content.items() if k != _SEAL}
-    if (mark := _of(plain)) != (told := content.get(_SEAL)):
-        changed = f"was changed after the run: its checksum is {mark}, {str(told)[:16]!r} is needed"
-        why = "carries no checksum, which is needed: it was written by an older simbench" if _SEAL not in content else changed
-        raise RunError(f"{where} {why}; run it again, or restore it")
+def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any]:
+    """Return JSON content without its checksum; raise RunError when it is not what was written."""
+    plain = {k: v for k, v in content.items() if k != _CHECKSUM}
+    if _CHECKSUM not in content:
+        raise RunError(f"{where} carries no checksum, which is needed: it was written by an older simbench; run it again")
+    if (mark := _of(plain)) != (told := content[_CHECKSUM]):
+        why = f"its checksum is {mark}, {str(told)[:16]!r} is needed"
+        raise RunError(f"{where} was changed after the run: {why}; run it again, or restore it")
     return plain
 
 

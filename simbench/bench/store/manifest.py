@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.store.checksums import RunError, digest, opened, sealed, unreadable
+from simbench.bench.store.checksums import RunError, digest, unreadable, with_checksum, without_checksum
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import FORMAT
 
@@ -53,12 +53,12 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
         raise unreadable(file, error) from None
     if found != FORMAT:
         raise RunError(f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again")
-    return opened(manifest, file)
+    return without_checksum(manifest, file)
 
 
 def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    place_of(where).write(MANIFEST, json.dumps(sealed(manifest), indent=1).encode())
+    place_of(where).write(MANIFEST, json.dumps(with_checksum(manifest), indent=1).encode())
 
 
 def run_key(manifest: Mapping[str, Any]) -> str:

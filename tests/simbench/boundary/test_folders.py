@@ -17,7 +17,7 @@ from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.score.check import check_run, update_baseline
 from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_run
-from simbench.bench.store.checksums import RunError, digest, sealed
+from simbench.bench.store.checksums import RunError, digest, with_checksum
 from simbench.cli import main
 from tests.simbench.boundary.conftest import held
 
@@ -252,7 +252,7 @@ def test_an_empty_baseline_never_passes(finished, baseline, tmp_path, refused):
     for kind in TABLES:
         spoil(base / f"{kind}.parquet", ("rows", "drop all"))
         manifest["tables"][kind] = digest((base / f"{kind}.parquet").read_bytes())
-    (base / "manifest.json").write_text(json.dumps(sealed(manifest)))
+    (base / "manifest.json").write_text(json.dumps(with_checksum(manifest)))
     refused(["check", finished, "--against", base], "copy")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.bench.store.checksums import sealed
+from simbench.bench.store.checksums import with_checksum
 from simbench.plant import resumed as resuming
 from simbench.plant.resumed import resumed
 
@@ -60,8 +60,8 @@ class Trap:
 
 TRAPS = {
     "pickle": pickle.dumps(Trap()),
-    "class": json.dumps(sealed({"answer": {"of": "Other", "with": {"command": "echo"}}})).encode(),
-    "unsealed": json.dumps({"answer": "another one"}).encode(),
+    "class": json.dumps(with_checksum({"answer": {"of": "Other", "with": {"command": "echo"}}})).encode(),
+    "no checksum": json.dumps({"answer": "another one"}).encode(),
     "half": b'{"answer": {"of": "tup',
     "empty": b"",
     "deep": b"[" * 100_000,
@@ -102,7 +102,7 @@ def test_an_array_of_another_kind_than_numbers_is_no_answer(tmp_path):
         content = json.loads(file.read_text())
         if isinstance(content["answer"], dict):
             content["answer"]["with"]["record"]["with"]["pv"]["dtype"] = "|O"
-            file.write_text(json.dumps(sealed(content)))
+            file.write_text(json.dumps(with_checksum(content)))
     again, asked = answered(tmp_path)
     assert asked == [0.7]
     assert again[0].record.pv.tobytes() == first[0].record.pv.tobytes()

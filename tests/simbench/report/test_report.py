@@ -235,6 +235,6 @@ def test_reasons_that_differ_in_their_numbers_count_together():
 
 
 def test_a_run_says_how_to_run_it_again():
-    told = reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "overrides": {"sets": {"seed": 3}}})
+    told = reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "seed": 3, "overrides": {"noise.std": 1.0}})
     assert told[0] == "git checkout 0123"
-    assert told[1:] == ["simbench run smoke -o again --set seed=3 --method he", "simbench score again"]
+    assert told[1:] == ["simbench run smoke -o again --set seed=3 --set noise.std=1.0 --method he", "simbench score again"]

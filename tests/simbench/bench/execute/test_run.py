@@ -719,20 +719,14 @@ def test_a_cheat_that_looks_elsewhere_breaks_its_contract(tmp_path, name):
     assert any(("may not" if name in REFUSED else "asked") in said for said in broken), broken
 
 
-def test_a_sealed_run_draws_its_seed_and_tells_it_at_the_end(tmp_path, monkeypatch):
-    file, opened = tmp_path / "small.toml", []
+def test_fresh_seeds_are_drawn_and_stated(tmp_path):
+    file = tmp_path / "small.toml"
     file.write_text((Path(scenarios.__path__[0]) / "grids" / "smoke.toml").read_text().replace("expected = 48\n", ""))
     axes = {"disturbance": ["none"], "S_over_2J": [0.5]}
-    honest = run_module.pieces.open_run
-    monkeypatch.setattr(run_module.pieces, "open_run", lambda p, m, r: opened.append(m) or honest(p, m, r))
-    folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, sealed=True)
-    assert [opened[0][key] for key in ("seed", "grid_hash", "grid_content")] == [None, None, None]
+    folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, fresh_seeds=True)
     told = read_manifest(folder)
-    assert told["sealed"] is True
     assert told["seed"] != 1
-    assert f"sealed: seed {told['seed']}" in score_run(folder).as_text()
-    # an honest method gives the same bits when the seed is known beforehand
+    assert f"seed {told['seed']}," in score_run(folder).as_text()
     assert_same(folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]}))
-    assert read_manifest(tmp_path / "b")["sealed"] is False
-    with pytest.raises(RunError, match="draws its own seed"):
-        run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, sealed=True)
+    with pytest.raises(RunError, match="draws the grid's seed"):
+        run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)

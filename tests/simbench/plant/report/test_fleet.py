@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from simbench.bench.store.checksums import sealed
+from simbench.bench.store.checksums import with_checksum
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.plant.report import fleet
@@ -164,7 +164,7 @@ def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, trust
     (kept,) = (tmp_path / "page.html.judged").glob("_drawn-*.json")
     content = json.loads(kept.read_text(encoding="utf-8"))
     content["answer"]["with"][0] = "<svg><script>alert(1)</script></svg>"
-    kept.write_text(json.dumps(sealed(content)), encoding="utf-8")
+    kept.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
     assert main(words) == 0
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == page
 

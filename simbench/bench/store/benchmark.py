@@ -1,0 +1,96 @@
+"""The version of a benchmark: a grid's name and number, and a hash of everything that a score depends on but the detectors."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from scenarios.grid import Grid, GridFile, grid_names, load_grid
+from scenarios.spec import content_hash
+from simbench.bench.store.checksums import RunError
+
+BENCHMARK = "benchmark"
+PARTS = {"grid": "the grid file", "scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
+_PACKAGES = ("scenarios", "simbench/loop", "simbench/theory", "simbench/bench/scenario", "simbench/bench/score")
+_FILES = ("simbench/bench/statistics.py", "detectors/signal/oscillation.py")
+# they print, compare or transport, and decide no truth and no score
+_LEFT_OUT = ("baseline", "check", "check_result", "compare", "history", "hosted", "pairing", "result")
+
+
+def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
+    """Return the version of the benchmark that a grid and the scenarios it was resolved to make.
+
+    Parameters
+    ----------
+    grid : Grid
+        With its overrides applied.
+    ids : iterable of str
+        Ids of all scenarios, in any order.
+
+    Returns
+    -------
+    dict
+        name ("ci-2"), version (2), hash (16 hex digits over all parts), and parts, a hash each: grid (the file without
+        its seed and repeats), scenarios (sorted ids), evaluator (source of what decides truth and score, whatever
+        its comments, docstrings and layout). Another seed changes the scenarios alone. `--set` and `--axis` change
+        grid and scenarios, and a grid of the package then has "changed" behind its name.
+
+    Examples
+    --------
+    >>> benchmark_of(load_grid("smoke"), ["a", "b"]) == benchmark_of(load_grid("smoke"), ["b", "a"])
+    True
+    """
+    scenarios = hashlib.sha256("\n".join(sorted(ids)).encode()).hexdigest()[:16]
+    parts = {"grid": grid.cells_hash, "scenarios": scenarios, "evaluator": evaluator_hash()}
+    name = f"{grid.name}-{grid.content.version}"
+    if grid.name in grid_names() and load_grid(grid.name).cells_hash != grid.cells_hash:
+        name += " changed"
+    return {"name": name, "version": grid.content.version, "hash": content_hash(parts), "parts": parts}
+
+
+def grid_of(manifest: Mapping[str, Any]) -> Grid:
+    """Return the grid that a run's manifest holds, overrides applied."""
+    content = GridFile.model_validate(manifest["grid_content"])
+    return Grid(manifest["grid"], content, dict(manifest["overrides"]))
+
+
+def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
+    """Raise RunError, naming the parts that differ, unless two manifests state the same version of a benchmark."""
+    versions = [manifest.get(BENCHMARK) for manifest in (one, other)]
+    for manifest, stated in zip((one, other), versions, strict=True):
+        if stated is None:
+            older = f"a run of grid {manifest.get('grid')!r} states no benchmark version, as an older simbench wrote it"
+            raise RunError(f"{older}; run it again")
+    first, second = versions
+    if first["hash"] != second["hash"]:
+        differ = [says for part, says in PARTS.items() if first["parts"][part] != second["parts"][part]]
+        names = " and ".join(f"{v['name']} ({v['hash']})" for v in versions)
+        raise RunError(f"runs of different benchmark versions are not compared: {names} differ in {', '.join(differ)}")
+
+
+@cache
+def evaluator_hash() -> str:
+    """Return 16 hex digits of the source of everything that decides truth and score, as Python reads it."""
+    root = Path(__file__).resolve().parents[3]
+    files = [file for package in _PACKAGES for file in sorted((root / package).rglob("*.py")) if file.stem not in _LEFT_OUT]
+    digest = hashlib.sha256()
+    for file in (*files, *(root / name for name in _FILES)):
+        digest.update(f"{file.relative_to(root).as_posix()}\n{_as_read(file.read_text(encoding='utf-8'))}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def _as_read(source: str) -> str:
+    """Return Python source without comments, docstrings and layout.
+
+    >>> _as_read('def f(x):  # doubled\\n    "Return 2 x."\\n    return (2 *\\n        x)')
+    'def f(x):\\n    return 2 * x'
+    """
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(node):
+            node.body = node.body[1:]
+    return ast.unparse(tree)
