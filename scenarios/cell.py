@@ -20,11 +20,13 @@ SETTINGS = {
     "disturbance": "none, or a name of [disturbances]",
     "tuning": "slow, medium, tight, aggressive or saturating",
     "samples_per_period": "samples per period of the sticky twin",
-    "periods": "length of the record in periods of the sticky twin",
+    "periods": "length of the record in periods of the loop's oscillation",
+    "warm_up": "length of what is simulated before the record begins, in these periods",
     "K": "plant gain (PV units per %; integrating: per % and T)",
     "T": "time scale (s): T of foptd, Ti of an integrating loop",
     "S": "stick band plus dead-band (% of travel)",
-    "step": "size of the excitation that starts the cycle, in S",
+    "pv_rest": "set point before the excitation (PV units)",
+    "step": "size of the excitation at the start of the run, in S",
     "speed": "factor on the tuning's speed",
     "excitation": "setpoint, load or both, at time 0",
     "w_Ti": "2 pi Ti over the period of the cycle; Ti is chosen for it",
@@ -42,6 +44,7 @@ _P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
 # of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
+TUNING = "tuning"  # of a healthy loop's oscillation: by the controller itself
 EXCITATIONS = ("setpoint", "load", "both")
 _REST = 50.0  # SP, PV and OP before the excitation
 
@@ -55,7 +58,8 @@ class Rules:
     periods: float | None = None
     noise_ratio: float | None = None  # noise std over the twin's PV std
     w_Ti: float | None = None  # wanted 2 pi Ti / period
-    FIELDS: ClassVar[tuple[str, ...]] = ("samples_per_period", "periods", "noise_ratio", "w_Ti")
+    warm_up: float | None = None  # periods simulated before the record
+    FIELDS: ClassVar[tuple[str, ...]] = ("samples_per_period", "periods", "noise_ratio", "w_Ti", "warm_up")
 
     @property
     def empty(self) -> bool:
@@ -73,6 +77,15 @@ class Scaled:
 
 
 @dataclass(frozen=True)
+class Oscillation:
+    """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or its own tuning."""
+
+    size: float  # S of the valve whose cycle gives the amplitude, over the cell's
+    period: float  # over that of the sticky twin's cycle
+    load: dict[str, Any] | None = None  # table of the load without amplitude, times in periods of this oscillation
+
+
+@dataclass(frozen=True)
 class Draft:
     """One scenario before its rules are settled."""
 
@@ -87,6 +100,7 @@ class Draft:
     effects: tuple[Scaled, ...] = ()  # of the loop file
     mv_noise: float = 0.0  # std on the recorded MV, in S
     moves: tuple[tuple[float, float], ...] = ()  # set-point steps
+    oscillation: Oscillation | None = None  # of a healthy loop
 
 
 def cell_group(
@@ -111,7 +125,10 @@ def cell_group(
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
         valve = _valve(own["valve"].name, settings, where)
-        loop = overridden(Loop.from_table({**table, "valve": valve}, where), overrides)
+        swing = own.get("oscillation")
+        # as large as the sticky valve's that its oscillation is taken from
+        start = table if swing is None else _loop_table({**settings, "S": settings["S"] * swing.size}, where)
+        loop = overridden(Loop.from_table({**start, "valve": valve}, where), overrides)
         found = {key: own.get(key) for key in names}
         found.update(
             member=name,
@@ -125,7 +142,7 @@ def cell_group(
             S=0.0 if valve["model"] == "ideal" else settings["S"],
         )
         more = (own["valve"], settings.get("effects", ()), float(settings.get("mv_noise", 0.0)), settings.get("sp_moves", ()))
-        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more))
+        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more, swing))
     return twin, rules, tuple(drafts)
 
 
@@ -166,7 +183,7 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise SpecError(f"{where}: tuning {s['tuning']!r} of the sticky twin, {suggestion(str(s['tuning']), FOPTD_LAG)}")
     if s["excitation"] not in EXCITATIONS:
         raise SpecError(f"{where}: excitation {s['excitation']!r}, {suggestion(str(s['excitation']), EXCITATIONS)}")
-    K, T, speed = float(s["K"]), float(s["T"]), float(s["speed"])
+    K, T, speed, rest = float(s["K"]), float(s["T"]), float(s["speed"]), float(s.get("pv_rest", _REST))
     if s["process"] == "foptd":
         ratio = float(s["Td_over_T"])
         Td = ratio * T
@@ -188,12 +205,12 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         "plant": plant,
         "controller": controller,
         "sampling": {"Ts": max(Td, 0.1 * T) / 10.0, "n": 1000},
-        "setpoint": {"value": _REST},
+        "setpoint": {"value": rest},
     }
     if s["excitation"] != "load" and s["step"] != 0.0:
         # against the load the set point goes the other way: more loops reach their cycle
         step = s["step"] if s["excitation"] == "setpoint" else -abs(s["step"])
-        table["setpoint"]["steps"] = [[0.0, _REST + step * size]]
+        table["setpoint"]["steps"] = [[0.0, rest + step * size]]
     if s["excitation"] != "setpoint":
         # a load that is there from the first sample on: a ramp that takes no time
         table["disturbance"] = [{"type": "ramp", "amplitude": abs(s["step"]) * s["S"], "period": 1e-3 * T, "at": "input"}]

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
-from scenarios.cell import SETTINGS, Draft, Rules, Scaled, cell_group, loop_axes
+from scenarios.cell import SETTINGS, TUNING, Draft, Oscillation, Rules, Scaled, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
 from scenarios.grid_check import refuse_mistakes
 from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
@@ -26,6 +26,7 @@ _GRID_KEYS = ("seed", "repeats")
 _UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
+_PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
 
 
 class Disturbance(_Table):
@@ -68,7 +69,14 @@ class Member(_Table):
     valve: _Names
     tuning: _Names | None = None
     disturbance: _Names | None = None
+    # healthy loops that oscillate like sticky ones: by "tuning", or a name of [disturbances] for a load that does it
+    oscillation: _Names | None = None
     where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: Any) -> dict[str, Any]:
+        # a grid that does not ask for it keeps its hash
+        return {k: v for k, v in handler(self).items() if k != "oscillation" or v is not None}
 
 
 class Block(_Table):
@@ -220,7 +228,11 @@ class Grid:
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
         # the record's own numbers cell by cell: shared, they would let a classifier know cells again
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
-        settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
+        apart = list(Rules.FIELDS)
+        if any(member.oscillation is not None for member in block.member):
+            # a healthy loop has a swing of its own: what sticky ones share with each other alone would tell them
+            apart += ["S", "pv_rest", *(key for key in sorted(ranges) if _of_loop(key))]
+        settings.update({key: draw(ranges[key], each) for key in apart if key in ranges})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
@@ -236,6 +248,8 @@ class Grid:
             loads = self._disturbance(own.get("disturbance", "none"), rng)
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
+            if member.oscillation is not None:
+                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), settings["S"], ranges, rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside
@@ -265,6 +279,17 @@ class Grid:
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
+
+    def _oscillation(self, name: str, S: float, ranges: Mapping[str, Any], rng: np.random.Generator) -> Oscillation | None:
+        if name == "none":
+            return None
+        size = float(draw(ranges.get("S", S), rng)) / S
+        period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
+        if name == TUNING:
+            return Oscillation(size, period)
+        d = self._named("disturbance", self.content.disturbances, name)
+        more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
+        return Oscillation(size, period, {"type": d.type, "at": d.at, **more})
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

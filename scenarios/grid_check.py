@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
+from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, TUNING, ULTIMATE
 from scenarios.errors import SpecError, suggestion
 
 _MOST_CELLS = 1_000_000
@@ -17,7 +17,8 @@ _SHOWN = 12  # mistakes in one sentence
 SETTING_LIMITS = {
     "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
     "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
-    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "moves": (0.0, 1e4), "move": (0.0, 1e3),
+    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "warm_up": (0.0, 1e3),
+    "moves": (0.0, 1e4), "move": (0.0, 1e3),
 }  # fmt: skip
 _PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")  # of a grid, in a mistake's sentence
 _ATS = ("input", "output")
@@ -78,7 +79,12 @@ def _mistakes(content: Any) -> Iterator[str]:
             yield f"{where}it has no [[block.member]]; at least one is needed"
         for member in block.member:
             at = f"{where}member {member.name!r}: "
-            for key, names in (("tuning", (SAME, *FOPTD_LAG, *ULTIMATE)), ("disturbance", known["disturbance"])):
+            words = {
+                "tuning": (SAME, *FOPTD_LAG, *ULTIMATE),
+                "disturbance": known["disturbance"],
+                "oscillation": (TUNING, *known["disturbance"]),
+            }
+            for key, names in words.items():
                 yield from _names(at + key, getattr(member, key), names)
             yield from _names(at + "valve", member.valve, None)
             for key, values in member.where.items():

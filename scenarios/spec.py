@@ -200,10 +200,14 @@ class _OperatingPoint(_Table):
 
 
 class Sampling(_Table):
-    """Ts in s; n samples."""
+    """Ts in s; n samples of the record; `warm_up` samples are simulated before it and dropped.
+
+    The run starts in equilibrium, at the first sample of the warm-up: times of loads and set-point steps count from there.
+    """
 
     Ts: _Positive
     n: Annotated[Whole, Field(ge=3, le=MAX_SAMPLES)] = 4000
+    warm_up: Annotated[Whole, Field(ge=0, le=MAX_SAMPLES)] | None = None
 
 
 class Noise(_Table):

@@ -38,7 +38,7 @@ class Lane:
     @property
     def signals(self) -> np.ndarray:
         """OP, PV, MV, shape (3, n), a view."""
-        return self.room[:, : self.loop.sampling.n, self.column]
+        return self.room[:, : (self.loop.sampling.warm_up or 0) + self.loop.sampling.n, self.column]
 
 
 class Batch(Sequence):
@@ -208,7 +208,7 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
     kind, op0, pv0, gain = kinds[key], loop.operating_point.op0, loop.pv0, control.sign * control.Kc
     second = op0 if control.Ti is None else gain * Ts / control.Ti
     rate, push = (0.0, process.K) if process.T is None else (1.0 / process.T, process.K / process.T)
-    n, setpoint = loop.sampling.n, loop.setpoint
+    n, setpoint = (loop.sampling.warm_up or 0) + loop.sampling.n, loop.setpoint
     kind.rows += (
         op0 + 0.0, pv0, loop.noise.std, setpoint.value, n, Ts,
         -rate, push, process.Td, pv0, gain, second, Setup.op_lo, Setup.op_hi, 0.0, 0.0, *p,
@@ -237,7 +237,7 @@ def _add_any(kinds: dict, lane: Lane) -> None:
     if key not in kinds:
         kinds[key] = _Kind(parts, setup, loaded=loaded, sampled=True)
     kind, (*fixed, stages) = kinds[key], parts.bare
-    kind.rows += (setup.op0 + 0.0, setup.pv0, setup.noise_std, setup.sp[0], setup.n, parts.sampled.delay)
+    kind.rows += (setup.op0 + 0.0, setup.pv0, setup.noise_std, setup.sp[0], setup.end, parts.sampled.delay)
     kind.rows += chain.from_iterable((*fixed, *stages))
     for k in (np.flatnonzero(np.diff(setup.sp)) + 1).tolist():
         kind.points += (k, len(kind.lanes), setup.sp[k])

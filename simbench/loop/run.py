@@ -100,7 +100,7 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
 def signals_of(
     setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return OP, PV as the controller saw it, and MV of a run, each of shape (n + tail,)."""
+    """Return OP, PV as the controller saw it, and MV of a run, each of shape (warm_up + n + tail,)."""
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
@@ -160,8 +160,8 @@ def _cascaded(setup: Setup, parts: Parts, outer: Parts, lags: tuple[int, int], k
 
 
 def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndarray) -> Run:
-    """Return the run that gave these signals, each of shape (n + tail,); PV and MV are recorded as the setup says."""
-    n = setup.n
+    """Return the run that gave these signals, each of shape (warm_up + n + tail,); PV and MV are recorded as the setup says."""
+    first, end = setup.warm_up, setup.end
     archived = measured
     for recorder in setup.recorders:
         archived = recorder(archived)
@@ -181,14 +181,15 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
             op_span=(0.0, 100.0),
         )
 
-    tail = part(slice(n, None)) if setup.tail >= 3 else None
+    tail = part(slice(end, None)) if setup.tail >= 3 else None
     notes = [
         why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
     ]
-    run = Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, setup.friction, tuple(notes))
+    loads = setup.load_in[first:], setup.load_out[first:]
+    run = Run(part(slice(first, end)), *loads, tail, setup.sticky, mv[first:], setup.friction, tuple(notes))
     if setup.outer is None or setup.outer_signals is None:
         return run
     master = "integrating" if setup.outer.integrating else "self-regulating"
-    op_, pv_ = (signal[:n] for signal in setup.outer_signals)
-    outer = LoopRecord(op=op_, pv=pv_, sp=setup.outer.sp[:n], Ts=setup.Ts, process=master, op_span=(0.0, 100.0))
+    op_, pv_, sp_ = (signal[first:end] for signal in (*setup.outer_signals, setup.outer.sp))
+    outer = LoopRecord(op=op_, pv=pv_, sp=sp_, Ts=setup.Ts, process=master, op_span=(0.0, 100.0))
     return replace(run, outer=outer)

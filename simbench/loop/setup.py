@@ -24,11 +24,11 @@ _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 class Setup:
     """Everything the compiled loop needs, still open to change.
 
-    Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is measured with
-    PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV
-    the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the laws' own step
-    (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean nothing where the plant is a
-    plug-in without a transfer function.
+    Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and in PV units at its output;
+    `pv_add` is measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
+    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
+    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean
+    nothing where the plant is a plug-in without a transfer function.
     """
 
     loop: Loop
@@ -67,9 +67,14 @@ class Setup:
         return self.loop.sampling.Ts
 
     @property
-    def n(self) -> int:
-        """Samples of the record, without the tail."""
-        return self.loop.sampling.n
+    def warm_up(self) -> int:
+        """Samples simulated before the record begins."""
+        return self.loop.sampling.warm_up or 0
+
+    @property
+    def end(self) -> int:
+        """Sample at which the record ends and the tail begins, counted from the start of the run."""
+        return self.warm_up + self.loop.sampling.n
 
     @property
     def sign(self) -> float:
@@ -122,7 +127,11 @@ class Setup:
         return max(self.bands, default=(0.0, 0.0))
 
     def draw_noise(self, quiet: int | None = None) -> None:
-        """Draw the noise and add it to what is measured with PV, before sample `quiet`; last: effects change its strength."""
+        """Draw the noise and add it to what is measured with PV, before sample `quiet` of the record.
+
+        Last of all, because effects change its strength.
+        """
+        quiet = None if quiet is None else self.warm_up + quiet
         if self.noise_std > 0:
             # from a stream of its own: a longer tail only appends
             white = np.random.default_rng([self.seed, _NOISE]).standard_normal(self.sp.size)
@@ -133,7 +142,7 @@ class Setup:
 
     def hold(self, signal: np.ndarray) -> np.ndarray:
         """Freeze a signal at its last value over the tail."""
-        signal[self.n :] = signal[self.n - 1]
+        signal[self.end :] = signal[self.end - 1]
         return signal
 
 
@@ -147,7 +156,7 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
 
     `tf` takes the place of the loop's plant (its dead time stays).
     """
-    total = loop.sampling.n + tail
+    total = (loop.sampling.warm_up or 0) + loop.sampling.n + tail
     own = _plant_plugin(loop) if tf is None else None
     num, den = plant.polynomials_of(tf) if tf is not None else plant.polynomials(loop.plant) if own is None else _linear(*own)
     if (own is None or hasattr(own[0], "linear")) and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:

@@ -38,7 +38,7 @@ def simulate(
     plant : control.TransferFunction, optional
         Any stable or integrating SISO plant in place of the loop's own; `loop.plant.Td` stays its dead time.
     quiet : int, optional
-        First sample without measurement noise.
+        First sample of the record without measurement noise.
 
     Returns
     -------
@@ -72,4 +72,5 @@ def simulate(
 
 def valve_tail(loop: Loop, seed: int, tail: int, quiet: int | None) -> np.ndarray:
     """Return the valve's positions (%) behind the record, `simulate(...).mv[n:]`, without making a record of the rest."""
-    return signals_of(resolve_loop(loop, seed, tail, None, quiet))[2][loop.sampling.n :]
+    setup = resolve_loop(loop, seed, tail, None, quiet)
+    return signals_of(setup)[2][setup.end :]

@@ -14,7 +14,7 @@ from scenarios.cell import Draft
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
-from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.resolve import resolve, settle
 from simbench.bench.scenario.truth import Cycled, simulate_with_truth
 from simbench.loop.hosted import ask, host_of, parts_of_loop, valid_run
 from simbench.loop.resolve import resolve_loop
@@ -32,19 +32,23 @@ def said_of(error: BaseException) -> str:
 
 
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
-    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled."""
-    found: dict[int, tuple[Scenario, str | None]] = {}
+    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled.
+
+    A healthy loop that cannot be matched with its sticky siblings is left out.
+    """
+    found: dict[int, tuple[Scenario | None, str | None]] = {}
     parties: dict[Host | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
         parties.setdefault(_host_of_draft(group.twin, draft), []).append(i)
     for host, places in parties.items():
         part = replace(group, drafts=tuple(group.drafts[i] for i in places))
         try:
-            answers = [(scenario, None) for scenario in ask(host, resolve, part)]
+            answers = [(scenario, None) for scenario in ask(host, settle, part)]
         except Exception as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
             answers = [(Scenario(loop=d.loop, seed=group.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
         found.update(zip(places, answers, strict=True))
-    return [found[i] for i in range(len(group.drafts))]
+    every = (found[i] for i in range(len(group.drafts)))
+    return [(scenario, error) for scenario, error in every if scenario is not None]
 
 
 def refuse_unsettled(group: Group) -> None:

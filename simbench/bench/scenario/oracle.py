@@ -9,11 +9,12 @@ from scipy.signal import lfilter, ss2tf
 
 from detectors.signal.stiction_map import start, valve_position
 from detectors.verdict import NO_STICTION, STICTION, Verdict
-from scenarios.spec import Scenario
+from scenarios.spec import Sampling, Scenario
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.loop.setup import Setup
+from simbench.loop.simulate import simulate
 
 ORACLE = "oracle"
 SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
@@ -31,8 +32,12 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
     them is taken (Kay 1998, section 6.4.2).
     """
-    setup = resolve_loop(scenario.loop, scenario.seed)
-    n, op, pv = setup.n, run.record.op, run.record.pv
+    loop = scenario.loop
+    if warm_up := loop.sampling.warm_up:  # the plant's state is known where the run starts, not where the record does
+        loop = loop.model_copy(update={"sampling": Sampling(Ts=loop.sampling.Ts, n=warm_up + loop.sampling.n)})
+        run = simulate(loop, scenario.seed)
+    setup = resolve_loop(loop, scenario.seed)
+    n, op, pv = setup.end, run.record.op, run.record.pv
     known = setup.pv0 + run.load_out[:n]
     predict = _predictor(setup, run.load_in[:n])
     variance = setup.noise_std**2 + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Rules, Scaled, overridden
+from scenarios.cell import Draft, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
@@ -29,7 +29,17 @@ _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
 _SETTLED = 0.1  # two periods as near as this (in logarithm) are one
+_TRIES = 12  # gains of a loop that oscillates by its tuning
+_SHARES = (0.8, 1.01)  # of the gain at which it neither grows nor fades: where they are looked for
+_LARGEST_KICK = 8.0  # OP stds of the wanted oscillation: beyond it the kick, and no tuning, makes the oscillation
+# logarithm of a record's OP std in the last fifth over that in the first: below the first a tuning is taken at once, above the
+# second never; sticky loops of the grids have up to 0.2 in nine of ten
+_STEADY, _UNSTEADY = 0.15, 0.4
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
+
+
+class _UnmatchedError(Exception):
+    """A healthy loop that cannot oscillate as its sticky siblings do."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +47,32 @@ class _Cycle:
     """How the sticky twin of a cell moves."""
 
     period: float  # of MV (s)
-    pv_std: float  # of PV over the second half of the run (PV units)
+    pv_std: float  # of PV over the run but its first period (PV units)
+    op_std: float  # of OP there (%)
     exists: bool  # False when no start set it going; then both are guesses
 
 
 def resolve(group: Group) -> list[Scenario]:
-    """Settle the rules of one group."""
+    """Settle the rules of one group; a healthy loop that cannot be matched with the sticky ones is left out."""
+    return [scenario for scenario in settle(group) if scenario is not None]
+
+
+def settle(group: Group) -> list[Scenario | None]:
+    """Settle the rules of one group: a scenario for each draft, or None for a healthy loop that cannot be matched."""
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
-    loops = [_own_sampling(d, group, twin, cycle) for d in group.drafts]
-    return [Scenario(loop=loop, seed=group.seed, tags=_tags(d, loop)) for d, loop in zip(group.drafts, loops, strict=True)]
+    found: list[Scenario | None] = []
+    for draft in group.drafts:
+        try:
+            loop = _own_sampling(draft, group, twin, cycle)
+        except _UnmatchedError:
+            found.append(None)
+        else:
+            found.append(Scenario(loop=loop, seed=group.seed, tags=_tags(draft, loop)))
+    return found
 
 
 def measure_cycle(twin: Loop) -> _Cycle:
@@ -78,13 +101,13 @@ def _measured(text: str) -> _Cycle:
                 break
             period = moved.period * loop.sampling.Ts
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
-                return _Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
+                return _Cycle(period, float(np.std(run.record.pv[_FIRST:])), float(np.std(run.record.op[_FIRST:])), True)
     except ParameterError:  # no cycle to start on, or none that theory can find
         if (found := _kicked(twin, guess)) is not None:
             return found
     S, _ = band(twin)
     size = 0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
-    return _Cycle(guess, size, False)
+    return _Cycle(guess, size, 0.25 * S, False)
 
 
 def _kicked(twin: Loop, period: float) -> _Cycle | None:
@@ -102,7 +125,8 @@ def _kicked(twin: Loop, period: float) -> _Cycle | None:
             return None
         period = moved.period * loop.sampling.Ts
         if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
-            return _Cycle(period, float(np.std(run.record.pv[_FIRST * _PERIODS :])), True)
+            late = slice(_FIRST * _PERIODS, None)
+            return _Cycle(period, float(np.std(run.record.pv[late])), float(np.std(run.record.op[late])), True)
     return None
 
 
@@ -178,7 +202,8 @@ def _with_w_Ti(twin: Loop, cycle: _Cycle, wanted: float) -> tuple[Loop, _Cycle]:
 
 def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop:
     """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
-    own, loop = cycle.period, _settled(draft, group.rules, twin, cycle, cycle.period)
+    own = cycle.period * (1.0 if draft.oscillation is None else draft.oscillation.period)
+    loop = _settled(draft, group, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period
     undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves
     for _ in range(0 if undriven or group.rules.samples_per_period is None else _PASSES):
@@ -188,20 +213,31 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop
         if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
-        loop = _settled(draft, group.rules, twin, cycle, own)
+        loop = _settled(draft, group, twin, cycle, own)
     return loop
 
 
-def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) -> Loop:
-    table = draft.loop.to_table()
+def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) -> Loop:
+    table, rules = draft.loop.to_table(), group.rules
+    swing = draft.oscillation
+    if swing is not None:
+        period, size = cycle.period * swing.period, swing.size
+        cycle = replace(cycle, period=period, pv_std=cycle.pv_std * size, op_std=cycle.op_std * size)
     if rules.w_Ti is not None:
         table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
         table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
+        if rules.warm_up:
+            table["sampling"]["warm_up"] = round(per * rules.warm_up * max(1.0, cycle.period / own))
+    if swing is not None and swing.load is not None:
+        _load_swing(table, swing.load, cycle)
+    elif swing is not None:
+        loop, cycle = _oscillating(Loop.from_table(table, "cell"), cycle)
+        table = loop.to_table()
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
-    S, J = band(twin)
+    S, J = (x * (1.0 if swing is None else swing.size) for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
@@ -210,14 +246,106 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * S)
     if draft.moves:
-        _move_setpoint(table["setpoint"], draft.moves, {**unit, "period": own})
+        _move_setpoint(table["setpoint"], draft.moves, {**unit, "period": own}, own * (rules.warm_up or 0.0))
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))
+    if swing is not None and swing.load is None:
+        _tuned_swing(table, cycle, group.seed)
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
         loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
     return overridden(loop, draft.overrides or {})
+
+
+def _load_swing(table: dict[str, Any], load: dict[str, Any], cycle: _Cycle) -> None:
+    """Add the load that makes a healthy loop oscillate with the period and the OP std of a cycle."""
+    load = _absolute({**load, "amplitude": 1.0, "period": 1.0}, cycle.pv_std, cycle.period)
+    table["disturbance"] = [*table.get("disturbance", []), load]
+    for _ in range(2):  # once where the loop is linear
+        loop = Loop.from_table(table, "cell")
+        load["amplitude"] = significant(load["amplitude"] * cycle.op_std / float(np.std(simulate(loop).record.op)))
+
+
+def _tuned_swing(table: dict[str, Any], cycle: _Cycle, seed: int) -> None:
+    """Let a healthy loop near its limit of stability oscillate with the OP std of a cycle, neither growing nor fading.
+
+    Its response to the excitation and that to the noise add up. A bisection finds the gain at which their sum is as wide at the
+    record's end as at its beginning; for each gain the size of the excitation follows from the wanted std.
+    """
+    loop = Loop.from_table(table, "cell")
+    Kc, wanted = loop.controller.Kc, cycle.op_std**2 + (loop.controller.Kc * loop.noise.std) ** 2
+    (lo, hi), share, nearest, found = _SHARES, 1.0, math.inf, loop
+    for _ in range(_TRIES):
+        tuned = loop.with_("controller.Kc", significant(share * Kc))
+        noise = simulate(_kicked_by(tuned, 0.0), seed).record.op
+        kicked = simulate(tuned.model_copy(update={"noise": Noise()}), seed).record.op
+        size, lacking = float(np.var(kicked)), wanted - float(np.var(noise))
+        grows = lacking < 0.0
+        if lacking > 0.0 and size > 0.0:
+            half = float(np.mean((noise - noise.mean()) * (kicked - kicked.mean())))
+            factor = (math.sqrt(half**2 + lacking * size) - half) / size
+            if factor * _kick(tuned) < _LARGEST_KICK * cycle.op_std:
+                candidate = _kicked_by(tuned, significant(factor))
+                op = simulate(candidate, seed).record.op
+                fifth = op.size // 5
+                growth = math.log(max(float(np.std(op[-fifth:])), 1e-9) / max(float(np.std(op[:fifth])), 1e-9))
+                grows = growth > 0.0
+                off = max(abs(growth), abs(math.log(max(float(np.var(op)), 1e-9) / wanted)))
+                if off < nearest:
+                    nearest, found = off, candidate
+                if nearest < _STEADY:
+                    break
+        lo, hi = (lo, share) if grows else (share, hi)
+        share = 0.5 * (lo + hi)
+    if nearest > _UNSTEADY:
+        raise _UnmatchedError
+    table.update(found.to_table())
+
+
+def _kick(loop: Loop) -> float:
+    """Return about how far (%) the excitation at its start moves a loop's OP."""
+    moved = abs(loop.setpoint.steps[0][1] - loop.setpoint.value) * loop.controller.Kc if loop.setpoint.steps else 0.0
+    return max([moved, *(float(d.parameters["amplitude"]) for d in loop.disturbance if d.name == "ramp")])
+
+
+def _kicked_by(loop: Loop, factor: float) -> Loop:
+    """Return the loop with the excitation at its start multiplied by a factor."""
+    rest, table = loop.setpoint.value, loop.to_table()
+    table["setpoint"]["steps"] = [[t, rest + (v - rest) * factor if t == 0.0 else v] for t, v in loop.setpoint.steps]
+    for load in table["disturbance"]:
+        if load["type"] == "ramp":
+            load["amplitude"] *= factor
+    return Loop.from_table(table, "cell")
+
+
+def _oscillating(loop: Loop, cycle: _Cycle) -> tuple[Loop, _Cycle]:
+    """Return the loop tuned so that it neither grows nor fades at a cycle's period, or a shorter one, and its own swing."""
+    period, Ts, setup = cycle.period, loop.sampling.Ts, plain_setup(loop, 0)
+    Kc, Ti = sampled_ultimate_gain(loop), loop.controller.Ti
+    g = plant.sample(setup.num, setup.den, setup.Td, Ts)
+
+    def wanted(period: float) -> complex:
+        z = np.exp(2j * np.pi * Ts / period)
+        return -z ** float(g.delay) * (z - g.A[0, 0]) / ((g.B_old[0] / z + g.B_new[0]) * g.C[0]) * loop.controller.sign
+
+    if Ti is not None:
+        # no more of the controller's answer from its integral than in the loop as it was tuned: noise reaches OP as it did
+        least = 0.9 / math.hypot(1.0, period / (2.0 * math.pi * Ti))
+        while period > 4.0 * Ts:
+            # -1/G = Kc + Ki z/(z - 1): two real equations; z/(z - 1) = 1/2 - i cot(pi Ts/period)/2
+            answer = wanted(period)
+            Ki = -2.0 * answer.imag * math.tan(math.pi * Ts / period)
+            if Ki > 0.0 and answer.real - 0.5 * Ki > least * abs(answer):
+                Kc = answer.real - 0.5 * Ki
+                Ti = Kc * Ts / Ki
+                break
+            period *= 0.95
+    else:
+        while period > 4.0 * Ts and wanted(period).imag < 0.0:
+            period *= 0.97
+    tuned = {"controller.Kc": significant(Kc)} | ({} if Ti is None else {"controller.Ti": significant(Ti)})
+    return loop.with_all(tuned), replace(cycle, period=period, pv_std=cycle.op_std / abs(wanted(period)))
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
@@ -243,10 +371,12 @@ def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
     return {k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()}  # type: ignore[operator]
 
 
-def _move_setpoint(table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float]) -> None:
+def _move_setpoint(
+    table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float], begin: float
+) -> None:
     steps = list(table.get("steps", []))
     rest = steps[-1][1] if steps else table["value"]
-    steps += [[significant(t * unit["period"]), rest + significant(level * unit["pv"])] for t, level in moves]
+    steps += [[significant(begin + t * unit["period"]), rest + significant(level * unit["pv"])] for t, level in moves]
     table["steps"] = steps
 
 
