@@ -26,9 +26,9 @@ from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from results.studies.plant.stiction_probability import PLANTS
+from results.studies.worlds import WORLDS
 from scenarios.spec import Loop
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLDS
 from simbench.loop.simulate import simulate
 from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.events import shared_oscillations
