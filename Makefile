@@ -53,7 +53,7 @@ leak: $(READY)             ## can a scenario's settings alone predict its label?
 	$(BIN)/python -m results.studies.leak
 
 perf: $(READY_TEST)        ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
-	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
+	@failed=0; for part in perf perf_detectors perf_shares; do \
 		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
 
 shares: $(READY_TEST)      ## what a scenario is made of, against the committed shares: never times

@@ -30,24 +30,6 @@ def lanes():
     return np.empty(LANES)
 
 
-def few_lanes():
-    """Return room as `lanes` does, compiled for `few() // 2` numbers: for loops with so much in them that LLVM keeps them."""
-    return np.empty(LANES)
-
-
-@cache
-def few() -> int:
-    """Return how many numbers two registers of this machine hold."""
-    from llvmlite.binding import get_host_cpu_features
-
-    return 16 if get_host_cpu_features().get("avx512f", False) else 8
-
-
-def high_product(a, b):
-    """Return the upper 64 bits of the product of two unsigned numbers; compiled, one instruction."""
-    return np.uint64(int(a) * int(b) >> 64)
-
-
 def rows(count):
     """Return room for `count` rows of `LANES` numbers that begin with a cache line: a register is read from one, not two."""
     room = np.empty(count * LANES + 8)
@@ -115,7 +97,7 @@ def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str 
 
     A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
     """
-    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{few()}{error_model}{text}{_described(parts)}".encode())
+    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode())
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
         digest.update(_source(path))
@@ -207,10 +189,8 @@ def _write_whole(path: Path, text: str) -> None:
 def _jitted(function: FunctionType, error_model: str):
     from numba import njit
 
-    if function in (lanes, few_lanes):
-        return _registers(LANES if function is lanes else few() // 2)
-    if function is high_product:
-        return _high_product()
+    if function is lanes:
+        return _registers()
     called = {n: _jitted(g, error_model) for n, g in names_used(function).items() if isinstance(g, FunctionType)}
     copy = FunctionType(function.__code__, {**function.__globals__, **called}, function.__name__, function.__defaults__)
     copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
@@ -219,7 +199,7 @@ def _jitted(function: FunctionType, error_model: str):
 
 
 @cache
-def _registers(count: int):
+def _registers():
     """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into registers."""
     import numba as nb
     from llvmlite import ir
@@ -230,7 +210,7 @@ def _registers(count: int):
     @intrinsic
     def stack(typing_context):
         def code(context, builder, signature, arguments):
-            room = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
+            room = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), LANES))
             room.align = 64
             return builder.bitcast(room, ir.DoubleType().as_pointer())
 
@@ -238,27 +218,9 @@ def _registers(count: int):
 
     @nb.njit(inline="always")
     def registers():
-        return nb.carray(stack(), (count,))  # pyright: ignore[reportPrivateImportUsage]
+        return nb.carray(stack(), (LANES,))  # pyright: ignore[reportPrivateImportUsage]
 
     return registers
-
-
-@cache
-def _high_product():
-    from llvmlite import ir
-    from numba import types
-    from numba.extending import intrinsic
-
-    @intrinsic
-    def high(typing_context, a, b):
-        def code(context, builder, signature, arguments):
-            wide, narrow = ir.IntType(128), ir.IntType(64)
-            a, b = (builder.zext(x, wide) for x in arguments)
-            return builder.trunc(builder.lshr(builder.mul(a, b), ir.Constant(wide, 64)), narrow)
-
-        return types.uint64(types.uint64, types.uint64), code
-
-    return high
 
 
 def names_used(function: FunctionType) -> dict[str, Any]:

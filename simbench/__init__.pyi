@@ -9,8 +9,8 @@ from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.confirm.recorded import confirm as confirm
 from simbench.gap.diagnosis import conclude as conclude
-from simbench.loop.batch import simulate_batch as simulate_batch
 from simbench.loop.simulate import simulate as simulate
+from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.plant.trust.trust import trust as trust
 from simbench.theory.predict import predict as predict
 from simbench.workbench import Loop as Loop

@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
 from results.studies.asking_tests import claimed, contradicted, planned
+from results.studies.worlds import WORLDS
 from scenarios.spec import read_toml
 from simbench.blind import outcomes
 from simbench.blind.answering import answer, answers_after
@@ -33,7 +34,7 @@ from simbench.blind.making import PLANTS, make
 from simbench.blind.menu import MENU
 from simbench.blind.opening import open_
 from simbench.blind.score import judge_record, true_circumstances
-from simbench.blind.world import PLANNED, WORLDS
+from simbench.blind.world import PLANNED
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.gap.command import one_file

@@ -21,12 +21,13 @@ from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.records.io import read_record
+from results.studies.worlds import WORLDS
 from scenarios.spec import load_loop
 from simbench.blind import outcomes
 from simbench.blind.levels import Share
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.menu import TestPlan
-from simbench.blind.world import PLANNED, WORLDS, Item
+from simbench.blind.world import PLANNED, Item
 from simbench.gap.closed_loop.gap import closed, measure
 from simbench.gap.diagnosis import beside_tests, diagnose
 from simbench.gap.intake.check import check

@@ -21,9 +21,10 @@ from detectors.compiled import one_thread
 from detectors.errors import UserError
 from detectors.records.io import read_record
 from results.studies.plant.recorded_loops import records
+from results.studies.worlds import WORLDS
 from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLD_EFFECTS, WORLDS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.contract import check_file
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, held_out, measure
 from simbench.gap.closed_loop.summary_features import features

@@ -34,11 +34,11 @@ from detectors.verdict import NO_DECISION, STICTION
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
 from results.studies.plant.stiction_probability import entry
+from results.studies.worlds import WORLDS
 from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLDS
 from simbench.files import folder, write_table
 from simbench.usage import exit_code
 

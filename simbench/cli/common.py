@@ -75,7 +75,7 @@ _READING: dict[str, Any] = {
 }
 Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
 FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
-World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
+World = Annotated[str, typer.Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")]
 
 
 def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -18,19 +18,14 @@ _DISTURBANCE, _EFFECT = 100, 200
 
 def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
     """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied."""
-    setup = quiet_setup(loop, seed, tail, tf)
-    setup.draw_noise(quiet)
-    return setup
-
-
-def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Do all that `resolve_loop` does but for the noise, which is drawn last: effects may change its strength."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
         where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, _DISTURBANCE + i]))
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
     _apply_effects(setup)
+    # last, because effects may change the strength of the noise
+    setup.draw_noise(quiet)
     return setup
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run, Start, run_setup, signals_of
@@ -68,6 +70,46 @@ def simulate(
     """
     setup = resolve_loop(loop, seed, tail, plant, quiet)
     return run_setup(setup, kick=kick, start=start)
+
+
+def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> list[Run]:
+    """Run many closed loops from rest, one after the other.
+
+    Parameters
+    ----------
+    loops : sequence of Loop, length m
+        The loops to run; any mixture.
+    seeds : sequence of int, length m
+        Root of every random stream of each run.
+
+    Returns
+    -------
+    list of Run, length m
+        Element i equals `simulate(loops[i], seeds[i])`.
+
+    Raises
+    ------
+    UnknownName, ParameterError
+        As `simulate`; also for sequences of different length.
+
+    Notes
+    -----
+    Not for grids of scenarios with detectors: `run` works those in parallel and can be resumed.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "sampling": {"Ts": 1, "n": 500},
+    ...     "noise": {"std": 0.1}})
+    >>> [run.record.n for run in simulate_batch([loop, loop.with_("sampling.n", 70)], [1, 2])]
+    [500, 70]
+    """
+    if len(seeds) != len(loops):
+        message = f"simulate_batch: {len(loops)} loops and {len(seeds)} seeds; one of each is needed"
+        raise ParameterError(message)
+    return [simulate(loop, seed) for loop, seed in zip(loops, seeds)]
 
 
 def valve_tail(loop: Loop, seed: int, tail: int, quiet: int | None) -> np.ndarray:

@@ -26,9 +26,9 @@ from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from results.studies.plant.stiction_probability import PLANTS
+from results.studies.worlds import WORLDS
 from scenarios.spec import Loop
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLDS
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins

@@ -24,12 +24,12 @@ from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from detectors.signal.oscillation import find_oscillation
 from results.studies.plant.answers import answered
+from results.studies.worlds import WORLDS
 from scenarios.errors import SpecError
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import resolve
 from simbench.blind.making import PLANTS, STRENGTHS, write_item
-from simbench.blind.world import WORLDS
 from simbench.confirm.rig import run_rig
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from detectors.errors import UserError
+from results.studies.worlds import WORLDS
 from simbench.blind import menu, outcomes
 from simbench.blind.answering import answer, answers_after
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLDS
 from simbench.files import folder
 
 

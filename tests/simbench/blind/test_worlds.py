@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError, UnknownName
+from results.studies.worlds import NAMES, WORLDS
+from results.studies.worlds.mill import drawing as mill
+from results.studies.worlds.refinery import drawing as refinery
 from simbench.blind.making import Plan, make
-from simbench.blind.world import WORLD_EFFECTS, WORLDS
-from simbench.blind.worlds.mill import drawing as mill
-from simbench.blind.worlds.refinery import drawing as refinery
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.loop.effects import BLOCKS
 from simbench.loop.effects import EFFECTS as VOCABULARY
 
 MISMATCH = {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": True}
 
 
-@pytest.mark.parametrize("name", WORLDS.names())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
     foreign = WORLDS.load(name).FOREIGN
     assert len(foreign) >= 8
@@ -28,7 +29,7 @@ def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
     assert not set(foreign) & set(WORLD_EFFECTS)
 
 
-@pytest.mark.parametrize("name", WORLDS.names())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_one(name):
     world = WORLDS.load(name)
     answer = json.loads(json.dumps(world.draw(5, 1, MISMATCH).answer))
@@ -71,12 +72,12 @@ import json, sys
 import numpy as np
 
 from simbench.blind.making import Plan, make
-from simbench.blind.world import WORLDS
-from simbench.blind.worlds.mill import drawing as mill
-from simbench.blind.worlds.refinery import drawing as refinery
+from results.studies.worlds import NAMES, WORLDS
+from results.studies.worlds.mill import drawing as mill
+from results.studies.worlds.refinery import drawing as refinery
 from simbench.loop.effects import EFFECTS
 
-worlds = [WORLDS.load(name).TITLE for name in WORLDS.names()]
+worlds = [WORLDS.load(name).TITLE for name in NAMES]
 pairs = [list(world._pair(np.random.default_rng(seed))) for world in (mill, refinery) for seed in range(40)]
 plan = Plan(per_cell=1, none=0, two=0, foreign=0, effects=("noise",), strengths=("strong",))
 make(sys.argv[1] + "/set", sys.argv[1] + "/key", seed=3, plan=plan, world="mill")
@@ -97,7 +98,7 @@ def test_worlds_draw_the_same_bits_while_another_distributions_effect_is_install
     assert done.returncode == 0, done.stderr[-3000:]
     found = json.loads(done.stdout)
     assert set(found["known"]) - set(VOCABULARY) == {"sulking"}
-    assert len(found["worlds"]) == len(WORLDS.names())
+    assert len(found["worlds"]) == len(NAMES)
     # a pair is drawn from all effects that a world knows
     assert found["pairs"] == [list(w._pair(np.random.default_rng(s))) for w in (mill, refinery) for s in range(40)]
     plan = Plan(per_cell=1, none=0, two=0, foreign=0, effects=("noise",), strengths=("strong",))

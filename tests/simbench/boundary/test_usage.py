@@ -151,7 +151,7 @@ WRONG = [
     ("gap withheld make OUT --key k --seed -1", "seed"), ("gap withheld make OUT --key k --seed 1 -n 99", "-n"),
     ("gap withheld make REC --key OUT --seed 1 -n 100", "rec.csv"),
     ("gap withheld make OUT --key k --seed 1 -n 100 -j 0", "-j"), ("gap withheld answer none", "none"),
-    ("gap withheld make OUT --key k --seed 1 -n 100 --world mil", "mill"), ("gap withheld answer REC", "rec.csv"),
+    ("gap withheld make OUT --key k --seed 1 -n 100 --world onw", "own"), ("gap withheld answer REC", "rec.csv"),
     ("gap withheld answer RECS", "records"), ("gap withheld answer DIR -j x", "-j"), ("gap withheld answer", "argument"),
     ("gap withheld answer LOOP", "loop.toml"), ("gap withheld answer DIR extra", "argument"),
     ("gap withheld answer DIR --jsn", "--jsn"), ("gap withheld open", "argument"), ("gap withheld open none", "none"),

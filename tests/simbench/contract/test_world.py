@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import simbench
-from simbench.blind.world import WORLDS
+from results.studies.worlds import NAMES
 from simbench.contract.world import check_world
 
 TUTORIAL = Path(simbench.__file__).parents[1] / "docs" / "site" / "tutorials" / "own_world.md"
@@ -51,7 +51,7 @@ def test_a_broken_point_is_told(contract_of, old, new, said):
     assert any(said in fault for fault in found.broken), found
 
 
-@pytest.mark.parametrize("name", WORLDS.names())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_worlds_of_the_house_keep_it(name):
     found = check_world(name)
     assert (found.broken, found.notes) == ((), ())

@@ -18,7 +18,7 @@ from scenarios.spec import Loop
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
-from simbench.loop.simulate import simulate
+from simbench.loop.simulate import simulate, simulate_batch
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
 
@@ -286,3 +286,11 @@ def test_stages_stand_before_and_behind_any_friction_model():
 
 def test_first_order_plants_are_sampled_with_a_fraction_of_a_sample_of_dead_time():
     assert [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)] == [0.905, 0.046, 0.049, 2.0]
+
+
+def test_a_batch_gives_each_loop_what_simulate_gives_it():
+    loops = [loop(), loop().with_("sampling.n", 70)]
+    for run, one in zip(simulate_batch(loops, [1, 2]), (simulate(loops[0], 1), simulate(loops[1], 2)), strict=True):
+        assert np.array_equal(run.record.pv, one.record.pv)
+    with pytest.raises(ParameterError, match="2 loops and 1 seeds"):
+        simulate_batch(loops, [1])

@@ -36,7 +36,6 @@ from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
 from simbench.contract import check_in_subprocess
 from simbench.files import FileError
-from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
 
 METHODS = ["he", "yamashita"]
@@ -232,15 +231,6 @@ def test_a_record_is_simulated_again_from_its_id(finished):
         scenario = read_scenario(finished, row.scenario_id)
         assert scenario.id == row.scenario_id
         assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
-
-
-@pytest.mark.slow  # it compiles kinds of loops that no other test needs
-def test_a_batch_of_a_runs_loops_has_the_bits_of_the_run(finished):
-    """A run simulates one loop after the other, and would find the same with many at once."""
-    ids = tables(finished)[1].set_index("scenario_id").record_hash
-    scenarios = [read_scenario(finished, ident) for ident in ids.index]
-    batch = simulate_batch([s.loop for s in scenarios], [s.seed for s in scenarios])
-    assert [record_hash(run.record) for run in batch] == list(ids)
 
 
 def test_an_unknown_id_names_the_run(finished):

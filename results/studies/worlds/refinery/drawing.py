@@ -1,0 +1,149 @@
+"""Draws one labelled record, or runs a drawn loop again."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from detectors.errors import ParameterError, UnknownName
+from results.studies.worlds.refinery import foreign, loops, oracle, search
+from results.studies.worlds.refinery.search import Misfit, healthy, prepared
+from results.studies.worlds.refinery.simulation import run
+from simbench.blind.menu import TestPlan
+from simbench.blind.world import WORLD_EFFECTS, Item
+from simbench.loop.effects import NONE, UNKNOWN
+
+LOOPS = 200  # loops drawn before an entry is given up
+_KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew
+
+# effects that no record of SP, OP and PV can tell apart; two of one set are never drawn together
+SAME = (
+    {"valve_lag", "extra_lag", "sensor_lag"},
+    {"drift", "load_drift", "load_steps"},
+    {"deadzone", "valve_characteristic", "gain_mismatch"},
+    {"dead_time_mismatch", "valve_lag", "extra_lag", "sensor_lag"},
+    {"time_constant_mismatch", "valve_lag", "sensor_lag"},
+)
+_VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
+_EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
+NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
+
+
+def _pair(rng: np.random.Generator) -> tuple[str, str]:
+    """Two effects of different blocks, each block as likely as the other, that can be told apart."""
+    blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
+    while True:
+        chosen = rng.choice(len(blocks), 2, replace=False)
+        a, b = (loops.pick(rng, tuple(n for n in sorted(WORLD_EFFECTS) if WORLD_EFFECTS[n].block == blocks[i])) for i in chosen)
+        if not any(a in s and b in s for s in SAME):
+            return a, b
+
+
+def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
+    kind = entry.get("kind")
+    if kind == "none":
+        return ()
+    if kind == "two":
+        return _pair(rng)
+    known = {"single": WORLD_EFFECTS, "foreign": foreign.FOREIGN}.get(str(kind))
+    if known is None:
+        raise ParameterError(f"entry: kind = {kind!r} is unknown; allowed: none, single, two, foreign")
+    if entry.get("effect") not in known:
+        raise UnknownName(f"{kind} effect", str(entry.get("effect")), known)
+    if entry.get("strength") not in oracle.BANDS:
+        raise ParameterError(f"entry: strength = {entry.get('strength')!r}; allowed: {', '.join(oracle.BANDS)}")
+    return (entry["effect"],)
+
+
+def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int) -> dict:
+    ids = [item["effect"] for item in found]
+    kind = entry["kind"]
+    block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.FOREIGN[i] for i in ids]
+    strength = next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "") if found else ""
+    answer = {
+        "kind": kind,
+        "block": block[0] if found else NONE,
+        "effect": NONE if not found else (UNKNOWN if kind == "foreign" else ids[0]),
+        "effect2": ids[1] if len(ids) > 1 else "",
+        "block2": block[1] if len(ids) > 1 else "",
+        "strength": entry.get("strength", strength),
+        "ratio": float(ratio),
+        "parameters": found[0]["parameters"] if found else {},
+        "parameters2": found[1]["parameters"] if len(ids) > 1 else {},
+        "foreign": ids[0] if kind == "foreign" else "",
+        "mv": case["mv"],
+        "plant": case["plant"]["type"],
+        "controller": case["controller"]["type"],
+        "sp_moves": case["setpoint"]["kind"] != "constant",
+        "case": case,
+        "seed": seed,
+    }
+    # one trip through JSON: what a file gives back is what was drawn
+    return json.loads(json.dumps(answer))
+
+
+def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Generator) -> Item:
+    case = loops.draw_case(rng, classes, frozenset(_EXACT[n] for n in names if n in _EXACT), any(n in _VALVE for n in names))
+    if case is None:
+        raise Misfit
+    case["mv"] = bool(entry.get("mv", False))
+    seeds = rng.integers(2**31, size=search.CLOUD + search.SHOWN)
+    found, ratio = [], 1.0
+    if len(names) == 1:
+        found, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds, rng)
+    elif names:
+        found, ratio = search.two((names[0], names[1]), case, seeds, rng)
+    else:
+        # the same sieve as for a loop with an effect: a dozen runs that all behave
+        search.Bench(case, [], seeds)
+    answer = _answer(entry, case, found, ratio, int(seeds[search.CLOUD]))
+    record = run(prepared(answer["case"], found), answer["case"], answer["seed"])
+    if not healthy(record, case, found):
+        raise Misfit
+    return Item(_recorded(record, case), answer["case"]["baseline"], answer)
+
+
+def _recorded(record: dict[str, np.ndarray], case: dict) -> dict[str, np.ndarray]:
+    return {name: x for name, x in record.items() if name != "mv" or case["mv"]}
+
+
+def draw(seed: int, index: int, entry: dict) -> Item:
+    """Draw one labelled record."""
+    names = _names(entry, np.random.default_rng([seed, index, 1]))
+    wish = "foptd" if NEEDS_FOPTD & set(names) else entry.get("plant")
+    # the classes come from seed and index alone: the same whatever the entry asks for
+    lottery = np.random.default_rng([seed, index, 2])
+    for attempt in range(LOOPS):
+        if attempt % _KEPT == 0:
+            classes = loops.draw_classes(lottery, wish)
+        try:
+            return _try(entry, names, classes, np.random.default_rng([seed, index, 3, attempt]))
+        except Misfit:
+            continue
+    raise ParameterError(f"entry {entry!r}: none of {LOOPS} drawn loops can hold it")
+
+
+def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
+    """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
+
+    >>> item = draw(1, 0, {"kind": "none"})
+    >>> again = simulate(item.answer, [], item.answer["seed"])
+    >>> all((again[name] == item.columns[name]).all() for name in again)
+    True
+    """
+    case = answer["case"]
+    return _recorded(run(prepared(case, effects, nominal), case, seed), case)
+
+
+def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
+    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where the plan has them."""
+    case, r = dict(answer["case"]), plan.faster
+    steady = {"kind": "constant", "value": case["setpoint"]["value"]}
+    case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}
+    setup = prepared(case, effects)
+    own = setup.controller
+    # the law keeps its own scan
+    setup.controller = own._replace(Kc=own.Kc * plan.Kc_ratio, Ti=own.Ti / r)
+    columns = run(setup, case, seed, plan)
+    return {name: x for name, x in columns.items() if name != "mv" or case["mv"] or plan.mv}

@@ -1,0 +1,166 @@
+"""Each effect of the refinery does what its definition says, on a record where that can be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from results.studies.worlds.refinery import loops, simulation
+from results.studies.worlds.refinery.search import prepared
+from simbench.blind.world import WORLD_EFFECTS
+from simbench.blind.worlds import refinery
+
+
+@pytest.fixture(scope="module")
+def answer():
+    """A plain foptd PI loop: white noise, wandering load, archive of full resolution, MV recorded."""
+    rng = np.random.default_rng(12)
+    classes = loops.draw_classes(rng, "foptd") | {
+        "controller": "PI", "sp": "constant", "n": 3000, "averaging": False, "exceptions": False, "late": False,
+        "known_play": False, "noise": "white", "load": "ou", "higher_order": False,
+    }  # fmt: skip
+    case = loops.draw_case(rng, classes)
+    assert case is not None
+    case["sensor"] = {"count": 0.0, "count_offset": 0.0}
+    case["controller"]["op_step"] = 0.0
+    case["archive"] |= {"places": dict.fromkeys(("sp", "op", "pv", "mv"), 12), "style": "digits"}
+    case["mv"] = True
+    return {"case": case}
+
+
+def record(answer, effect=None, **parameters):
+    return refinery.simulate(answer, [{"effect": effect, "parameters": parameters}] if effect else [], 3)
+
+
+def test_every_effect_moves_something(answer):
+    plain = record(answer)
+    std = answer["case"]["noise"]["std"]
+    large = {
+        "stiction": {"S": 4.0, "J": 2.0}, "deadband": {"S": 4.0}, "deadzone": {"D": 4.0}, "valve_lag": {"tau": 30.0},
+        "valve_characteristic": {"R": 20.0}, "gain_mismatch": {"factor": 1.5}, "time_constant_mismatch": {"factor": 2.0},
+        "dead_time_mismatch": {"extra": 10.0}, "extra_lag": {"tau": 20.0}, "noise": {"factor": 3.0},
+        "quantisation": {"step": 5 * std}, "sensor_lag": {"tau": 10.0}, "compression": {"band": 3 * std},
+        "outliers": {"rate": 0.01, "size": 20 * std}, "drift": {"rate": 1e-3},
+        "oscillation": {"amplitude": 3.0, "period": 90.0},
+        "load_steps": {"rate": 0.002, "size": 3.0}, "load_drift": {"rate": 1e-3}, "saturation": {"hi": answer["case"]["m0"]},
+        "detuning": {"Kc_factor": 1.3}, "error_deadband": {"width": 5 * std}, "op_quantisation": {"step": 1.0},
+    }  # fmt: skip
+    assert set(large) == set(WORLD_EFFECTS)
+    for effect, parameters in large.items():
+        changed = record(answer, effect, **parameters)
+        assert not np.array_equal(changed["pv"], plain["pv"]), effect
+        assert np.array_equal(changed["t"], plain["t"])
+        assert np.array_equal(changed["sp"], plain["sp"])
+
+
+@pytest.mark.parametrize("effect", ["quantisation", "compression", "outliers"])
+def test_effects_of_the_archive_leave_the_loop_alone(answer, effect):
+    parameters = {
+        "quantisation": {"step": 1.0, "at": "record"},
+        "compression": {"band": 1.0},
+        "outliers": {"rate": 0.01, "size": 9.0},
+    }
+    plain, changed = record(answer), record(answer, effect, **parameters[effect])
+    assert np.array_equal(plain["op"], changed["op"])
+    assert not np.array_equal(plain["pv"], changed["pv"])
+
+
+def test_lattices_go_through_zero(answer):
+    step = 3.7 * answer["case"]["noise"]["std"]
+    for at in ("loop", "record"):
+        pv = record(answer, "quantisation", step=step, at=at)["pv"]
+        assert np.abs(pv / step - np.round(pv / step)).max() < 1e-6
+    op = record(answer, "op_quantisation", step=0.8)["op"]
+    assert np.abs(op / 0.8 - np.round(op / 0.8)).max() < 1e-9
+
+
+def test_valve_effects_stand_between_op_and_mv(answer):
+    plain = record(answer)
+    np.testing.assert_allclose(plain["mv"], plain["op"], atol=1e-9)
+    c = answer["case"]["m0"]
+    zone = record(answer, "deadzone", D=2.0, c=c)
+    np.testing.assert_allclose(
+        zone["mv"], c + np.sign(zone["op"] - c) * np.maximum(np.abs(zone["op"] - c) - 1.0, 0.0), atol=1e-9
+    )
+    band = record(answer, "deadband", S=2.0)
+    x = band["mv"][0]
+    for u, v in zip(band["op"][1:], band["mv"][1:]):
+        x = max(u - 1.0, min(u + 1.0, x))
+        assert v == pytest.approx(x, abs=1e-9)
+    trim = record(answer, "valve_characteristic", R=30.0)
+    np.testing.assert_allclose(trim["mv"], 100 * (30 ** (trim["op"] / 100) - 1) / 29, atol=1e-8)
+    lag = record(answer, "valve_lag", tau=25.0)
+    a = np.exp(-answer["case"]["Ts"] / 25.0)
+    np.testing.assert_allclose(lag["mv"][1:], a * lag["mv"][:-1] + (1 - a) * lag["op"][1:], atol=1e-8)
+
+
+def test_noise_adds_in_quadrature(answer):
+    case, std0 = answer["case"], answer["case"]["noise"]["std"]
+    setup = prepared(case, [{"effect": "noise", "parameters": {"factor": 2.0, "std": 0.5 * std0}}])
+    made = simulation._signals(setup, case, 1).noise
+    assert made.std() == pytest.approx(std0 * np.sqrt(4.0 + 0.25), rel=0.04)
+    setup = prepared(case, [{"effect": "noise", "parameters": {"factor": 0.5}}])
+    assert simulation._signals(setup, case, 1).noise.std() == pytest.approx(0.5 * std0, rel=0.04)
+
+
+def test_loads_enter_in_per_cent_at_the_input(answer):
+    case = answer["case"]
+    plain = simulation._signals(prepared(case, []), case, 1).load
+    sine = simulation._signals(
+        prepared(case, [{"effect": "oscillation", "parameters": {"amplitude": 4.0, "period": 60.0}}]), case, 1
+    )
+    extra = sine.load - plain
+    assert np.ptp(extra) / 2 == pytest.approx(4.0, rel=1e-3)
+    h = case["Ts"] / simulation.SUBSTEPS
+    spectrum = np.abs(np.fft.rfft(extra))
+    assert np.fft.rfftfreq(extra.size, h)[np.argmax(spectrum)] == pytest.approx(1 / 60.0, rel=0.02)
+    ramp = simulation._signals(prepared(case, [{"effect": "load_drift", "parameters": {"rate": 0.002}}]), case, 1).load - plain
+    assert ramp[-1] - ramp[0] == pytest.approx(0.002 * h * (ramp.size - 1))
+
+
+def test_sensor_drift_is_added_to_the_reading(answer):
+    case = answer["case"]
+    error = simulation._signals(prepared(case, [{"effect": "drift", "parameters": {"rate": 0.01}}]), case, 1).error
+    assert np.diff(error) == pytest.approx(0.01 * case["Ts"])
+
+
+def test_saturation_and_error_deadband_bind(answer):
+    width = 3 * answer["case"]["scales"]["e"]
+    lo, hi = np.round(np.quantile(record(answer)["op"], [0.2, 0.7]), 1)
+    op = record(answer, "saturation", lo=float(lo), hi=float(hi))["op"]
+    assert op.min() == lo
+    assert op.max() == hi
+    dead = record(answer, "error_deadband", width=width)
+    e = dead["sp"] - dead["pv"]
+    inside = np.abs(e) < 0.499 * width
+    both = inside[1:] & inside[:-1] & (np.arange(1, e.size) > 1)
+    assert np.all(np.diff(dead["op"])[both] == 0)
+    assert np.any(np.diff(dead["op"])[~both] != 0)
+
+
+def test_detuning_shows_in_the_law(answer):
+    """Regress OP's steps on the errors: Kc and Kc Ts/Ti come out as the tuning times its factors."""
+    own, sign = answer["case"]["controller"], 1.0 if answer["case"]["controller"]["direction"] == "reverse" else -1.0
+    for effect, kf, tf in ((None, 1.0, 1.0), ("detuning", 1.4, 0.8)):
+        r = record(answer, effect, Kc_factor=kf, Ti_factor=tf) if effect else record(answer)
+        e = r["sp"] - r["pv"]
+        a, b = np.linalg.lstsq(np.column_stack([e[1:], e[:-1]]), np.diff(r["op"]), rcond=None)[0]
+        Kc = own["Kc"] * kf
+        # whichever the integral rule, the sum of both coefficients is Kc Ts/Ti
+        assert sign * (a + b) == pytest.approx(Kc * answer["case"]["Ts"] / (own["Ti"] * tf), rel=1e-4)
+        share = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}[own["rule"]]
+        assert -sign * b == pytest.approx(Kc - share * sign * (a + b), rel=1e-4)
+
+
+def test_plant_mismatches_change_their_own_number(answer):
+    case = answer["case"]
+    p = simulation.build(case).plant
+    for effect, name, value, expected in (
+        ("gain_mismatch", "K", {"factor": 1.7}, p.K * 1.7),
+        ("time_constant_mismatch", "T", {"factor": 0.6}, p.T * 0.6),
+        ("dead_time_mismatch", "Td", {"extra": 4.0}, p.Td + 4.0),
+        ("dead_time_mismatch", "Td", {"extra": -1e6}, 0.0),
+        ("extra_lag", "extra_lag", {"tau": 8.0}, 8.0),
+    ):
+        changed = prepared(case, [{"effect": effect, "parameters": value}]).plant
+        assert changed == p._replace(**{name: expected})

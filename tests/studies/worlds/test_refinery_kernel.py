@@ -1,0 +1,272 @@
+"""The compiled loop of the refinery against a slow twin in plain Python, and against cases worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from results.studies.worlds.refinery import physics, valves
+from results.studies.worlds.refinery.baseline import step_response
+from results.studies.worlds.refinery.controller import Controller
+from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
+from results.studies.worlds.refinery.valves import Valve
+
+M0, PV0, TS = 50.0, 200.0, 2.0
+
+
+def signals(n, seed=0, load=0.0, noise=0.0, sp=PV0, **changed):
+    rng = np.random.default_rng(seed)
+    nothing = np.zeros(n)
+    base = {
+        "sp": np.full(n, sp) if np.isscalar(sp) else sp,
+        "load": load * np.cumsum(rng.standard_normal(n * SUBSTEPS)) / SUBSTEPS,
+        "noise": noise * rng.standard_normal(n),
+        "error": nothing,
+        "spikes": nothing,
+        "held": np.zeros(n, dtype=bool),
+        "manual": np.zeros(n, dtype=bool),
+        "hand": np.full(n, np.nan),
+        "between": np.zeros(n, dtype=bool),
+    }
+    return Signals(**{**base, **changed})
+
+
+def loop(x, plant=None, controller=None, valve=None, sensor=None):
+    plant = plant or Plant(False, 2.0, 20.0, 5.0)
+    controller = controller or Controller(Kc=1.0, Ti=20.0, Ts=TS, bias=M0)
+    valve = valve or Valve()
+    stem = valves.rest(valves.untrim(M0, valve.R))
+    return physics.close_loop(plant, controller, valve, sensor or Sensor(), x, M0, PV0, stem)[:5]
+
+
+class Twin:
+    """The same loop in lists and loops: no ring buffers, no precomputed factors, the laws written out once more."""
+
+    def __init__(self, plant, controller, valve, sensor):
+        self.p, self.c, self.v, self.s = plant, controller, valve, sensor
+        self.integral = self.e1 = self.u1 = None
+        self.stem, self.moving, self.input = M0, 0, M0
+        self.band = M0
+
+    def law(self, sp, pv):
+        c, e = self.c, sp - pv
+        if abs(e) <= c.dead_width / 2:
+            e = 0.0
+        if self.u1 is None:
+            self.e1, self.u1, self.integral = e, c.bias, -c.Kc * e
+        mean = {0: e, 1: self.e1, 2: (e + self.e1) / 2}[c.rule]
+        step = c.Kc * c.Ts / c.Ti * mean if c.Ti else 0.0
+        clip = lambda u: min(max(u, c.lo), c.hi)  # noqa: E731
+        if c.velocity:
+            u = clip(self.u1 + c.Kc * (e - self.e1) + step)
+        elif not c.Ti:
+            u = clip(c.bias + c.Kc * e)
+        else:
+            free = c.bias + c.Kc * e + self.integral + step
+            if c.windup == 0:
+                if c.lo <= free <= c.hi or (free > c.hi) != (step > 0):
+                    self.integral += step
+            elif c.windup == 1:
+                self.integral += step + min(1.0, c.Ts / (c.Ti / 2)) * (clip(free) - free)
+            else:
+                self.integral = clip(c.bias + self.integral + step) - c.bias
+            u = clip(free if c.windup == 1 else c.bias + c.Kc * e + self.integral)
+        self.e1, self.u1 = e, u
+        return round(u / c.quantum) * c.quantum if c.quantum else u
+
+    def drive(self, op):
+        v, u = self.v, min(max(op, 0.0), 100.0)
+        if v.play:
+            u = self.band = max(u - v.play / 2, min(u + v.play / 2, self.band))
+        if v.zone:
+            d = u - v.zone_centre
+            u = v.zone_centre + math.copysign(max(abs(d) - v.zone / 2, 0.0), d)
+        if v.friction == valves.CHOUDHURY:
+            if self.moving and (u - self.input) * self.moving <= 0:
+                self.moving = 0
+            gap = u - self.stem
+            if not self.moving and abs(gap) > v.fs:
+                self.moving = 1 if gap > 0 else -1
+            if self.moving:
+                self.stem = u - self.moving * v.fd
+            self.input, u = u, self.stem
+        if v.friction == valves.HE and abs(u - self.stem) > v.fs:
+            self.stem = u - math.copysign(v.fd, u - self.stem)
+        return self.stem if v.friction else u
+
+    def run(self, x):
+        p, s, h = self.p, self.s, self.c.Ts / SUBSTEPS
+        n, pv, op, mv, inputs = len(x.sp), [], [], [], []
+        y = x.sp[0] - PV0
+        lags, seen = [y, y, y], x.sp[0]
+        shaft = M0
+        for k in range(n):
+            reading = seen
+            if s.quantum:
+                reading = round(reading / s.quantum) * s.quantum
+            pv.append(reading + x.spikes[k])
+            op.append(self.law(x.sp[k], pv[-1]))
+            drive = self.drive(op[-1])
+            for j in range(SUBSTEPS):
+                shaft = drive + (shaft - drive) * math.exp(-h / self.v.lag) if self.v.lag else drive
+                flow = 100 * (self.v.R ** (shaft / 100) - 1) / (self.v.R - 1) if self.v.R != 1 else shaft
+                inputs.append(flow + x.load[k * SUBSTEPS + j] - M0)
+                back = len(inputs) - 1 - p.Td / h
+                i = math.floor(back)
+                at = lambda q: inputs[q] if q >= 0 else 0.0  # noqa: E731
+                w = at(i) + (back - i) * (at(i + 1) - at(i)) if back > i else at(i)
+                before = [y, *lags]
+                y = y + p.K * h * w if p.integrating else p.K * w + (y - p.K * w) * math.exp(-h / p.T)
+                out, old = y, before[0]
+                for q, tau in enumerate((p.lag1, p.lag2, p.extra_lag)):
+                    mean = (out + old) / 2
+                    lags[q] = mean + (before[q + 1] - mean) * math.exp(-h / tau) if tau else out
+                    out, old = lags[q], before[q + 1]
+                noise = x.noise[min(k + 1, n - 1)] + x.error[k]
+                mean = PV0 + (out + old) / 2 + noise
+                seen = mean + (seen - mean) * math.exp(-h / s.lag) if s.lag else PV0 + out + noise
+            mv.append(flow)
+        return np.array(pv), np.array(op), np.array(mv)
+
+
+CONTROLLERS = [
+    {"Ti": 0.0},
+    *[{"velocity": v, "rule": r} for v in (False, True) for r in (0, 1, 2)],
+    *[{"windup": w, "rule": r, "lo": 45.0, "hi": 56.0} for w in (0, 1, 2) for r in (0, 2)],
+    {"velocity": True, "lo": 45.0, "hi": 56.0},
+    {"dead_width": 3.0},
+    {"quantum": 0.7},
+]
+
+
+@pytest.mark.parametrize("changed", CONTROLLERS, ids=str)
+def test_every_controller_form_agrees_with_the_slow_twin(changed):
+    c = Controller(**{"Kc": 0.9, "Ti": 25.0, "Ts": TS, "bias": M0, **changed})
+    x = signals(400, load=3.0, noise=0.5, sp=np.where(np.arange(400) < 200, PV0, PV0 + 6))
+    p = Plant(False, 2.0, 20.0, 5.0)
+    fast, slow = loop(x, p, c), Twin(p, c, Valve(), Sensor()).run(x)
+    for a, b in zip(fast, slow):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-8)
+    if "lo" in changed:
+        assert np.isclose(fast[1].min(), 45) or np.isclose(fast[1].max(), 56), "the limits were never met"
+
+
+PARTS = [
+    (Plant(True, 0.05, 1.0, 3.3), Valve(), Sensor()),
+    (Plant(False, 2.0, 20.0, 0.0, lag1=2.0, lag2=1.0), Valve(), Sensor()),
+    (Plant(False, 2.0, 20.0, 7.7, extra_lag=9.0), Valve(), Sensor(lag=4.0)),
+    (Plant(False, 2.0, 20.0, 5.0), Valve(play=2.0), Sensor(quantum=0.8)),
+    (Plant(False, 2.0, 20.0, 5.0), Valve(zone=3.0, zone_centre=51.0), Sensor()),
+    (Plant(False, 2.0, 20.0, 5.0), Valve(lag=6.0), Sensor()),
+    (Plant(False, 2.0, 20.0, 5.0), Valve(friction=valves.CHOUDHURY, fs=2.0, fd=1.0), Sensor()),
+    (Plant(True, 0.05, 1.0, 3.3), Valve(friction=valves.HE, fs=1.5, fd=0.5), Sensor()),
+]
+
+
+@pytest.mark.parametrize("parts", PARTS, ids=range(len(PARTS)))
+def test_every_part_of_the_plant_agrees_with_the_slow_twin(parts):
+    p, v, s = parts
+    c = Controller(Kc=0.9, Ti=25.0, Ts=TS, bias=M0)
+    x = signals(300, load=3.0, noise=0.5)
+    for a, b in zip(loop(x, p, c, v, s), Twin(p, c, v, s).run(x)):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-8)
+
+
+def open_loop(step, n=120, **parts):
+    """PV's deviation at the scans after OP goes up by `step` % at scan 10, the controller in manual gain (Kc tiny)."""
+    sp = np.where(np.arange(n) < 10, PV0, PV0 + step / 1e-9)
+    return loop(signals(n, sp=sp), controller=Controller(Kc=1e-9, Ti=0.0, Ts=TS, bias=M0), **parts)
+
+
+def test_step_through_the_plant_is_the_textbook_response():
+    pv = open_loop(5.0, plant=Plant(False, 2.0, 20.0, 5.0))[0] - PV0
+    t = np.maximum(np.arange(120) * TS - 10 * TS - 5.0, 0.0)
+    # dead time between two cells is exact only for the cells around it: 10 (1 - exp) within one fine step
+    np.testing.assert_allclose(pv, 10 * (1 - np.exp(-t / 20)), atol=10 * (TS / SUBSTEPS) / 20)
+
+
+def test_step_through_three_lags_is_the_sum_of_their_modes():
+    pv = open_loop(5.0, plant=Plant(False, 2.0, 20.0, 0.0, lag1=3.0, extra_lag=8.0))[0] - PV0
+    exact = 10 * step_response(np.arange(120) * TS - 10 * TS, 20.0, (3.0, 8.0))
+    np.testing.assert_allclose(pv, exact, atol=2e-3)
+
+
+def test_integrating_plant_climbs_by_gain_times_input_after_its_dead_time():
+    pv = open_loop(5.0, plant=Plant(True, 0.1, 1.0, 4.0))[0] - PV0
+    np.testing.assert_allclose(pv[20], 0.1 * 5.0 * (10 * TS - 4.0), rtol=1e-6)
+
+
+def test_valve_lag_follows_its_exponential():
+    mv = open_loop(10.0, valve=Valve(lag=7.0))[2] - M0
+    held = (np.arange(120) - 9) * TS  # MV is read at the end of its scan
+    np.testing.assert_allclose(mv[10:], 10 * (1 - np.exp(-held[10:] / 7)), rtol=1e-6)
+
+
+def test_sensor_lag_filters_process_and_noise():
+    noisy = signals(4000, noise=1.0)
+    still = Controller(Kc=1e-12, Ti=0.0, Ts=TS, bias=M0)
+    pv = loop(noisy, controller=still, sensor=Sensor(lag=5.0))[0] - PV0
+    a = math.exp(-TS / 5.0)
+    expected = np.zeros(4000)
+    for k in range(1, 4000):
+        expected[k] = a * expected[k - 1] + (1 - a) * noisy.noise[k]
+    np.testing.assert_allclose(pv, expected, atol=1e-6)
+
+
+def test_recycle_and_swell_leave_the_steady_gain_alone():
+    for plant in (
+        Plant(False, 2.0, 10.0, 5.0, recycle=0.6, recycle_delay=12.0),
+        Plant(False, 2.0, 10.0, 5.0, swell=1.5, swell_time=3.0),
+    ):
+        pv = open_loop(5.0, n=400, plant=plant)[0] - PV0
+        assert pv[-1] == pytest.approx(10.0, rel=1e-3)
+
+
+def test_swell_goes_the_wrong_way_first():
+    pv = open_loop(5.0, plant=Plant(False, 2.0, 20.0, 0.0, swell=1.0, swell_time=3.0))[0] - PV0
+    assert pv[11] < -0.5
+    assert pv[-1] > 9.0
+
+
+def test_asymmetric_plant_falls_more_slowly_than_it_rises():
+    p = Plant(False, 2.0, 10.0, 0.0, slower=3.0)
+    up, down = open_loop(5.0, plant=p)[0] - PV0, open_loop(-5.0, plant=p)[0] - PV0
+    assert up[15] == pytest.approx(10 * (1 - math.exp(-10 / 10)), rel=1e-3)
+    assert down[15] == pytest.approx(-10 * (1 - math.exp(-10 / 30)), rel=1e-3)
+
+
+def test_float_with_lost_travel_shows_the_process_less_half_its_play():
+    pv = open_loop(5.0, plant=Plant(False, 2.0, 5.0, 0.0), sensor=Sensor(float_play=3.0))[0] - PV0
+    assert pv[-1] == pytest.approx(10.0 - 1.5, abs=1e-3)
+
+
+def test_manual_holds_op_and_returns_without_a_bump():
+    manual = np.zeros(300, dtype=bool)
+    manual[100:150] = True
+    for velocity in (False, True):
+        c = Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, velocity=velocity)
+        op = loop(signals(300, load=2.0, manual=manual), controller=c)[1]
+        assert np.all(op[100:150] == op[99])
+        usual = np.abs(np.diff(op[:100])).max()
+        assert abs(op[150] - op[149]) < 2 * usual
+
+
+def test_closing_ramp_limits_one_direction_only():
+    c = Controller(Kc=2.0, Ti=20.0, Ts=TS, bias=M0, close_rate=0.05)
+    op = loop(signals(500, load=3.0, noise=1.0), controller=c)[1]
+    assert np.diff(op).min() == pytest.approx(-0.05 * TS, rel=1e-9)
+    assert np.diff(op).max() > 1.0
+
+
+def test_error_squared_law_has_full_gain_at_its_scale():
+    c = Controller(Kc=2.0, Ti=0.0, Ts=TS, bias=M0, square_share=1.0, square_scale=4.0)
+    sp = np.array([PV0, PV0 + 4.0, PV0 + 2.0])
+    op = loop(signals(3, sp=sp), plant=Plant(False, 1e-9, 1.0, 0.0), controller=c)[1]
+    np.testing.assert_allclose(op, [M0, M0 + 8.0, M0 + 2.0], atol=1e-6)
+
+
+def test_only_one_version_of_the_loop_is_compiled():
+    loop(signals(5))
+    assert len(physics.close_loop.signatures) == 1
