@@ -74,7 +74,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
     rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
-    populations = {ALL: np.ones(book.ids.size, dtype=bool), OF_OSCILLATING: book.oscillating, OF_NOT_OSCILLATING: ~book.oscillating}
+    going = book.oscillating
+    populations = {ALL: np.ones(going.size, dtype=bool), OF_OSCILLATING: going, OF_NOT_OSCILLATING: ~going}
     for mode in (FRONT, RAW):
         # the order of the scores is all that counts, and found once
         everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)]

@@ -30,7 +30,9 @@ class RankStability:
         return {"winner": self.winner, "wins": self.wins, "halves": HALVES, "pairs": list(self.pairs)}
 
 
-def stability(earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], groups: np.ndarray, seed: int) -> RankStability:
+def stability(
+    earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], groups: np.ndarray, seed: int
+) -> RankStability:
     """Rank methods on random halves of the groups, and test neighbours of the whole ranking.
 
     `earned`: 1 less the cost of every answer; `right`: whether it was right; both (n,) by method. McNemar (1947), Holm (1979).
