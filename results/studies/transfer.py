@@ -339,7 +339,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
     parser.add_argument("--picture", type=Path, help="SVG to write")
     given = parser.parse_args(arguments)
-    homes, names = kept(given.out, given.n, given.slow, given.records), methods()
+    homes = kept(given.out, given.n, given.slow, given.records)
+    names = [m for m in methods() if all(m in home.costs for home in homes.values())]
     dear = slow(names)
     fast = [m for m in names if m not in dear]
     for name in LEARNED:
@@ -354,7 +355,8 @@ def main(arguments: list[str] | None = None) -> int:
     )
     print("a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n")
     print("\n".join(table(homes, names)))
-    print(f"{', '.join(dear)}: on the first {min(given.slow, given.n)} loops of each grid and world, and on all real ones")
+    few = min(given.slow, given.n)
+    print(f"{', '.join(dear) or 'no slow method'}: on the first {few} loops of each grid and world, and on all real ones")
     print(f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops again\n")
     print("\n".join(agreement(found)))
     if given.picture is not None:

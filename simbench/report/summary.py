@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.bench.score.names import ALL, FRONT, NOT_OSCILLATING, OSCILLATING, RAW
+from simbench.bench.score.names import ALL, FRONT, OF_NOT_OSCILLATING, OF_OSCILLATING, RAW
 from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import HALVES
 from simbench.html.table import percent, sortable
@@ -51,11 +51,11 @@ def section(run: RunData) -> Markup:
     tiles.append((str(len(run.errors)), "failures"))
     other = next(m for m in (FRONT, RAW) if m != mode)
     places: list[tuple[str, tuple[str, str, str, str]]] = [
-        ("Oscillating loops, against whether the loop cycles by itself", ("cycled", mode, ALL, OSCILLATING)),
-        ("Oscillating loops, against Table 11.3", ("predicted", mode, ALL, OSCILLATING)),
-        ("Oscillating self-regulating loops", ("cycled", mode, "self-regulating", OSCILLATING)),
-        ("Oscillating integrating loops", ("cycled", mode, "integrating", OSCILLATING)),
-        (f"Loops that do not oscillate, {_DETECTION[mode]}", ("cycled", mode, ALL, NOT_OSCILLATING)),
+        ("Oscillating loops, against whether the loop cycles by itself", ("cycled", mode, ALL, OF_OSCILLATING)),
+        ("Oscillating loops, against Table 11.3", ("predicted", mode, ALL, OF_OSCILLATING)),
+        ("Oscillating self-regulating loops", ("cycled", mode, "self-regulating", OF_OSCILLATING)),
+        ("Oscillating integrating loops", ("cycled", mode, "integrating", OF_OSCILLATING)),
+        (f"Loops that do not oscillate, {_DETECTION[mode]}", ("cycled", mode, ALL, OF_NOT_OSCILLATING)),
         (f"All loops, {_DETECTION[mode]}", ("cycled", mode, ALL, ALL)),
         (f"All loops, {_DETECTION[other]}", ("cycled", other, ALL, ALL)),
     ]

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.score.history import remember
-from simbench.bench.score.names import FRONT, NOT_OSCILLATING
+from simbench.bench.score.names import FRONT, OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
@@ -61,7 +61,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    shown = (table["mode"] == FRONT) & (table["population"] != NOT_OSCILLATING)
+    shown = (table["mode"] == FRONT) & (table["population"] != OF_NOT_OSCILLATING)
     write_table(table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 

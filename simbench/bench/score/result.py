@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from detectors.views import page_part
-from simbench.bench.score.names import ALL, FRONT, OSCILLATING, kind_of
+from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
-from simbench.bench.score.stability import Stability
+from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
 from simbench.bench.store.place import Place, place_of
 from simbench.files import csv_text
@@ -63,7 +63,7 @@ class Scores:
         Of the run.
     counts : dict
         How many scenarios the run has, and how many of them oscillate.
-    stability : dict of truth to Stability
+    stability : dict of truth to RankStability
         How stable the ranking on oscillating loops is.
     failing : dict of method to int
         Methods without a rank because they failed on more records than allowed, and on how many.
@@ -81,7 +81,7 @@ class Scores:
     standing: dict[tuple[str, str, str, str], Ranks]
     manifest: dict[str, Any]
     counts: dict[str, int] = field(default_factory=dict)
-    stability: dict[str, Stability] = field(default_factory=dict)
+    stability: dict[str, RankStability] = field(default_factory=dict)
     failing: dict[str, int] = field(default_factory=dict)
     first: str = FRONT
     undecided: float = UNDECIDED
@@ -89,10 +89,10 @@ class Scores:
     @property
     def resolution(self) -> float:
         """Smallest difference of cost against `cycled` that the run resolves on oscillating loops, in the mode shown first."""
-        return self.standing["cycled", self.first, ALL, OSCILLATING].resolution
+        return self.standing["cycled", self.first, ALL, OF_OSCILLATING].resolution
 
     def ranking(
-        self, truth: str = "cycled", mode: str | None = None, process: str = ALL, population: str = OSCILLATING
+        self, truth: str = "cycled", mode: str | None = None, process: str = ALL, population: str = OF_OSCILLATING
     ) -> pd.DataFrame:
         """Return the rows of one block, best first: methods that see OP and PV, those that see MV, reference rows, other tests.
         """

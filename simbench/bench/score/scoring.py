@@ -21,8 +21,8 @@ from simbench.bench.score.names import (
     ALL,
     FRONT,
     NO_WAVEFORM,
-    NOT_OSCILLATING,
-    OSCILLATING,
+    OF_NOT_OSCILLATING,
+    OF_OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
     kind_of,
@@ -30,7 +30,7 @@ from simbench.bench.score.names import (
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
-from simbench.bench.score.stability import Stability, stability
+from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import AXES
@@ -73,7 +73,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
     rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
-    populations = {ALL: np.ones(book.ids.size, dtype=bool), OSCILLATING: book.oscillating, NOT_OSCILLATING: ~book.oscillating}
+    going = book.oscillating
+    populations = {ALL: np.ones(going.size, dtype=bool), OF_OSCILLATING: going, OF_NOT_OSCILLATING: ~going}
     # answers to an exam are scored as given
     for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
         # the order of the scores is all that counts, and found once
@@ -85,10 +86,10 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process, "population": population}
                 block = _block(book, truth, here, place, blind)
                 # where nothing oscillates no score tells loops apart
-                found = [_row(block, a, undecided, interval=population != NOT_OSCILLATING) for a in everyone]
+                found = [_row(block, a, undecided, interval=population != OF_NOT_OSCILLATING) for a in everyone]
                 standing[truth, mode, process, population], ranked = _rank(block, everyone, found, undecided, failing)
                 rows += found
-                if (mode, process, population) == (first, ALL, OSCILLATING):
+                if (mode, process, population) == (first, ALL, OF_OSCILLATING):
                     stable[truth] = _stability(block, ranked, undecided, book)
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
@@ -97,7 +98,7 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     other = _disagreement(book), _frame(left_out, {}), quantification(book)
-    counts = {"scenarios": int(book.ids.size), OSCILLATING: int(book.oscillating.sum())}
+    counts = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
     return Scores(*frames, *other, standing, book.manifest, counts, stable, failing, first, undecided)
 
 
@@ -300,7 +301,7 @@ def _rank(
     return standing[0] if standing[0][1] else standing[1]
 
 
-def _stability(block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays) -> Stability:
+def _stability(block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays) -> RankStability:
     """Return how stable the order of the ranked methods is, with halves drawn from the run's seed."""
     use = block.use
     earned = {a.method: _earned(a.said[use], block.positive, cost) * a.applies[use] for a in ranked}

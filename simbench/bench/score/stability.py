@@ -16,7 +16,7 @@ _LEVEL = 0.05
 
 
 @dataclass(frozen=True)
-class Stability:
+class RankStability:
     """How far the order of some methods depends on the loops that were drawn."""
 
     winner: str | None = None  # the method of lowest cost; None where no two methods are ranked
@@ -30,14 +30,16 @@ class Stability:
         return {"winner": self.winner, "wins": self.wins, "halves": HALVES, "pairs": list(self.pairs)}
 
 
-def stability(earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], groups: np.ndarray, seed: int) -> Stability:
+def stability(
+    earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], groups: np.ndarray, seed: int
+) -> RankStability:
     """Rank methods on random halves of the groups, and test neighbours of the whole ranking.
 
     `earned`: 1 less the cost of every answer; `right`: whether it was right; both (n,) by method. McNemar (1947), Holm (1979).
     """
     order = sorted(earned, key=lambda method: -float(earned[method].mean()))
     if len(order) < 2:
-        return Stability()
+        return RankStability()
     _, place = np.unique(groups, return_inverse=True)
     sums = np.array([np.bincount(place, earned[method]) for method in order])
     rng, wins = np.random.default_rng(seed), 0
@@ -52,4 +54,4 @@ def stability(earned: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray],
     p = holm([mcnemar(a, b) for *_, a, b in rows])
     names = ("first", "second", "only_first", "only_second")
     pairs = ({**dict(zip(names, row, strict=True)), "p": float(q), "separated": bool(q < _LEVEL)} for row, q in zip(rows, p))
-    return Stability(order[0], wins, tuple(pairs))
+    return RankStability(order[0], wins, tuple(pairs))

@@ -17,8 +17,8 @@ from simbench.bench.score.names import (
     HOME_MARKS,
     LEAST,
     NO_WAVEFORM,
-    NOT_OSCILLATING,
-    OSCILLATING,
+    OF_NOT_OSCILLATING,
+    OF_OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
     benchmark_text,
@@ -29,7 +29,7 @@ from simbench.bench.score.stability import HALVES
 if TYPE_CHECKING:
     import pandas as pd
 
-LINES, WIDTH = 40, 100  # of the default output
+_LINES, _WIDTH = 40, 100  # of the default output
 _BESIDES = 3  # lines that a command prints around the table: what failed, a blank line, the run's folder
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
@@ -62,7 +62,7 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         f"{first.n} of them have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]} "
         f"(truth {truth!r}). The table is on these {first.n}."
     )
-    room = LINES - _BESIDES - len(title) - len(tail) - 3
+    room = _LINES - _BESIDES - len(title) - len(tail) - 3
     return [*title, "", *_ranking(rows, scores, room), "", *tail]
 
 
@@ -89,12 +89,12 @@ def _title(scores: Any) -> list[str]:
     lines = _wrapped(about)
     words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
-    return [*lines, *_wrapped(f"{counts[OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
+    return [*lines, *_wrapped(f"{counts[OF_OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
 
 
 def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     """Return which differences are resolved, how often the winner wins, and where the report is."""
-    standing, stable = scores.standing[truth, scores.first, ALL, OSCILLATING], scores.stability[truth]
+    standing, stable = scores.standing[truth, scores.first, ALL, OF_OSCILLATING], scores.stability[truth]
     rows = scores.ranking(truth)
     said = [f"Not ranked, too many errors: {m} failed on {k} records." for m, k in scores.failing.items()]
     if math.isnan(standing.resolution):
@@ -172,13 +172,13 @@ def _cells(rows: Sequence[Any]) -> list[str]:
                 )
             )
         text = columns(lines)
-        if max(map(len, text)) <= WIDTH:
+        if max(map(len, text)) <= _WIDTH:
             break
     return text
 
 
 def _resolution(scores: Any, truth: str, process: str) -> str:
-    standing = scores.standing[truth, scores.first, process, OSCILLATING]
+    standing = scores.standing[truth, scores.first, process, OF_OSCILLATING]
     if math.isnan(standing.resolution):
         return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
     more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
@@ -187,7 +187,7 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
 
 def _still(scores: Any, truth: str) -> list[str]:
     """Return the second table: false alarms and no decision on loops that do not oscillate."""
-    rows, raw = (scores.ranking(truth, mode, population=NOT_OSCILLATING) for mode in (FRONT, RAW))
+    rows, raw = (scores.ranking(truth, mode, population=OF_NOT_OSCILLATING) for mode in (FRONT, RAW))
     if rows.empty or rows.iloc[0].n < LEAST:
         return [f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few for a table"]
     first, without = rows.iloc[0], raw.set_index("method")
@@ -300,7 +300,7 @@ def _short(x: float) -> str:
 
 
 def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH)
+    return textwrap.wrap(text, _WIDTH)
 
 
 def _plain(frame: pd.DataFrame) -> list[str]:

@@ -18,7 +18,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import scoring
 from simbench.bench.score.compare import between_methods
-from simbench.bench.score.names import ALL, NOT_OSCILLATING, OSCILLATING
+from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
@@ -52,7 +52,7 @@ def scores(finished):
     return score_run(finished)
 
 
-@pytest.mark.parametrize("population", [ALL, OSCILLATING, NOT_OSCILLATING])
+@pytest.mark.parametrize("population", [ALL, OF_OSCILLATING, OF_NOT_OSCILLATING])
 @pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
 @pytest.mark.parametrize("mode", [FRONT, RAW])
 @pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
@@ -61,7 +61,7 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
     positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
     known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
     if population != ALL:
-        known &= joined.oscillating == (population == OSCILLATING)
+        known &= joined.oscillating == (population == OF_OSCILLATING)
     if process != "all":
         known &= joined.process == {"self-regulating": "foptd", "integrating": "integrating"}[process]
     for method in ("he", "horch", "yamashita"):
@@ -201,7 +201,7 @@ def test_loops_that_do_not_oscillate_have_a_table_of_their_own(book):
     going = np.arange(200) < 100
     truth = np.where(going, rng.integers(0, 2, 200), 0)
     run = replace(book(np.where(going, truth, 1), truth), oscillating=going, verdict_raw=np.full((1, 200), 2, np.int8))
-    still = score_book(run).ranking(population=NOT_OSCILLATING).set_index("method").loc["m0"]
+    still = score_book(run).ranking(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
     assert (still.n, still.false_alarms, still.no_decision) == (100, 1.0, 0.0)
     lines = score_book(run).as_text(full=True).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("loops that do not oscillate (100, 0 positive)"))
@@ -329,7 +329,7 @@ def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_
     run = replace(book(np.array([seeing, oscillating, 1 - truth]), truth), oscillating=oscillating)
     run = replace(run, design=rng.normal(size=(800, 6)))
     scores = score_book(run)
-    everything, table = (scores.ranking(population=x).set_index("method") for x in (ALL, OSCILLATING))
+    everything, table = (scores.ranking(population=x).set_index("method") for x in (ALL, OF_OSCILLATING))
     assert everything.loc["no_waveform", "accuracy_applicable"] > 0.7
     assert (table.n == 400).all()
     undecided = (seeing[:400] == 2).mean()
