@@ -39,7 +39,9 @@ def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[
     return {pick: found[pick] for pick in wanted if pick in found}
 
 
-def _piece(grid: Grid, look: Callable[[SimulatedScenario], Any], number: int, picks: Sequence[Pick]) -> tuple[int, dict[Pick, Any]]:
+def _piece(
+    grid: Grid, look: Callable[[SimulatedScenario], Any], number: int, picks: Sequence[Pick]
+) -> tuple[int, dict[Pick, Any]]:
     found = {}
     with one_thread():
         for index, some in groupby(picks, key=lambda pick: pick[0]):
