@@ -17,7 +17,7 @@ from detectors.errors import ParameterError, naming
 from detectors.record import LoopRecord
 from simbench.files import whole_file
 
-FORMAT = 1
+EXAM_FORMAT = 1
 EXAM, LOOPS, RECORDS = "exam.json", "loops.csv", "records.parquet"
 _SIGNALS = ("t", "sp", "op", "pv")
 _KNOWN = ("record", "Ts", "process", "op_lo", "op_hi")
@@ -88,8 +88,8 @@ def _stated(file: Path) -> dict[str, Any]:
         wrong = [EXAM]
     if wrong:
         raise ParameterError(f"exam: {file} is damaged; JSON with {', '.join(_STATED)} is needed")
-    if about["format"] != FORMAT:
-        raise ParameterError(f"exam: {file} has format {about['format']}; format {FORMAT} is needed")
+    if about["format"] != EXAM_FORMAT:
+        raise ParameterError(f"exam: {file} has format {about['format']}; format {EXAM_FORMAT} is needed")
     return about
 
 

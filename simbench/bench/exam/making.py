@@ -13,10 +13,10 @@ from shutil import rmtree
 from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from scenarios.grid import load_grid
-from simbench.bench.exam.folder import FORMAT, write_exam
+from simbench.bench.exam.folder import EXAM_FORMAT, write_exam
 from simbench.bench.exam.simulating import Pick, simulate_picks
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.work import Simulated
+from simbench.bench.execute.work import SimulatedScenario
 from simbench.bench.store.benchmark import benchmark_of
 from simbench.files import folder as make_folder
 from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
@@ -95,7 +95,7 @@ def make_exam(
     stated = benchmark_of(plan, [found[pick][0] for pick in picks])
     names = ("scenario", "seed", "group", "place")
     secret = {
-        "format": FORMAT,
+        "format": EXAM_FORMAT,
         "salt": f"{chance.getrandbits(128):032x}",
         "grid": plan.name,
         "seed": plan.content.seed,
@@ -105,7 +105,7 @@ def make_exam(
         "records": {i: dict(zip(names, (*found[pick][:2], *pick))) for i, pick in zip(ids, picks)},
     }
     content = json.dumps(secret, indent=1).encode()
-    about = {"format": FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
+    about = {"format": EXAM_FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
     half = make_folder(out.absolute().with_name(f".{out.name}.partial"))  # until all of it stands
     try:
         write_exam(half, {**about, "commitment": commitment_of(content)}, dict(zip(ids, (found[pick][2] for pick in picks))))
@@ -116,7 +116,7 @@ def make_exam(
     return commitment_of(content)
 
 
-def _shown(it: Simulated) -> tuple[str, int, LoopRecord | None]:
+def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | None]:
     return it.ident, it.scenario.seed, it.run and it.run.record.without_mv()
 
 

@@ -23,7 +23,7 @@ from simbench.bench.exam.simulating import simulate_picks
 from simbench.bench.execute import pieces
 from simbench.bench.execute.plugin_host import oracle_of
 from simbench.bench.execute.run import about_method
-from simbench.bench.execute.work import Chunk, Simulated, in_columns, scenario_row, verdict_row
+from simbench.bench.execute.work import Chunk, SimulatedScenario, in_columns, scenario_row, verdict_row
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
 from simbench.bench.store.benchmark import grid_of
@@ -115,7 +115,7 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
         yield Opened(run, missing, _labels(exam, {ident: row for ident, (row, *_) in rows.items()}))
 
 
-def _with_truth(it: Simulated) -> tuple[Any, ...]:
+def _with_truth(it: SimulatedScenario) -> tuple[Any, ...]:
     """Return the mark of a scenario's record, its row, its process and the oracle's row."""
     if it.run is None:
         return ("",)

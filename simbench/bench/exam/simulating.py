@@ -10,7 +10,7 @@ from typing import Any
 from detectors.compiled import one_thread
 from scenarios.grid import Grid
 from simbench.bench.execute.plugin_host import settled
-from simbench.bench.execute.work import Simulated, simulated
+from simbench.bench.execute.work import SimulatedScenario, simulated
 from simbench.bench.execute.workers import on_processes
 from simbench.progress import Progress
 
@@ -18,7 +18,7 @@ Pick = tuple[int, int]  # a scenario of a grid: its group, and its place in it
 _PIECE = 20  # scenarios
 
 
-def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[Simulated], Any]) -> dict[Pick, Any]:
+def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[SimulatedScenario], Any]) -> dict[Pick, Any]:
     """Return what `look` makes of each scenario, where it was simulated; its members that a group lacks are left out."""
     wanted = sorted(picks)
     groups = [list(some) for _, some in groupby(wanted, key=lambda pick: pick[0])]
@@ -37,7 +37,9 @@ def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[
     return {pick: found[pick] for pick in wanted if pick in found}
 
 
-def _piece(grid: Grid, look: Callable[[Simulated], Any], number: int, picks: Sequence[Pick]) -> tuple[int, dict[Pick, Any]]:
+def _piece(
+    grid: Grid, look: Callable[[SimulatedScenario], Any], number: int, picks: Sequence[Pick]
+) -> tuple[int, dict[Pick, Any]]:
     found = {}
     with one_thread():
         for index, some in groupby(picks, key=lambda pick: pick[0]):

@@ -64,7 +64,7 @@ class _Questions:
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedScenario:
     """A scenario of a group with its truth and theory; why there is no run where there is none, and the seconds it took."""
 
     scenario: Scenario
@@ -173,7 +173,7 @@ def judge_both(
     return blind, found
 
 
-def simulated(scenario: Scenario, group: int, error: str | None) -> Simulated:
+def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedScenario:
     """Simulate and label a scenario of a group; `error` tells why it could not be set up."""
     since = time.perf_counter()
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
@@ -183,10 +183,10 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> Simulated:
             columns = theory(scenario.loop)
     except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    return Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
+    return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
 
 
-def _judged(it: Simulated, asked: _Questions) -> _Judged:
+def _judged(it: SimulatedScenario, asked: _Questions) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
         methods = (*asked.chosen, *[ORACLE] * asked.oracle)
@@ -225,7 +225,7 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
     }
 
 
-def scenario_row(it: Simulated, prepared: Prepared | None) -> dict[str, Any]:
+def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, Any]:
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     row = scenario_columns(it.scenario, it.group)
     row.update(
