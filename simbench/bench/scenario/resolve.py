@@ -15,7 +15,7 @@ from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
 from scenarios.cell import Draft, Scaled, overridden
 from scenarios.grid import Group
-from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
+from scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
@@ -210,6 +210,7 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop
         cycle = replace(cycle, period=cycle.period * swing.period, **sizes)
     own, loop = cycle.period, draft.loop
     if swing is not None and swing.load is None:
+        loop = loop.model_copy(update={"valve": Part(name="ideal")})
         # the sampling period moves the limit of stability a little, and this the period
         for _ in range(_PASSES):
             loop = loop.with_("sampling.Ts", own / float(per or _FIRST))
@@ -230,8 +231,8 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop
 
 
 def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) -> Loop:
-    table, rules = draft.loop.to_table(), group.rules
-    swing = draft.oscillation
+    table, rules, swing = draft.loop.to_table(), group.rules, draft.oscillation
+    tuned = swing is not None and swing.load is None
     if rules.w_Ti is not None:
         table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
@@ -239,18 +240,18 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) 
         table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
         if rules.warm_up:
             table["sampling"]["warm_up"] = round(per * rules.warm_up * max(1.0, cycle.period / own))
-    if swing is not None and swing.load is not None:
-        _load_swing(table, swing, cycle)
-    elif swing is not None:
-        loop, cycle = _oscillating(Loop.from_table(table, "cell"), cycle)
-        table = loop.to_table()
-    if rules.noise_ratio is not None:
-        table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
+    if tuned:
+        found, cycle = _oscillating(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
+        table["controller"] = found.to_table()["controller"]
     S, J = (x * (1.0 if swing is None else swing.size) for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    if swing is not None and not tuned:
+        _load_swing(table, swing, cycle)
+    if rules.noise_ratio is not None:
+        table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * S)
@@ -259,7 +260,7 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) 
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))
-    if swing is not None and swing.load is None:
+    if tuned:
         _tuned_swing(table, cycle, group.seed)
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
@@ -291,7 +292,7 @@ def _tuned_swing(table: dict[str, Any], cycle: _Cycle, seed: int) -> None:
     for _ in range(_TRIES):
         tuned = loop.with_("controller.Kc", significant(share * Kc))
         noise = simulate(_kicked_by(tuned, 0.0), seed).record.op
-        kicked = simulate(tuned.model_copy(update={"noise": Noise()}), seed).record.op
+        kicked = simulate(_alone(tuned), seed).record.op
         size, lacking = float(np.var(kicked)), wanted - float(np.var(noise))
         grows = lacking < 0.0
         if lacking > 0.0 and size > 0.0:
@@ -323,6 +324,14 @@ def _kick(loop: Loop) -> float:
     """Return about how far (%) the excitation at its start moves a loop's OP."""
     moved = abs(loop.setpoint.steps[0][1] - loop.setpoint.value) * loop.controller.Kc if loop.setpoint.steps else 0.0
     return max([moved, *(float(d.parameters["amplitude"]) for d in loop.disturbance if d.name == "ramp")])
+
+
+def _alone(loop: Loop) -> Loop:
+    """Return the loop with nothing but the excitation at its start."""
+    ramps = tuple(d for d in loop.disturbance if d.name == "ramp")
+    first = tuple(step for step in loop.setpoint.steps if step[0] == 0.0)
+    setpoint = loop.setpoint.model_copy(update={"steps": first})
+    return loop.model_copy(update={"noise": Noise(), "disturbance": ramps, "setpoint": setpoint, "effect": ()})
 
 
 def _kicked_by(loop: Loop, factor: float) -> Loop:
