@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 from scenarios.errors import SpecError, suggestion
@@ -83,6 +83,7 @@ class Oscillation:
     size: float  # S of the valve whose cycle gives the amplitude, over the cell's
     period: float  # over that of the sticky twin's cycle
     load: dict[str, Any] | None = None  # table of the load without amplitude, times in periods of this oscillation
+    wander: float = 0.0  # std of a slow load at the input over that of the oscillation in OP
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,8 @@ def cell_group(
     settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
     table = _loop_table(settings, where)
     rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
+    if rules.noise_ratio is not None:
+        rules = replace(rules, noise_ratio=float(rules.noise_ratio) * settings.get("noise_scatter", 1.0))
     if rules.samples_per_period is None or rules.periods is None:
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
     twin_valve = _valve("choudhury", settings, where)

@@ -26,6 +26,10 @@ _GRID_KEYS = ("seed", "repeats")
 _UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
+# std of the slow load that comes with a load that makes a loop oscillate, over the oscillation's in OP: sticky loops wander so
+_WANDER = (0.03, 0.3)
+_PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
+_NOISE_SCATTER = 0.25  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
 
 
@@ -134,6 +138,11 @@ class Group:
     drafts: tuple[Draft, ...]  # the members
     seed: int  # of all members
 
+    @property
+    def matched(self) -> bool:
+        """Whether a healthy member oscillates as the sticky ones do."""
+        return any(draft.oscillation is not None for draft in self.drafts)
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -234,6 +243,9 @@ class Grid:
             apart += ["S", "pv_rest", *(key for key in sorted(ranges) if _of_loop(key))]
         settings.update({key: draw(ranges[key], each) for key in apart if key in ranges})
         settings.update(values)
+        if len(apart) > len(Rules.FIELDS):
+            # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
+            settings["noise_scatter"] = float(np.exp(_NOISE_SCATTER * each.standard_normal()))
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
@@ -249,7 +261,7 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.oscillation is not None:
-                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), settings["S"], ranges, rng)
+                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), settings["S"], ranges, loads, rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside
@@ -280,16 +292,20 @@ class Grid:
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
 
-    def _oscillation(self, name: str, S: float, ranges: Mapping[str, Any], rng: np.random.Generator) -> Oscillation | None:
+    def _oscillation(self, name: str, S: float, ranges: Mapping[str, Any], loads: tuple, rng: np.random.Generator) -> Oscillation | None:
         if name == "none":
             return None
         size = float(draw(ranges.get("S", S), rng)) / S
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
+        # no beat of two loads of nearly one period: a sticky loop follows such a load
+        for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
+            if abs(math.log(period / near)) < _BEAT:
+                period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
         if name == TUNING:
             return Oscillation(size, period)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        return Oscillation(size, period, {"type": d.type, "at": d.at, **more})
+        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, float(draw(_WANDER, rng)))
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

@@ -15,7 +15,7 @@ from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
 from scenarios.cell import Draft, Scaled, overridden
 from scenarios.grid import Group
-from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
+from scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
@@ -29,12 +29,14 @@ _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
 _SETTLED = 0.1  # two periods as near as this (in logarithm) are one
+_WANDERS = 3.0  # periods over which a load that makes a loop oscillate wanders
 _TRIES = 12  # gains of a loop that oscillates by its tuning
 _SHARES = (0.8, 1.01)  # of the gain at which it neither grows nor fades: where they are looked for
 _LARGEST_KICK = 8.0  # OP stds of the wanted oscillation: beyond it the kick, and no tuning, makes the oscillation
 # logarithm of a record's OP std in the last fifth over that in the first: below the first a tuning is taken at once, above the
 # second never; sticky loops of the grids have up to 0.2 in nine of ten
-_STEADY, _UNSTEADY = 0.15, 0.4
+_UNLIKE = 0.5  # logarithm of the variance of OP over the wanted one
+_STEADY, _UNSTEADY = 0.1, 0.2
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
 
 
@@ -202,11 +204,22 @@ def _with_w_Ti(twin: Loop, cycle: _Cycle, wanted: float) -> tuple[Loop, _Cycle]:
 
 def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop:
     """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
-    own = cycle.period * (1.0 if draft.oscillation is None else draft.oscillation.period)
+    swing, per = draft.oscillation, group.rules.samples_per_period
+    if swing is not None:
+        sizes = {"pv_std": cycle.pv_std * swing.size, "op_std": cycle.op_std * swing.size}
+        cycle = replace(cycle, period=cycle.period * swing.period, **sizes)
+    own, loop = cycle.period, draft.loop
+    if swing is not None and swing.load is None:
+        loop = loop.model_copy(update={"valve": Part(name="ideal")})
+        # the sampling period moves the limit of stability a little, and this the period
+        for _ in range(_PASSES):
+            loop = loop.with_("sampling.Ts", own / float(per or _FIRST))
+            own = _oscillating(loop, cycle)[1].period
+        return _settled(draft, group, twin, cycle, own)
     loop = _settled(draft, group, twin, cycle, own)
-    # what stands still but for the twin's own valve has the twin's period
-    undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves
-    for _ in range(0 if undriven or group.rules.samples_per_period is None else _PASSES):
+    # what stands still but for the twin's own valve has the twin's period, but for what the noise does to it
+    undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves and not group.matched
+    for _ in range(0 if undriven or per is None else _PASSES):
         record = simulate(loop, group.seed).record
         # a ringing loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else prepare(record.without_mv()).oscillation
@@ -218,11 +231,8 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop
 
 
 def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) -> Loop:
-    table, rules = draft.loop.to_table(), group.rules
-    swing = draft.oscillation
-    if swing is not None:
-        period, size = cycle.period * swing.period, swing.size
-        cycle = replace(cycle, period=period, pv_std=cycle.pv_std * size, op_std=cycle.op_std * size)
+    table, rules, swing = draft.loop.to_table(), group.rules, draft.oscillation
+    tuned = swing is not None and swing.load is None
     if rules.w_Ti is not None:
         table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
@@ -230,18 +240,18 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) 
         table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
         if rules.warm_up:
             table["sampling"]["warm_up"] = round(per * rules.warm_up * max(1.0, cycle.period / own))
-    if swing is not None and swing.load is not None:
-        _load_swing(table, swing.load, cycle)
-    elif swing is not None:
-        loop, cycle = _oscillating(Loop.from_table(table, "cell"), cycle)
-        table = loop.to_table()
-    if rules.noise_ratio is not None:
-        table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
+    if tuned:
+        found, cycle = _oscillating(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
+        table["controller"] = found.to_table()["controller"]
     S, J = (x * (1.0 if swing is None else swing.size) for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    if swing is not None and not tuned:
+        _load_swing(table, swing, cycle)
+    if rules.noise_ratio is not None:
+        table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * S)
@@ -250,7 +260,7 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) 
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))
-    if swing is not None and swing.load is None:
+    if tuned:
         _tuned_swing(table, cycle, group.seed)
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
@@ -258,13 +268,16 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: _Cycle, own: float) 
     return overridden(loop, draft.overrides or {})
 
 
-def _load_swing(table: dict[str, Any], load: dict[str, Any], cycle: _Cycle) -> None:
+def _load_swing(table: dict[str, Any], swing: Oscillation, cycle: _Cycle) -> None:
     """Add the load that makes a healthy loop oscillate with the period and the OP std of a cycle."""
-    load = _absolute({**load, "amplitude": 1.0, "period": 1.0}, cycle.pv_std, cycle.period)
+    load = _absolute({**swing.load, "amplitude": 1.0, "period": 1.0}, cycle.pv_std, cycle.period)
     table["disturbance"] = [*table.get("disturbance", []), load]
     for _ in range(2):  # once where the loop is linear
         loop = Loop.from_table(table, "cell")
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / float(np.std(simulate(loop).record.op)))
+    size, lasting = swing.wander * cycle.op_std, _WANDERS * cycle.period
+    wander = {"type": "coloured", "at": "input", "amplitude": significant(size), "period": significant(lasting)}
+    table["disturbance"].append(wander)
 
 
 def _tuned_swing(table: dict[str, Any], cycle: _Cycle, seed: int) -> None:
@@ -279,34 +292,46 @@ def _tuned_swing(table: dict[str, Any], cycle: _Cycle, seed: int) -> None:
     for _ in range(_TRIES):
         tuned = loop.with_("controller.Kc", significant(share * Kc))
         noise = simulate(_kicked_by(tuned, 0.0), seed).record.op
-        kicked = simulate(tuned.model_copy(update={"noise": Noise()}), seed).record.op
+        kicked = simulate(_alone(tuned), seed).record.op
         size, lacking = float(np.var(kicked)), wanted - float(np.var(noise))
         grows = lacking < 0.0
         if lacking > 0.0 and size > 0.0:
             half = float(np.mean((noise - noise.mean()) * (kicked - kicked.mean())))
             factor = (math.sqrt(half**2 + lacking * size) - half) / size
             if factor * _kick(tuned) < _LARGEST_KICK * cycle.op_std:
-                candidate = _kicked_by(tuned, significant(factor))
-                op = simulate(candidate, seed).record.op
+                op = noise + factor * (kicked - kicked.mean())
                 fifth = op.size // 5
                 growth = math.log(max(float(np.std(op[-fifth:])), 1e-9) / max(float(np.std(op[:fifth])), 1e-9))
                 grows = growth > 0.0
-                off = max(abs(growth), abs(math.log(max(float(np.var(op)), 1e-9) / wanted)))
+                off = abs(growth)
                 if off < nearest:
-                    nearest, found = off, candidate
-                if nearest < _STEADY:
+                    nearest, found = off, _kicked_by(tuned, significant(factor))
+                if nearest < _STEADY and _is_as(found, wanted, seed):
                     break
         lo, hi = (lo, share) if grows else (share, hi)
         share = 0.5 * (lo + hi)
-    if nearest > _UNSTEADY:
+    if nearest > _UNSTEADY or not _is_as(found, wanted, seed):
         raise _UnmatchedError
     table.update(found.to_table())
+
+
+def _is_as(loop: Loop, wanted: float, seed: int) -> bool:
+    """Whether the variance of a loop's OP is as wanted: not where its valve is far from linear."""
+    return abs(math.log(max(float(np.var(simulate(loop, seed).record.op)), 1e-12) / wanted)) < _UNLIKE
 
 
 def _kick(loop: Loop) -> float:
     """Return about how far (%) the excitation at its start moves a loop's OP."""
     moved = abs(loop.setpoint.steps[0][1] - loop.setpoint.value) * loop.controller.Kc if loop.setpoint.steps else 0.0
     return max([moved, *(float(d.parameters["amplitude"]) for d in loop.disturbance if d.name == "ramp")])
+
+
+def _alone(loop: Loop) -> Loop:
+    """Return the loop with nothing but the excitation at its start."""
+    ramps = tuple(d for d in loop.disturbance if d.name == "ramp")
+    first = tuple(step for step in loop.setpoint.steps if step[0] == 0.0)
+    setpoint = loop.setpoint.model_copy(update={"steps": first})
+    return loop.model_copy(update={"noise": Noise(), "disturbance": ramps, "setpoint": setpoint, "effect": ()})
 
 
 def _kicked_by(loop: Loop, factor: float) -> Loop:
@@ -321,31 +346,29 @@ def _kicked_by(loop: Loop, factor: float) -> Loop:
 
 def _oscillating(loop: Loop, cycle: _Cycle) -> tuple[Loop, _Cycle]:
     """Return the loop tuned so that it neither grows nor fades at a cycle's period, or a shorter one, and its own swing."""
-    period, Ts, setup = cycle.period, loop.sampling.Ts, plain_setup(loop, 0)
-    Kc, Ti = sampled_ultimate_gain(loop), loop.controller.Ti
+    Ts, setup, Ti = loop.sampling.Ts, plain_setup(loop, 0), loop.controller.Ti
     g = plant.sample(setup.num, setup.den, setup.Td, Ts)
 
-    def wanted(period: float) -> complex:
+    def answer(period: float) -> complex:
         z = np.exp(2j * np.pi * Ts / period)
-        return -z ** float(g.delay) * (z - g.A[0, 0]) / ((g.B_old[0] / z + g.B_new[0]) * g.C[0]) * loop.controller.sign
+        return -loop.controller.sign * z ** float(g.delay) * (z - g.A[0, 0]) / ((g.B_old[0] / z + g.B_new[0]) * g.C[0])
 
-    if Ti is not None:
-        # no more of the controller's answer from its integral than in the loop as it was tuned: noise reaches OP as it did
-        least = 0.9 / math.hypot(1.0, period / (2.0 * math.pi * Ti))
-        while period > 4.0 * Ts:
-            # -1/G = Kc + Ki z/(z - 1): two real equations; z/(z - 1) = 1/2 - i cot(pi Ts/period)/2
-            answer = wanted(period)
-            Ki = -2.0 * answer.imag * math.tan(math.pi * Ts / period)
-            if Ki > 0.0 and answer.real - 0.5 * Ki > least * abs(answer):
-                Kc = answer.real - 0.5 * Ki
-                Ti = Kc * Ts / Ki
-                break
-            period *= 0.95
+    # the controller must answer with -1/G: a P controller at one period, a PI controller with no more of its answer from the
+    # integral than in the loop as it was tuned, so that as much of the noise reaches OP
+    least = 1.0 if Ti is None else 0.9 / math.hypot(1.0, cycle.period / (2.0 * math.pi * Ti))
+    period = cycle.period if Ti is not None else max(cycle.period, 8.0 * loop.plant.Td)
+    while period > 4.0 * Ts:
+        needed = answer(period)
+        # -1/G = Kc + Ki z/(z - 1): two real equations; z/(z - 1) = 1/2 - i cot(pi Ts/period)/2
+        Ki = 0.0 if Ti is None else -2.0 * needed.imag * math.tan(math.pi * Ts / period)
+        Kc = needed.real - 0.5 * Ki
+        if needed.imag >= 0.0 if Ti is None else Ki > 0.0 and Kc > least * abs(needed):
+            break
+        period *= 0.98
     else:
-        while period > 4.0 * Ts and wanted(period).imag < 0.0:
-            period *= 0.97
-    tuned = {"controller.Kc": significant(Kc)} | ({} if Ti is None else {"controller.Ti": significant(Ti)})
-    return loop.with_all(tuned), replace(cycle, period=period, pv_std=cycle.op_std / abs(wanted(period)))
+        raise _UnmatchedError
+    tuned = {"controller.Kc": significant(Kc)} | ({} if Ti is None else {"controller.Ti": significant(Kc * Ts / Ki)})
+    return loop.with_all(tuned), replace(cycle, period=period, pv_std=cycle.op_std / abs(needed))
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
