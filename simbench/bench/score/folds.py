@@ -1,4 +1,4 @@
-"""What is learned on some groups of loops and judged on the others: thresholds, and a classifier that never sees a signal."""
+"""What is learned on some groups of loops and judged on the others: thresholds, and the probability of a label."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from simbench.bench.statistics import class_counts
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
-# of the record and the design, without its signals' shape
-BLIND = ("samples per period", "periods in the record", "n", "Ts", "noise std", "process")
 
 
 def folds_of(groups: np.ndarray) -> np.ndarray:
@@ -67,15 +65,18 @@ def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> 
 
 
 def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return the probability of a label by gradient boosting, learned on other groups than those it is asked about."""
+    """Return the probability of a label by gradient boosting on one thread, learned on other groups than it is asked about."""
     fold, said = folds_of(groups), np.full(label.size, 0.5)
     for k in np.unique(fold):
         there, here = fold != k, fold == k
         if there.any():
             said[here] = label[there].mean()
         if label.size >= _LEAST and 0 < label[there].sum() < there.sum():
-            from sklearn.ensemble import HistGradientBoostingClassifier  # here, for it takes a second to load
+            # here, for they take a second to load
+            from sklearn.ensemble import HistGradientBoostingClassifier
+            from threadpoolctl import threadpool_limits
 
-            model = HistGradientBoostingClassifier(random_state=0).fit(features[there], label[there])
-            said[here] = model.predict_proba(features[here])[:, 1]
+            with threadpool_limits(1):  # two threads on a busy machine wait for each other for minutes
+                model = HistGradientBoostingClassifier(random_state=0).fit(features[there], label[there])
+                said[here] = model.predict_proba(features[here])[:, 1]
     return said

@@ -234,7 +234,7 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
 
 def _over_blind(rows: pd.DataFrame) -> list[str]:
     """Return what methods cost where the front end tells no label, beside the classifier that sees no signal."""
-    judged, blind = rows[rows.kind < 2], rows[rows.method == "blind classifier"].iloc[0]
+    judged, blind = rows[rows.kind < 2], rows[rows.method == "no_waveform"].iloc[0]
     if blind.oscillating < LEAST:
         return []
     covering = judged[~judged.partial]
@@ -262,7 +262,7 @@ def _legend(scores: Scores) -> list[str]:
         "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
         "method that does not apply is wrong. * behind a method: its constants were fitted to other loops of this grid, + of "
         "one with the same blocks. A method made for a part of the loops (rank -) is ranked among those. "
-        "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others;"
+        "no_waveform: gradient boosting on all that loops that oscillate show but the waveform, learned on others;"
         " over blind: a method's cost less its own, same loops, interval by groups."
     )
     return textwrap.wrap(text, 126)

@@ -11,7 +11,8 @@ import numpy as np
 
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names, load_grid
-from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.folds import folds_of, found_at, risk_coverage
+from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
@@ -109,13 +110,9 @@ def home_of(method: str, book: RunArrays) -> str:
 
 
 def blind_answers(book: RunArrays) -> _Answers:
-    """Return what a classifier says that knows sampling, length, noise and process of an oscillating loop, and no signal."""
-    known = book.oscillating & (book.truth["cycled"] >= 0)
-    chance = np.full(book.ids.size, -np.inf)  # behind the front end, as all others
-    chance[book.oscillating] = 0.5
-    chance[known] = out_of_fold(book.design[known], book.truth["cycled"][known] == 1, book.groups[known])
-    said, nothing = (chance > 0.5).astype(np.int8), np.zeros(book.ids.size)
-    return _Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
+    """Return what the classifier says that knows everything of an oscillating loop but the waveform."""
+    (chance, said), nothing = no_waveform(book), np.zeros(book.ids.size)
+    return _Answers("no_waveform", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
