@@ -292,7 +292,9 @@ class Grid:
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
 
-    def _oscillation(self, name: str, S: float, ranges: Mapping[str, Any], loads: tuple, rng: np.random.Generator) -> Oscillation | None:
+    def _oscillation(
+        self, name: str, S: float, ranges: Mapping[str, Any], loads: Sequence[Mapping[str, Any]], rng: np.random.Generator
+    ) -> Oscillation | None:
         if name == "none":
             return None
         size = float(draw(ranges.get("S", S), rng)) / S

@@ -27,6 +27,7 @@ from scenarios.spec import Scenario
 from simbench.bench.execute.plugin_host import NO_THEORY, Theory, oracle_of, said_of, settled, theory, truth
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
+from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.store import tables
 from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
@@ -234,6 +235,7 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), it.theory))
     if it.run is not None and prepared is not None:
         found = prepared.oscillation
+        without = features_without_waveform(it.run.record, found.period_s if found.sustained else math.nan)
         row.update(
             sticky=it.run.sticky,
             S=it.run.friction[0],
@@ -242,6 +244,7 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
             regularity=found.regularity,
             period_s=found.period_s,
             flags=",".join(sorted(prepared.flags)),
+            no_waveform=without.astype(np.float32).tolist(),
             record_hash=record_hash(it.run.record),
         )
     return row

@@ -13,7 +13,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Scaled, overridden
+from scenarios.cell import Draft, Oscillation, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
@@ -29,7 +29,7 @@ _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
 _SETTLED = 0.1  # two periods as near as this (in logarithm) are one
-_WANDERS = 3.0  # periods over which a load that makes a loop oscillate wanders
+_WANDERS = 1.0  # periods over which a load that makes a loop oscillate wanders
 _TRIES = 12  # gains of a loop that oscillates by its tuning
 _SHARES = (0.8, 1.01)  # of the gain at which it neither grows nor fades: where they are looked for
 _LARGEST_KICK = 8.0  # OP stds of the wanted oscillation: beyond it the kick, and no tuning, makes the oscillation

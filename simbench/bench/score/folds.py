@@ -1,4 +1,4 @@
-"""What is learned on some groups of loops and judged on the others: thresholds, and a classifier that never sees a signal."""
+"""What is learned on some groups of loops and judged on the others: thresholds, and the probability of a label."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from simbench.bench.statistics import class_counts
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
-# of the record and the design, without its signals' shape
-BLIND = ("samples per period", "periods in the record", "n", "Ts", "noise std", "process")
 
 
 def folds_of(groups: np.ndarray) -> np.ndarray:

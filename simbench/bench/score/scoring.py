@@ -16,7 +16,7 @@ import numpy as np
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names
 from scenarios.spec import read_toml
-from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
     FRONT,
@@ -27,6 +27,7 @@ from simbench.bench.score.names import (
     ROLE_YARDSTICK,
     kind_of,
 )
+from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
@@ -157,17 +158,13 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
     It is trained once for a run in memory.
     """
     if book not in _classified:
-        _classified[book] = _without_waveform(book)
+        (chance, verdicts), nothing = no_waveform(book), np.zeros(book.ids.size)
+        _classified[book] = _Answers(
+            NO_WAVEFORM, ROLE_YARDSTICK, False, verdicts, chance, nothing == 0, nothing != 0, nothing
+        )
     return _classified[book]
 
 
-def _without_waveform(book: RunArrays) -> _Answers:
-    known = book.oscillating & (book.truth["cycled"] >= 0)
-    chance = np.full(book.ids.size, -np.inf)  # after the oscillation detection, as all others
-    chance[book.oscillating] = 0.5
-    chance[known] = out_of_fold(book.design[known], book.truth["cycled"][known] == 1, book.groups[known])
-    said, nothing = (chance > 0.5).astype(np.int8), np.zeros(book.ids.size)
-    return _Answers(NO_WAVEFORM, ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:

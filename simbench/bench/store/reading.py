@@ -86,7 +86,7 @@ class RunArrays:
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray  # (n,) what the common front end said
     groups: np.ndarray  # (n,) cell and repeat: the siblings of one group share plant, noise and set point
-    design: np.ndarray  # (n, 6) what is known of a loop without its signals, as `simbench.bench.score.folds.BLIND` names it
+    design: np.ndarray  # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names it
     methods: tuple[str, ...]  # method ids
     # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front end
     verdict: np.ndarray
@@ -118,9 +118,8 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
     axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in _WORDS else float) for a in (*_WORDS, *_NUMBERS)}
     truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
     oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
-    groups, design, friction = np.empty(n, dtype=np.int64), np.empty((n, 6)), np.full((n, 2), np.nan)
-    sampling = ("period_s", "n", "Ts", "noise_std")
-    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", *sampling, "S", "J"]
+    groups, friction, design = np.empty(n, dtype=np.int64), np.full((n, 2), np.nan), []
+    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", "no_waveform", "S", "J"]
     for rows, part in _sliced(place, manifest, "scenarios", columns, n):
         ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
         for name in _WORDS:
@@ -135,16 +134,15 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
         cycled[rows] = _words(part.column("cycled"))
         oscillating[rows] = _flags(part.column("oscillating")) == 1
         groups[rows] = part.column("group").to_numpy()
-        period, length, Ts, noise = (part.column(c).to_numpy(zero_copy_only=False).astype(float) for c in sampling)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            whole = (period / Ts, length * Ts / period, length, Ts, noise, axes["process"][rows] == "integrating")
-        design[rows] = np.column_stack(whole)
+        design.append(_lists(part))
         if "S" in part.column_names:  # baselines written before have none
             friction[rows] = np.column_stack([part.column(name).to_numpy(zero_copy_only=False) for name in ("S", "J")])
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
     marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
-    found = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups, "design": design}
+    found = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups}
+    width = max((block.shape[1] for block in design), default=1)
+    found["design"] = np.concatenate([np.zeros((0, width)), *(np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)])
     return {**marks, **found, "friction": friction}
 
 
@@ -201,6 +199,18 @@ def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place:
     found = _ids(part.column("scenario_id")).reshape(-1, len(methods))
     if not (order == np.arange(len(methods))).all() or not (found == ids[:, None]).all():
         raise RunError(f"{place} is damaged: verdicts and scenarios do not match; run it again")
+
+
+def _lists(part: pa.Table) -> np.ndarray:
+    """Return the lists of numbers of a part's scenarios as rows; zeros where there is none."""
+    if "no_waveform" not in part.column_names or not part.num_rows:  # baselines written before have none
+        return np.zeros((part.num_rows, 1))
+    column = part.column("no_waveform").combine_chunks()
+    there, values = column.is_valid().to_numpy(zero_copy_only=False), column.flatten().to_numpy(zero_copy_only=False)
+    rows = np.zeros((part.num_rows, max(values.size // max(int(there.sum()), 1), 1)))
+    if there.any():
+        rows[there] = values.reshape(int(there.sum()), -1)
+    return rows
 
 
 def _ids(column: pa.ChunkedArray) -> np.ndarray:

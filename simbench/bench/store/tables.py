@@ -42,6 +42,7 @@ SCENARIOS = pa.schema(
         ("regularity", _NUMBER),
         ("period_s", _NUMBER),
         ("flags", _TEXT),
+        ("no_waveform", pa.list_(pa.float32())),  # as `simbench.bench.score.no_waveform` names them
         ("record_hash", _TEXT),
         ("loop", _TEXT),
         ("tags", _TEXT),

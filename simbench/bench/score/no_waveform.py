@@ -1,0 +1,90 @@
+"""What a record tells without its waveform, and the reference method `no_waveform` that knows nothing else.
+
+A method that finds stiction must beat it. One list for the reference row of the score table and for the study of what grids
+give away (`python -m results.studies.leak`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from detectors.signal.conditioning import median
+from simbench.bench.score.folds import out_of_fold
+
+if TYPE_CHECKING:
+    from simbench.bench.store.reading import RunArrays
+
+# No quotient here says how a wave looks: no extreme and no single value of a signal over its std.
+FEATURE_SETS = {
+    # of the record and the loop: integrating 1, self-regulating 0
+    "sampling": ("samples_per_period", "periods", "n", "Ts", "integrating"),
+    "set point": ("sp_steps", "sp_span"),  # its changes, and its range over the std of PV
+    "digits": ("op_repeats", "pv_repeats", "op_values", "pv_values"),  # shares of repeated and of different values
+    "amplitude": ("op_std", "pv_std"),
+    # means and first values; error and drift (mean of the last fifth less that of the first) over the std of PV and OP
+    "offset and start": ("op_mean", "pv_mean", "error_mean", "op_first", "pv_first", "op_drift"),
+    "noise": ("op_noise", "pv_noise"),  # std of the noise over that of the signal
+    "growth": ("op_begin", "op_end", "pv_begin", "pv_end"),  # std of the first and the last fifth over that of the whole
+}
+# asked one at a time: two of them, or one with a std, tell how a wave looks
+EXTREMES = ("op_max", "op_min", "pv_max", "pv_min")
+FEATURES = tuple(name for names in FEATURE_SETS.values() for name in names)
+_FIFTH = 5
+_SMALLEST = 1e-12  # std (% or PV units) of a signal that stands still
+# std of white noise over the median of its absolute fourth difference: of 1, -4, 6, -4, 1 the squares sum to 70, and the median
+# of a normal variable's size is 0.6745 of its std. Of a wave of 20 samples or more a fourth difference leaves less than 0.01.
+_NOISE_SCALE = 1.0 / (0.6745 * 70.0**0.5)
+
+
+def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray:
+    """Return `FEATURES` and then `EXTREMES` of a record; `period_s` is that of its oscillation, NaN where there is none."""
+    op, pv = record.op, record.pv
+    sp = np.full(record.n, pv.mean()) if record.sp is None else record.sp
+    fifth, period = max(record.n // _FIFTH, 2), period_s / record.Ts
+    of_op, of_pv = _signal(op, fifth), _signal(pv, fifth)
+    values = {f"op_{name}": value for name, value in of_op.items()} | {f"pv_{name}": value for name, value in of_pv.items()}
+    values.update(
+        samples_per_period=period,
+        periods=record.n / period,
+        n=record.n,
+        Ts=record.Ts,
+        integrating=float(record.process == "integrating"),
+        sp_steps=float(np.count_nonzero(np.diff(sp))),
+        sp_span=float(np.ptp(sp)) / max(of_pv["std"], _SMALLEST),
+        error_mean=float(np.mean(sp - pv)) / max(of_pv["std"], _SMALLEST),
+    )
+    return np.array([values[name] for name in (*FEATURES, *EXTREMES)])
+
+
+def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
+    std = float(np.std(x))
+    unit, begin, end = max(std, _SMALLEST), x[:fifth], x[-fifth:]
+    return {
+        "std": std,
+        "mean": float(np.mean(x)),
+        "first": float(x[0]),
+        "max": float(np.max(x)),
+        "min": float(np.min(x)),
+        "repeats": float(np.mean(np.diff(x) == 0)),
+        "values": np.unique(x).size / x.size,
+        "noise": _NOISE_SCALE * median(np.abs(np.diff(x, 4))) / unit if x.size > 4 else 0.0,
+        "begin": float(np.std(begin)) / unit,
+        "end": float(np.std(end)) / unit,
+        "drift": abs(float(np.mean(end) - np.mean(begin))) / unit,
+    }
+
+
+def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray]:
+    """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`, for every scenario.
+
+    It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as of every method after the
+    oscillation detection. It learns from the loops of other groups; where the truth is not clear it knows nothing, .5.
+    """
+    known = book.oscillating & (book.truth["cycled"] >= 0)
+    chance = np.where(book.oscillating, 0.5, -np.inf)
+    features = book.design[:, : len(FEATURES)]
+    chance[known] = out_of_fold(features[known], book.truth["cycled"][known] == 1, book.groups[known])
+    return chance, (chance > 0.5).astype(np.int8)
