@@ -22,12 +22,22 @@ FEATURE_SETS = {
     # of the record and the loop: integrating 1, self-regulating 0
     "sampling": ("samples_per_period", "periods", "n", "Ts", "integrating"),
     "set point": ("sp_steps", "sp_span"),  # its changes, and its range over the std of PV
-    "digits": ("op_repeats", "pv_repeats", "op_values", "pv_values"),  # shares of repeated and of different values
+    "digits": (
+        "op_repeats",
+        "pv_repeats",
+        "op_values",
+        "pv_values",
+    ),  # shares of repeated and of different values
     "amplitude": ("op_std", "pv_std"),
     # means and first values; error and drift (mean of the last fifth less that of the first) over the std of PV and OP
     "offset and start": ("op_mean", "pv_mean", "error_mean", "op_first", "pv_first", "op_drift"),
     "noise": ("op_noise", "pv_noise"),  # std of the noise over that of the signal
-    "growth": ("op_begin", "op_end", "pv_begin", "pv_end"),  # std of the first and the last fifth over that of the whole
+    "growth": (
+        "op_begin",
+        "op_end",
+        "pv_begin",
+        "pv_end",
+    ),  # std of the first and the last fifth over that of the whole
 }
 # asked one at a time: two of them, or one with a std, tell how a wave looks
 EXTREMES = ("op_max", "op_min", "pv_max", "pv_min")
@@ -45,7 +55,9 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
     sp = np.full(record.n, pv.mean()) if record.sp is None else record.sp
     fifth, period = max(record.n // _FIFTH, 2), period_s / record.Ts
     of_op, of_pv = _signal(op, fifth), _signal(pv, fifth)
-    values = {f"op_{name}": value for name, value in of_op.items()} | {f"pv_{name}": value for name, value in of_pv.items()}
+    values = {f"op_{name}": value for name, value in of_op.items()} | {
+        f"pv_{name}": value for name, value in of_pv.items()
+    }
     values.update(
         samples_per_period=period,
         periods=record.n / period,
@@ -86,5 +98,7 @@ def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray]:
     known = book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.where(book.oscillating, 0.5, -np.inf)
     features = book.design[:, : len(FEATURES)]
-    chance[known] = out_of_fold(features[known], book.truth["cycled"][known] == 1, book.groups[known])
+    chance[known] = out_of_fold(
+        features[known], book.truth["cycled"][known] == 1, book.groups[known]
+    )
     return chance, (chance > 0.5).astype(np.int8)
