@@ -250,7 +250,7 @@ class Grid:
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
         settings["sp_moves"] = _moves(settings, shared)
-        seed = int(rng.integers(2**31))
+        seed = int(rng.integers(2**63))
         members = []
         for member in self._present(number, values):
             own = dict(settings, valve=_pick(member.valve, rng))
@@ -279,7 +279,7 @@ class Grid:
         for key in [key for key in settings if key in Rules.FIELDS]:
             rules[key] = settings.pop(key)
         loop = loop.with_all(settings)
-        seed = int(rng.integers(2**31))
+        seed = int(rng.integers(2**63))
         told = {key: _told(value) for key, value in values.items()}
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
