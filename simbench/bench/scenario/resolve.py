@@ -272,7 +272,7 @@ def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _move_setpoint(
-    table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float], begin: float
+    table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float], begin: float = 0.0
 ) -> None:
     steps = list(table.get("steps", []))
     rest = steps[-1][1] if steps else table["value"]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from scenarios.cell import Oscillation
 from scenarios.spec import Loop, Noise
@@ -18,6 +19,7 @@ from simbench.loop import plant
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 
+_STEP = 0.98  # between periods at which a loop could oscillate
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
 _WANDERS = 1.0  # periods after which a load's wandering has forgotten itself
 # of a loop that oscillates by its tuning: how many gains are tried, and between which shares of the
@@ -96,24 +98,28 @@ def at_its_limit(loop: Loop, cycle: Cycle) -> tuple[Loop, Cycle]:
             / ((g.B_old[0] / z + g.B_new[0]) * g.C[0])
         )
 
-    # The loop oscillates where its controller answers with -1/G: a P controller at one period, a PI controller at many. Of
-    # these only such that no more of the answer comes from the integral than before: as much of the noise reaches OP then.
+    # The loop oscillates where its controller answers with -1/G: a P controller at one period, a PI
+    # controller at many. Of these only such that no more of the answer comes from the integral than
+    # before: as much of the noise reaches OP then.
     least = 1.0 if Ti is None else 0.9 / math.hypot(1.0, cycle.period / (2.0 * math.pi * Ti))
     period = cycle.period if Ti is not None else max(cycle.period, 8.0 * loop.plant.Td)
     while period > 4.0 * Ts:
         needed = answer(period)
+        if Ti is None and needed.imag >= 0.0:
+            period = float(brentq(lambda x: answer(x).imag, period, period / _STEP))
+            Kc = abs(answer(period))
+            break
         # Kc + Ki z/(z - 1), two real equations; z/(z - 1) = 1/2 - i cot(pi Ts/period)/2
-        Ki = 0.0 if Ti is None else -2.0 * needed.imag * math.tan(math.pi * Ts / period)
+        Ki = -2.0 * needed.imag * math.tan(math.pi * Ts / period)
         Kc = needed.real - 0.5 * Ki
-        if needed.imag >= 0.0 if Ti is None else Ki > 0.0 and Kc > least * abs(needed):
-            tuned = {"controller.Kc": significant(Kc)} | (
-                {} if Ti is None else {"controller.Ti": significant(Kc * Ts / Ki)}
-            )
-            return loop.with_all(tuned), replace(
-                cycle, period=period, pv_std=cycle.op_std / abs(needed)
-            )
-        period *= 0.98
-    raise UnmatchedError
+        if Ti is not None and Ki > 0.0 and Kc > least * abs(needed):
+            loop = loop.with_("controller.Ti", significant(Kc * Ts / Ki))
+            break
+        period *= _STEP
+    else:
+        raise UnmatchedError
+    own = replace(cycle, period=period, pv_std=cycle.op_std / abs(answer(period)))
+    return loop.with_("controller.Kc", significant(Kc)), own
 
 
 def steadied(loop: Loop, cycle: Cycle, seed: int) -> Loop:

@@ -13,7 +13,7 @@ from detectors.contract.detector import LoopRecord
 from detectors.errors import ParameterError
 from detectors.report.summary import level_ends
 from detectors.verdict import Verdict
-from results.studies.leak import Fairness
+from results.studies.leak import Leak
 from scenarios.spec import Loop
 from simbench.bench import statistics as of
 from simbench.bench.execute import work
@@ -22,6 +22,7 @@ from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
+from simbench.bench.scenario.swing import absolute_load
 from simbench.bench.score.check_result import SHOWN, Check
 from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
@@ -191,7 +192,7 @@ def test_parts_of_a_cell_are_scaled_by_its_cycle():
     assert rules._scaled(part, unit) == {"width": 2.0, "tau": 5.0, "kind": "x"}
     load = {"type": "sine", "amplitude": 0.5, "period": 2.0, "lag": 0.1, "start": 1.0, "at": "input"}
     absolute = {"type": "sine", "amplitude": 2.0, "period": 100.0, "lag": 5.0, "start": 50.0, "at": "input"}
-    assert rules._absolute(load, 4.0, 50.0) == absolute
+    assert absolute_load(load, 4.0, 50.0) == absolute
     table = {"value": 50.0, "steps": [[10.0, 52.0]]}
     rules._move_setpoint(table, [(2.0, 1.0), (3.0, -1.0)], unit)
     assert table["steps"] == [[10.0, 52.0], [100.0, 55.0], [150.0, 49.0]]
@@ -237,14 +238,24 @@ def test_who_is_ranked_with_whom(role, sees_mv, kind):
 
 
 @pytest.mark.parametrize(
-    ("positives", "auc", "fair"),
-    [(0.45, 0.55, True), (0.55, 0.5, True), (0.449, 0.5, False), (0.551, 0.5, False), (0.5, 0.551, False)],
+    ("change", "problem"),
+    [
+        ({}, None),
+        ({"counts": {"yes": 44, "no": 56}}, "0.440 of the loops cycle"),
+        ({"counts": {"yes": 56, "no": 44}}, "0.560 of the loops cycle"),
+        ({"unmatched": 6}, "0.057 of the loops are left out"),
+        ({"alone": {"op_std": 0.571}}, "AUC 0.571 of op_std"),
+        ({"sets": {"noise": 0.601}}, "AUC 0.601 of the set noise"),
+        ({"together": 0.651}, "AUC 0.651 of all together"),
+        ({"tree": (0.601, ("Ts", "op_std"))}, "a tree on Ts and op_std"),
+    ],
 )
-def test_a_grid_is_fair_up_to_and_with_its_bounds(positives, auc, fair):
-    found = Fairness({"yes": 5, "no": 4}, positives, auc, 0.5, {}, 9)
-    assert found.fair is fair
-    lines = found.as_text().splitlines()
-    assert lines[:4] == ["yes       5", "no        4", "entrained 0", "unclear   0"]
+def test_a_grid_tells_nothing_up_to_and_with_its_bounds(change, problem):
+    bounds = {
+        "counts": {"yes": 45, "no": 55}, "unmatched": 5, "oscillating": 90, "majority": 0.55, "alone": {"op_std": 0.57},
+        "sets": {"noise": 0.60}, "together": 0.65, "tree": (0.60, ("Ts", "op_std")),
+    }  # fmt: skip
+    assert Leak(**{**bounds, **change}).problems == ([] if problem is None else [problem])
 
 
 def checked(flips, **row):
