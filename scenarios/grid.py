@@ -27,7 +27,10 @@ _UNHASHED = ("title", "source", "version", "expected")  # they change no scenari
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 # std of the slow load that comes with a load that makes a loop oscillate, over the oscillation's in OP: sticky loops wander so
-_WANDER = (0.03, 0.3)
+_WANDER = {"none": (0.05, 0.5), "periodic": (0.05, 0.3), "changing": (0.15, 0.6)}
+# std (rad) of the walk of such a load's phase over one period, by the other loads of the loop: the cycles
+# of sticky loops of grid ci walk so (10 to 90 %: alone .13 to 1.2, beside steps and random walks .6 to 1.7)
+_JITTER = {"none": (0.2, 1.5), "periodic": (0.05, 0.8), "changing": (1.0, 2.2)}
 _PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
 _NOISE_SCATTER = 0.25  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
@@ -307,7 +310,10 @@ class Grid:
             return Oscillation(size, period)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, float(draw(_WANDER, rng)))
+        kinds = {load["type"] for load in loads}
+        others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
+        more["jitter"] = float(draw(_JITTER[others], rng))
+        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, float(draw(_WANDER[others], rng)))
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

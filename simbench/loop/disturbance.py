@@ -22,8 +22,8 @@ _START = Number("s", low=0.0, default=0.0, says="when it begins")
 
 
 def sine(t, Ts, p, rng):
-    """Return amplitude sin(2 pi (t - start)/period + phase)."""
-    return p.amplitude * np.sin(2 * np.pi * t / p.period + p.phase)
+    """Return amplitude sin(2 pi (t - start)/period + phase); its phase walks where `jitter` is given."""
+    return p.amplitude * np.sin(2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase)
 
 
 def steps(t, Ts, p, rng):
@@ -57,6 +57,16 @@ def coloured(t, Ts, p, rng):
     return p.amplitude / np.sqrt(left) * lfilter([1 - b], [1.0, -b], signal)
 
 
+def _phase_walk(n: int, Ts: float, p: Any, rng: np.random.Generator) -> np.ndarray | float:
+    """Return a random walk of the phase in periods; its std is `jitter` (rad) after one period."""
+    if p.jitter == 0.0:
+        return 0.0
+    # smoothed over half a period, so that the wave bends and does not tear
+    keep = np.exp(-2.0 * Ts / p.period)
+    steps = lfilter([1.0 - keep], [1.0, -keep], rng.standard_normal(n))
+    return np.cumsum(steps) * p.jitter * np.sqrt(Ts / p.period) / (2.0 * np.pi)
+
+
 def propagated(t, Ts, p, rng):
     """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
 
@@ -64,7 +74,10 @@ def propagated(t, Ts, p, rng):
     equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
     """
     warm_up = int(np.ceil(12 * p.period / Ts))
-    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts, t.size + warm_up, int(rng.integers(2**31)))
+    seed = int(rng.integers(2**31))
+    moved = _phase_walk(t.size, Ts, p, rng) * p.period / Ts  # samples
+    more = int(np.ceil(np.max(moved))) + 2 if np.ndim(moved) else 0
+    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts, t.size + max(more, 0) + warm_up, seed)
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
@@ -74,7 +87,11 @@ def propagated(t, Ts, p, rng):
         raise ParameterError(
             f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S"
         )
-    return p.amplitude * (wave[warm_up:] - warm.mean()) / half_swing
+    if np.ndim(moved):
+        wave = np.interp(warm_up + np.arange(t.size) + moved, np.arange(wave.size), wave)
+    else:
+        wave = wave[warm_up:]
+    return p.amplitude * (wave - warm.mean()) / half_swing
 
 
 @lru_cache(maxsize=4)  # a loop and its twin see the same
@@ -108,14 +125,16 @@ _PERIOD = {
     "coloured": "over which it forgets (correlation time)",
     "propagated": "of the other loop's cycle",
 }
+_JITTER = Number("rad", low=0.0, default=0.0, says="std of the random walk of the phase after one period")
 _MORE: dict[str, dict[str, Any]] = {
-    "sine": {"phase": Number("rad", default=0.0, says="phase at the start")},
+    "sine": {"phase": Number("rad", default=0.0, says="phase at the start"), "jitter": _JITTER},
     "coloured": {"lag": Number("s", low=0.0, default=0.0, says="second time constant, 0 = first order")},
     "propagated": {
         "S": Number("% of travel", low=0.0, high=100.0, default=5.0, says="the other valve's band", positive=True),
         "J": Number("% of travel", low=0.0, high=100.0, default=2.0, says="the other valve's jump", positive=True),
         "lag": Number("s", low=0.0, default=0.0, says="first-order lag on the way"),
         "noise": Number("-", low=0.0, default=0.0, says="noise of the other loop over its J"),
+        "jitter": _JITTER,
     },
 }
 DISTURBANCES: dict[str, Callable[..., np.ndarray]] = {
