@@ -37,7 +37,8 @@ from simbench.theory.sampled import sampled_loop, ultimate_gain
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
-_SETTLED = 0.1  # two periods as near as this (in logarithm) are one
+# two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with sticky ones
+_SETTLED, _NEAR = 0.1, 0.03
 
 
 def resolve(group: Group) -> list[Scenario]:
@@ -201,9 +202,11 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
     undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves and not group.matched
     for _ in range(0 if undriven or per is None else _PASSES):
         record = simulate(loop, group.seed).record
-        # a ringing loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
-        found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else prepare(record.without_mv()).oscillation
-        if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
+        # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
+        found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
+        if found is None or (group.matched and not found.sustained):
+            found = prepare(record.without_mv()).oscillation
+        if not found.sustained or abs(math.log(found.period_s / own)) < (_NEAR if group.matched else _SETTLED):
             break
         own = found.period_s
         loop = _settled(draft, group, twin, cycle, own)
