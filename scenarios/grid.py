@@ -27,7 +27,7 @@ _UNHASHED = ("title", "source", "version", "expected")  # they change no scenari
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 # std of the slow load that comes with a load that makes a loop oscillate, over the oscillation's in OP: sticky loops wander so
-_WANDER = (0.03, 0.3)
+_WANDER = (0.02, 0.25)
 _PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
 _NOISE_SCATTER = 0.25  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
@@ -298,16 +298,17 @@ class Grid:
         if name == "none":
             return None
         size = float(draw(ranges.get("S", S), rng)) / S
+        wander = float(draw(_WANDER, rng))
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
         # no beat of two loads of nearly one period: a sticky loop follows such a load
         for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
             if abs(math.log(period / near)) < _BEAT:
                 period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
         if name == TUNING:
-            return Oscillation(size, period)
+            return Oscillation(size, period, None, wander)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, float(draw(_WANDER, rng)))
+        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)
