@@ -67,13 +67,18 @@ class More(_Table):
 
 
 class Member(_Table):
-    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings."""
+    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings.
+
+    `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do not tell them apart: by
+    "tuning" (at its limit of stability), by a load named in [disturbances], or "none" (it stays quiet). Its OP has the std that
+    the cycle of a valve with another S would have, its period is near the cycle's; the load's own amplitude and period are not
+    used. A loop that cannot be matched is left out and counted.
+    """
 
     name: str
     valve: _Names
     tuning: _Names | None = None
     disturbance: _Names | None = None
-    # healthy loops that oscillate like sticky ones: by "tuning", or a name of [disturbances] for a load that does it
     oscillation: _Names | None = None
     where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
 
