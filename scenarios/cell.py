@@ -144,6 +144,9 @@ def cell_group(
             samples_per_period=10.0 * round(float(rules.samples_per_period) / 10.0),
             S=0.0 if valve["model"] == "ideal" else settings["S"],
         )
+        if "oscillation" in own:
+            cause = "none" if swing is None else TUNING if swing.load is None else str(swing.load["type"])
+            found.update(oscillation=cause, tuning="marginal" if cause == TUNING else tuning)
         more = (own["valve"], settings.get("effects", ()), float(settings.get("mv_noise", 0.0)), settings.get("sp_moves", ()))
         drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more, swing))
     return twin, rules, tuple(drafts)

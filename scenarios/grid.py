@@ -70,13 +70,18 @@ class More(_Table):
 
 
 class Member(_Table):
-    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings."""
+    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings.
+
+    `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do not tell them apart: by
+    "tuning" (at its limit of stability), by a load named in [disturbances], or "none" (it stays quiet). Its OP has the std that
+    the cycle of a valve with another S would have, its period is near the cycle's; the load's own amplitude and period are not
+    used. A loop that cannot be matched is left out and counted.
+    """
 
     name: str
     valve: _Names
     tuning: _Names | None = None
     disturbance: _Names | None = None
-    # healthy loops that oscillate like sticky ones: by "tuning", or a name of [disturbances] for a load that does it
     oscillation: _Names | None = None
     where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
 
@@ -301,19 +306,20 @@ class Grid:
         if name == "none":
             return None
         size = float(draw(ranges.get("S", S), rng)) / S
+        kinds = {load["type"] for load in loads}
+        others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
+        wander = float(draw(_WANDER[others], rng))
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
         # no beat of two loads of nearly one period: a sticky loop follows such a load
         for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
             if abs(math.log(period / near)) < _BEAT:
                 period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
         if name == TUNING:
-            return Oscillation(size, period)
+            return Oscillation(size, period, None, wander)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        kinds = {load["type"] for load in loads}
-        others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
         more["jitter"] = float(draw(_JITTER[others], rng))
-        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, float(draw(_WANDER[others], rng)))
+        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

@@ -142,7 +142,8 @@ def cycled(loop, seed, plain=False):
         return "yes"
     if "unclear" in answers:
         return "unclear"
-    driven = any(np.ptp(x[late]) > 0 for x in (setup.load_in, setup.load_out, setup.sp))
+    warm_up = loop.sampling.warm_up or 0
+    driven = any(np.ptp(x[warm_up:][late]) > 0 for x in (setup.load_in, setup.load_out, setup.sp))
     steady = fading(turns, record[late].size) >= 0.8
     if not driven and steady and len(turns) >= 6 and np.median(swings_of(turns)) >= swing:
         return "unclear"
@@ -193,5 +194,5 @@ def behind(loop, seed, off, size, plain):
     """Return MV behind the record: loads and set point frozen at its end, no noise from sample `off` on."""
     setup = resolve_loop(loop, seed, size)
     if off is not None:
-        setup.pv_add[off:] = 0.0
+        setup.pv_add[(loop.sampling.warm_up or 0) + off :] = 0.0
     return run_setup(setup, plain=plain).mv[loop.sampling.n :]

@@ -54,7 +54,8 @@ def test_the_chapter_grid_has_every_kind_of_healthy_loop():
     grid = load_grid("chapter")
     healthy = [d.tags for g in grid.groups(0, grid.cells) for d in g.drafts if d.tags["valve"] == "ideal"]
     assert {t["disturbance"] for t in healthy} == {"none", "sine", "propagated", "steps", "random_walk"}
-    assert {"aggressive", "saturating"} <= {t["tuning"] for t in healthy}
+    assert {t["oscillation"] for t in healthy} == {"none", "tuning", "sine", "propagated"}
+    assert {t["oscillation"] for t in healthy if t["tuning"] == "marginal"} == {"tuning"}
     assert {(t["process"], t["controller"]) for t in healthy} >= {("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")}
 
 

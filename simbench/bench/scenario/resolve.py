@@ -37,7 +37,8 @@ from simbench.theory.sampled import sampled_loop, ultimate_gain
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
-_SETTLED = 0.1  # two periods as near as this (in logarithm) are one
+# two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with sticky ones
+_SETTLED, _NEAR = 0.1, 0.03
 
 
 def resolve(group: Group) -> list[Scenario]:
@@ -55,11 +56,11 @@ def settle(group: Group) -> list[Scenario | None]:
     found: list[Scenario | None] = []
     for draft in group.drafts:
         try:
-            loop = _own_sampling(draft, group, twin, cycle)
+            loop, seed = _own_sampling(draft, group, twin, cycle)
         except UnmatchedError:
             found.append(None)
         else:
-            found.append(Scenario(loop=loop, seed=group.seed, tags=_tags(draft, loop)))
+            found.append(Scenario(loop=loop, seed=seed, tags=_tags(draft, loop)))
     return found
 
 
@@ -183,8 +184,8 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
     return twin, cycle
 
 
-def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
-    """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
+def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple[Loop, int]:
+    """Settle a draft by the period of its own oscillation, by its sticky twin's where it has none; return its seed, too."""
     swing, per = draft.oscillation, group.rules.samples_per_period
     if swing is not None:
         cycle = wanted_cycle(cycle, swing)
@@ -195,22 +196,26 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
         for _ in range(_PASSES):
             loop = loop.with_("sampling.Ts", own / float(per or _FIRST))
             own = at_its_limit(loop, cycle)[1].period
-        return _settled(draft, group, twin, cycle, own)
-    loop = _settled(draft, group, twin, cycle, own)
+        loop, cycle = _settled(draft, group, twin, cycle, own)
+        return steadied(loop, swing, cycle, group.seed)
+    loop, _ = _settled(draft, group, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period, but for what the noise does to it
     undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves and not group.matched
     for _ in range(0 if undriven or per is None else _PASSES):
         record = simulate(loop, group.seed).record
-        # a ringing loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
-        found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else prepare(record.without_mv()).oscillation
-        if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
+        # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
+        found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
+        if found is None or (group.matched and not found.sustained):
+            found = prepare(record.without_mv()).oscillation
+        if not found.sustained or abs(math.log(found.period_s / own)) < (_NEAR if group.matched else _SETTLED):
             break
         own = found.period_s
-        loop = _settled(draft, group, twin, cycle, own)
-    return loop
+        loop, _ = _settled(draft, group, twin, cycle, own)
+    return loop, group.seed
 
 
-def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -> Loop:
+def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -> tuple[Loop, Cycle]:
+    """Return a draft's loop for the period of its record, and the cycle that it is matched with."""
     table, rules, swing = draft.loop.to_table(), group.rules, draft.oscillation
     tuned = swing is not None and swing.load is None
     if rules.w_Ti is not None:
@@ -241,11 +246,9 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
     loop = Loop.from_table(table, "cell")
-    if tuned:
-        loop = steadied(loop, cycle, group.seed)
     if draft.ultimate is not None:
         loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
-    return overridden(loop, draft.overrides or {})
+    return overridden(loop, draft.overrides or {}), cycle
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,23 +14,25 @@ import numpy as np
 from scipy.optimize import brentq
 
 from scenarios.cell import Oscillation
-from scenarios.spec import Loop, Noise
+from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 
 _STEP = 0.98  # between periods at which a loop could oscillate
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
-_WANDERS = 1.0  # periods after which a load's wandering has forgotten itself
+_FINE = 5  # digits of a gain at the limit of stability
+# periods in which the load that lets an oscillation wander forgets itself, and its lag: a loop at its
+# limit of stability would answer to one that is not smooth
+_WANDERS, _WANDERS_SLOWLY = (1.0, 0.0), (4.0, 1.5)
 # of a loop that oscillates by its tuning: how many gains are tried, and between which shares of the
 # gain at which the loop alone neither grows nor fades; with noise it is a lower one
-_TRIES, _SHARES = 12, (0.8, 1.01)
-_LARGEST_KICK = (
-    8.0  # OP stds of the wanted oscillation; a larger excitation would bring OP to its limits
-)
-# logarithm of the OP std in the last fifth of a record over that in the first: the first is taken at once,
-# above the second no tuning is taken; nine in ten sticky loops of grid chapter have less than 0.2
-_STEADY, _UNSTEADY = 0.1, 0.2
+_TRIES, _NOISES, _SHARES = 8, 4, (0.8, 1.01)
+_LARGEST_EXCITATION = 8.0  # OP stds of the wanted oscillation: a larger one may bring OP to a limit
+# logarithm of the OP std in the first or last fifth of a record over that of the whole: the first is
+# taken at once, above the second no tuning is taken; nine in ten sticky loops of grid chapter that no
+# load drives have less than 0.08
+_STEADY, _UNSTEADY = 0.02, 0.06
 _UNLIKE = 0.5  # logarithm of the variance of OP over the wanted one: more in a loop whose valve is far from linear
 
 
@@ -48,9 +50,9 @@ class Cycle:
     exists: bool  # False when no start set it going; then the other numbers are guesses
 
 
-def significant(x: float) -> float:
-    """Return a number rounded to 3 significant digits, so that ids do not hang on a simulation's last bits."""
-    return float(f"{x:.{_DIGITS}g}")
+def significant(x: float, digits: int = _DIGITS) -> float:
+    """Return a number rounded to a few digits, so that ids do not hang on a simulation's last bits."""
+    return float(f"{x:.{digits}g}")
 
 
 def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[str, Any]:
@@ -75,10 +77,8 @@ def add_load(table: dict[str, Any], swing: Oscillation, cycle: Cycle) -> None:
     for _ in range(2):  # the first is exact in a linear loop
         std = float(np.std(simulate(Loop.from_table(table, "cell")).record.op))
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
-    size, lasting = significant(swing.wander * cycle.op_std), significant(_WANDERS * cycle.period)
-    table["disturbance"].append(
-        {"type": "coloured", "at": "input", "amplitude": size, "period": lasting}
-    )
+    slow = _slow_load(swing, cycle, *_WANDERS)
+    table["disturbance"].append({"type": slow.name, **slow.parameters})
 
 
 def at_its_limit(loop: Loop, cycle: Cycle) -> tuple[Loop, Cycle]:
@@ -122,46 +122,68 @@ def at_its_limit(loop: Loop, cycle: Cycle) -> tuple[Loop, Cycle]:
     return loop.with_("controller.Kc", significant(Kc)), own
 
 
-def steadied(loop: Loop, cycle: Cycle, seed: int) -> Loop:
-    """Return a loop at its limit of stability with the gain and the excitation that give it the OP std of a cycle.
+def steadied(loop: Loop, swing: Oscillation, cycle: Cycle, seed: int) -> tuple[Loop, int]:
+    """Return a loop at its limit of stability, and its seed, that swings evenly with a cycle's OP std.
 
-    Its answers to excitation and noise add up. A bisection finds the gain at which their sum is as wide at the record's end as
-    at its beginning; for each gain the size of the excitation follows from the wanted std.
+    Its answers to excitation and noise add up. A bisection finds the gain at which their sum is as
+    wide at the record's end as at its beginning; for each gain the size of the excitation follows
+    from the wanted std. Where no gain does it, another noise is drawn.
     """
-    Kc, wanted = loop.controller.Kc, cycle.op_std**2 + (loop.controller.Kc * loop.noise.std) ** 2
-    (lo, hi), share, least, found = _SHARES, 1.0, math.inf, loop
-    for _ in range(_TRIES):
-        tuned = loop.with_("controller.Kc", significant(share * Kc))
-        noisy = simulate(_excited(tuned, 0.0), seed).record.op
-        excited = simulate(_without_loads(tuned), seed).record.op
-        excited = excited - excited.mean()
-        size, half = float(np.var(excited)), float(np.mean((noisy - noisy.mean()) * excited))
-        lacking = wanted - float(np.var(noisy))
-        grows = lacking < 0.0  # noise and loads alone make it swing wider
-        factor = (
-            (math.sqrt(half**2 + lacking * size) - half) / size
-            if size > 0.0 and not grows
-            else math.inf
-        )
-        if factor * _excitation(tuned) < _LARGEST_KICK * cycle.op_std:
-            op = noisy + factor * excited
-            fifth = op.size // 5
-            growth = math.log(float(np.std(op[-fifth:])) / float(np.std(op[:fifth])))
-            grows = growth > 0.0
-            if abs(growth) < least:
+    drift = _slow_load(swing, cycle, *_WANDERS_SLOWLY)
+    loop = loop.model_copy(update={"disturbance": (*loop.disturbance, drift)})
+    # an excitation that moves OP by about the wanted std, and to no limit
+    loop = _excited(loop, cycle.op_std / max(_excitation(loop), 1e-9))
+    Kc, found, least = loop.controller.Kc, (loop, seed), math.inf
+    wanted = cycle.op_std**2 + (Kc * loop.noise.std) ** 2
+    for own in (seed + k for k in range(_NOISES)):
+        (lo, hi), share = _SHARES, 1.0
+        for _ in range(_TRIES):
+            tuned = loop.with_("controller.Kc", significant(share * Kc, _FINE))
+            noisy = simulate(_excited(tuned, 0.0), own).record.op
+            excited = simulate(_without_loads(tuned), own).record.op
+            factor, grows = _size_of_excitation(noisy, excited - excited.mean(), wanted)
+            if factor < _LARGEST_EXCITATION:
                 candidate = _excited(tuned, significant(factor))
-                off = math.log(
-                    max(float(np.var(simulate(candidate, seed).record.op)), 1e-12) / wanted
+                op = simulate(candidate, own).record.op
+                begin, end = (
+                    math.log(max(float(np.std(x)), 1e-9) / max(float(np.std(op)), 1e-9))
+                    for x in (op[: op.size // 5], op[-op.size // 5 :])
                 )
-                if abs(off) < _UNLIKE:
-                    least, found = abs(growth), candidate
-        if least < _STEADY:
-            break
-        lo, hi = (lo, share) if grows else (share, hi)
-        share = 0.5 * (lo + hi)
+                grows, uneven = end > begin, max(abs(begin), abs(end))
+                # the variance is another one where the valve is far from linear
+                if (
+                    uneven < least
+                    and abs(math.log(max(float(np.var(op)), 1e-9) / wanted)) < _UNLIKE
+                ):
+                    found, least = (candidate, own), uneven
+            if least < _STEADY:
+                return found
+            lo, hi = (lo, share) if grows else (share, hi)
+            share = 0.5 * (lo + hi)
     if least > _UNSTEADY:
         raise UnmatchedError
     return found
+
+
+def _size_of_excitation(
+    noisy: np.ndarray, excited: np.ndarray, wanted: float
+) -> tuple[float, bool]:
+    """Return the factor on `excited` that gives its sum with `noisy` the wanted variance.
+
+    Infinite where there is none; then also whether `noisy` alone has a larger one.
+    """
+    size, lacking = float(np.var(excited)), wanted - float(np.var(noisy))
+    if lacking < 0.0 or size == 0.0:
+        return math.inf, lacking < 0.0
+    half = float(np.mean((noisy - noisy.mean()) * excited))
+    return (math.sqrt(half**2 + lacking * size) - half) / size, False
+
+
+def _slow_load(swing: Oscillation, cycle: Cycle, periods: float, lag: float) -> Part:
+    """Return the load at the plant's input that lets an oscillation wander, in so many periods."""
+    times = {"period": significant(periods * cycle.period), "lag": significant(lag * cycle.period)}
+    size = significant(swing.wander * cycle.op_std)
+    return Part(name="coloured", parameters={"at": "input", "amplitude": size, **times})
 
 
 def _excitation(loop: Loop) -> float:
