@@ -24,8 +24,8 @@ from detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
-# log-odds on the grids that the weights were fitted to; between them the evidence is not enough: fewer than 1 in 20 of 2893
-# loops of grid plant that do not cycle, of five seeds other than its own, exceed 0.7; at 0.4 more do
+# log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of the
+# loops that the weights were fitted to, 1 in 20 healthy ones exceed .41 (self-regulating) and .95 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
 FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 _QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still

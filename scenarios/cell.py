@@ -44,7 +44,7 @@ _P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
 # of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
-TUNING = "tuning"  # of a healthy loop's oscillation: by the controller itself
+BY_TUNING = "tuning"  # of a healthy loop's oscillation: by the controller itself
 EXCITATIONS = ("setpoint", "load", "both")
 _REST = 50.0  # SP, PV and OP before the excitation
 
@@ -77,7 +77,7 @@ class Scaled:
 
 
 @dataclass(frozen=True)
-class Oscillation:
+class WantedOscillation:
     """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or its own tuning."""
 
     size: float  # S of the valve whose cycle gives the amplitude, over the cell's
@@ -101,7 +101,7 @@ class Draft:
     effects: tuple[Scaled, ...] = ()  # of the loop file
     mv_noise: float = 0.0  # std on the recorded MV, in S
     moves: tuple[tuple[float, float], ...] = ()  # set-point steps
-    oscillation: Oscillation | None = None  # of a healthy loop
+    oscillation: WantedOscillation | None = None  # of a healthy loop
 
 
 def cell_group(
@@ -145,8 +145,8 @@ def cell_group(
             S=0.0 if valve["model"] == "ideal" else settings["S"],
         )
         if "oscillation" in own:
-            cause = "none" if swing is None else TUNING if swing.load is None else str(swing.load["type"])
-            found.update(oscillation=cause, tuning="marginal" if cause == TUNING else tuning)
+            cause = "none" if swing is None else BY_TUNING if swing.load is None else str(swing.load["type"])
+            found.update(oscillation=cause, tuning="marginal" if cause == BY_TUNING else tuning)
         more = (own["valve"], settings.get("effects", ()), float(settings.get("mv_noise", 0.0)), settings.get("sp_moves", ()))
         drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more, swing))
     return twin, rules, tuple(drafts)

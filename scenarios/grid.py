@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
-from scenarios.cell import SETTINGS, TUNING, Draft, Oscillation, Rules, Scaled, cell_group, loop_axes
+from scenarios.cell import BY_TUNING, SETTINGS, Draft, Rules, Scaled, WantedOscillation, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
 from scenarios.grid_check import refuse_mistakes
 from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
@@ -302,7 +302,7 @@ class Grid:
 
     def _oscillation(
         self, name: str, S: float, ranges: Mapping[str, Any], loads: Sequence[Mapping[str, Any]], rng: np.random.Generator
-    ) -> Oscillation | None:
+    ) -> WantedOscillation | None:
         if name == "none":
             return None
         size = float(draw(ranges.get("S", S), rng)) / S
@@ -314,12 +314,12 @@ class Grid:
         for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
             if abs(math.log(period / near)) < _BEAT:
                 period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
-        if name == TUNING:
-            return Oscillation(size, period, None, wander)
+        if name == BY_TUNING:
+            return WantedOscillation(size, period, None, wander)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         more["jitter"] = float(draw(_JITTER[others], rng))
-        return Oscillation(size, period, {"type": d.type, "at": d.at, **more}, wander)
+        return WantedOscillation(size, period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, TUNING, ULTIMATE
+from scenarios.cell import BY_TUNING, EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
 from scenarios.errors import SpecError, suggestion
 
 _MOST_CELLS = 1_000_000
@@ -82,7 +82,7 @@ def _mistakes(content: Any) -> Iterator[str]:
             words = {
                 "tuning": (SAME, *FOPTD_LAG, *ULTIMATE),
                 "disturbance": known["disturbance"],
-                "oscillation": (TUNING, *known["disturbance"]),
+                "oscillation": (BY_TUNING, *known["disturbance"]),
             }
             for key, names in words.items():
                 yield from _names(at + key, getattr(member, key), names)

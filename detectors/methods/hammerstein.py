@@ -35,8 +35,8 @@ METHOD = Method(
     source="Srinivasan et al. 2005b, Jelali 2008",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
-        "score_high": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
+        "score_low": Threshold(0.13, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
+        "score_high": Threshold(0.13, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
         "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
     },

@@ -29,7 +29,7 @@ _WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
-class Conclusion(Protocol):
+class ShownConclusion(Protocol):
     """What all evidence says of one valve; whoever weighs it gives `judge_files` the function."""
 
     def as_lines(self) -> list[str]:
@@ -46,7 +46,7 @@ class Report:
     scores: list[dict[str, Any]] = field(default_factory=list)  # one row per method, when labels were given
     records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)  # what was judged, by name
     # what all evidence says of each record, by name; the methods alone conclude nothing
-    conclusions: dict[str | None, Conclusion] = field(default_factory=dict, repr=False)
+    conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one object per verdict; `record` is its first key for a folder."""
@@ -142,7 +142,7 @@ def judge_files(
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     time_limit: float = SECONDS,
-    conclude: Callable[[LoopRecord], Conclusion] | None = None,
+    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file; `conclude` weighs all evidence of one record."""
     with registry.hosted(plugins, time_limit) as added:

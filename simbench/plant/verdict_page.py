@@ -9,14 +9,14 @@ import pandas as pd
 
 from detectors.record import LoopRecord
 from detectors.report import summary
-from detectors.report.report import Conclusion, Report
+from detectors.report.report import Report, ShownConclusion
 from simbench.plant.page import section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
 
 
-def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord], Conclusion]) -> None:
+def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord], ShownConclusion]) -> None:
     """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is for the records drawn."""
     groups = report.groups()
     said = []

@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-ABOVE = 3  # a copy for one question, what it is a copy of, what watches both, and the worker
+ABOVE = 1  # the worker of a plug-in is started by the worker of the run
 
 
 def stops(folder: Path, at: int = 20) -> str:

@@ -82,7 +82,7 @@ def verify_run(
         wide, deep = (frozenset(order[: int(np.searchsorted(held, some)) + 1]) for some in least)
         settings = {"thresholds": manifest["thresholds"], "front_end": manifest["front_end"], "plugins": files[""]}
         about = {**settings, "seconds": seconds, "stages": stages}
-        task = _Task(place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about)
+        task = _Verification(place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about)
         with on_processes(jobs) as run:
             for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
                 notes.merge(found)  # pyright: ignore
@@ -94,7 +94,7 @@ def verify_run(
 
 
 @dataclass(frozen=True)
-class _Task:
+class _Verification:
     """What is done with every piece of a run: one file of each table, and the groups that stand in it."""
 
     place: Place

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from scenarios.cell import Oscillation
+from scenarios.cell import WantedOscillation
 from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
@@ -61,13 +61,13 @@ def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[s
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
-def wanted_cycle(cycle: Cycle, swing: Oscillation) -> Cycle:
+def wanted_cycle(cycle: Cycle, swing: WantedOscillation) -> Cycle:
     """Return how a healthy loop should oscillate: as a valve of another size would, at a period nearby."""
     sizes = {"pv_std": cycle.pv_std * swing.size, "op_std": cycle.op_std * swing.size}
     return replace(cycle, period=cycle.period * swing.period, **sizes)
 
 
-def add_load(table: dict[str, Any], swing: Oscillation, cycle: Cycle) -> None:
+def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> None:
     """Add the load that gives a healthy loop the period and the OP std of a cycle, and a slow one that makes it wander."""
     assert swing.load is not None
     load = absolute_load(
@@ -122,7 +122,7 @@ def at_its_limit(loop: Loop, cycle: Cycle) -> tuple[Loop, Cycle]:
     return loop.with_("controller.Kc", significant(Kc)), own
 
 
-def steadied(loop: Loop, swing: Oscillation, cycle: Cycle, seed: int) -> tuple[Loop, int]:
+def steadied(loop: Loop, swing: WantedOscillation, cycle: Cycle, seed: int) -> tuple[Loop, int]:
     """Return a loop at its limit of stability, and its seed, that swings evenly with a cycle's OP std.
 
     Its answers to excitation and noise add up. A bisection finds the gain at which their sum is as
@@ -179,7 +179,7 @@ def _size_of_excitation(
     return (math.sqrt(half**2 + lacking * size) - half) / size, False
 
 
-def _slow_load(swing: Oscillation, cycle: Cycle, periods: float, lag: float) -> Part:
+def _slow_load(swing: WantedOscillation, cycle: Cycle, periods: float, lag: float) -> Part:
     """Return the load at the plant's input that lets an oscillation wander, in so many periods."""
     times = {"period": significant(periods * cycle.period), "lag": significant(lag * cycle.period)}
     size = significant(swing.wander * cycle.op_std)

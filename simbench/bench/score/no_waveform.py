@@ -30,8 +30,8 @@ FEATURE_SETS = {
     ),  # shares of repeated and of different values
     "amplitude": ("op_std", "pv_std"),
     # means and first values; error and drift (mean of the last fifth less that of the first) over the std of PV and OP
-    "offset and start": ("op_mean", "pv_mean", "error_mean", "op_first", "pv_first", "op_drift"),
-    "noise": ("op_noise", "pv_noise"),  # std of the noise over that of the signal
+    "offset and start": ("op_mean", "pv_mean", "error_mean", "op_first", "pv_first", "op_trend"),
+    "noise level": ("op_noise", "pv_noise"),  # std of the noise over that of the signal
     "growth": (
         "op_begin",
         "op_end",
@@ -85,7 +85,7 @@ def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
         "noise": _NOISE_SCALE * median(np.abs(np.diff(x, 4))) / unit if x.size > 4 else 0.0,
         "begin": float(np.std(begin)) / unit,
         "end": float(np.std(end)) / unit,
-        "drift": abs(float(np.mean(end) - np.mean(begin))) / unit,
+        "trend": abs(float(np.mean(end) - np.mean(begin))) / unit,
     }
 
 

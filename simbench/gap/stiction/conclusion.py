@@ -25,7 +25,7 @@ from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.probability import EDGE, verdict
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
-WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
+WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
 _NEXT = {
     why.STICKING: f"confirm on the valve: {_GAIN}, or do a travel test by hand; then repair it",

@@ -272,7 +272,7 @@ def test_a_run_in_which_nothing_can_be_simulated_says_so(tmp_path, capsys):
     (tmp_path / "g.toml").write_text(GRID + MEMBER.format("mine"))
     words = ["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch,oracle"]
     assert main([*words, "--valve-plugin", str(file)]) == 1
-    assert "valve plug-in 'mine': ValueError: on purpose" in capsys.readouterr().out
+    assert "valve plug-in 'mine': ValueError: on purpose" in capsys.readouterr().err
     assert main(["score", str(tmp_path / "run"), "--report", str(tmp_path / "none.html")]) == 0
 
 

@@ -171,7 +171,8 @@ def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
     assert list(labels.record) == ids
     clear = labels.cycled.isin(["yes", "no"])
     said = np.array(["yes", "no", "yes", None])
-    (mine,) = [r for r in told["rows"] if (r["method"], r["truth"], r["process"]) == ("my-method", "cycled", "all")]
+    whole = ("my-method", "cycled", "all", "all")
+    (mine,) = [r for r in told["rows"] if (r["method"], r["truth"], r["process"], r["population"]) == whole]
     assert mine["n"] == clear.sum()
     assert mine["accuracy_applicable"] == pytest.approx((said == labels.cycled)[clear].mean(), abs=1e-6)
     assert "my-method" in (tmp_path / "r.html").read_text()

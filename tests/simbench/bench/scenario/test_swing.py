@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenarios.cell import Oscillation
+from scenarios.cell import WantedOscillation
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import resolve
@@ -19,7 +19,7 @@ from simbench.bench.scenario.swing import (
 )
 from simbench.loop.simulate import simulate
 
-OWN = Oscillation(size=1.0, period=1.0, wander=0.05)
+OWN = WantedOscillation(size=1.0, period=1.0, wander=0.05)
 CYCLE = Cycle(period=60.0, pv_std=1.0, op_std=2.0, exists=True)
 
 
@@ -44,7 +44,7 @@ def fifths(op):
 def test_a_load_gives_OP_the_wanted_std(kind):
     content = table(kind)
     load = {"type": "sine", "at": "output"}
-    add_load(content, Oscillation(1.0, 1.0, load, wander=0.0), CYCLE)
+    add_load(content, WantedOscillation(1.0, 1.0, load, wander=0.0), CYCLE)
     op = simulate(Loop.from_table(content)).record.op
     assert np.std(op) == pytest.approx(CYCLE.op_std, rel=0.02)
 
@@ -54,7 +54,7 @@ def test_a_load_wanders_as_much_as_it_is_asked_to():
     for wander in (0.0, 0.3):
         content = table()
         load = {"type": "sine", "at": "output"}
-        add_load(content, Oscillation(1.0, 1.0, load, wander), CYCLE)
+        add_load(content, WantedOscillation(1.0, 1.0, load, wander), CYCLE)
         op = simulate(Loop.from_table(content), 3).record.op
         spread[wander] = np.std([part.mean() for part in np.split(op, 30)])
     assert spread[0.3] > 10 * spread[0.0]
@@ -108,7 +108,7 @@ def test_a_loop_whose_noise_alone_makes_it_swing_wider_is_unmatched():
 
 
 def test_a_wanted_cycle_is_that_of_a_valve_of_another_size():
-    wanted = wanted_cycle(CYCLE, Oscillation(size=0.5, period=1.2))
+    wanted = wanted_cycle(CYCLE, WantedOscillation(size=0.5, period=1.2))
     assert (wanted.period, wanted.pv_std, wanted.op_std) == pytest.approx((72.0, 0.5, 1.0))
 
 
