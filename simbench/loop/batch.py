@@ -37,7 +37,7 @@ class Lane:
 
     @property
     def signals(self) -> np.ndarray:
-        """OP, PV, MV, shape (3, n), a view."""
+        """OP, PV, MV, shape (3, warm_up + n), a view."""
         return self.room[:, : (self.loop.sampling.warm_up or 0) + self.loop.sampling.n, self.column]
 
 
@@ -60,7 +60,8 @@ class Batch(Sequence):
 
     def signals(self, i: int) -> np.ndarray:
         """Return OP (%), PV as the controller saw it and MV (%) of one run, shape (3, n), a view."""
-        return self._lanes[i].signals
+        lane = self._lanes[i]
+        return lane.signals[:, lane.loop.sampling.warm_up or 0 :]
 
 
 def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> Batch:
