@@ -40,6 +40,7 @@ _PASSES = 3  # of a record's period and its sampling: a new sampling moves the p
 _LONGEST_WARM_UP = 4.0  # over what is asked for in periods of the record
 # two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with sticky ones
 _SETTLED, _NEAR = 0.1, 0.03
+_FAR = math.log(8.0)  # beyond the periods of all loads of the grids
 
 
 def resolve(group: Group) -> list[Scenario]:
@@ -209,6 +210,8 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
         if found is None or (group.matched and not found.sustained):
             found = prepare(record.without_mv()).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < (_NEAR if group.matched else _SETTLED):
+            break
+        if group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR:  # of noise, and no oscillation
             break
         own = found.period_s
         loop, _ = _settled(draft, group, twin, cycle, own)
