@@ -37,8 +37,10 @@ from simbench.theory.sampled import sampled_loop, ultimate_gain
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
+_LONGEST_WARM_UP = 4.0  # over what is asked for in periods of the record
 # two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with sticky ones
 _SETTLED, _NEAR = 0.1, 0.03
+_FAR = math.log(8.0)  # beyond the periods of all loads of the grids
 
 
 def resolve(group: Group) -> list[Scenario]:
@@ -209,6 +211,8 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
             found = prepare(record.without_mv()).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < (_NEAR if group.matched else _SETTLED):
             break
+        if group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR:  # of noise, and no oscillation
+            break
         own = found.period_s
         loop, _ = _settled(draft, group, twin, cycle, own)
     return loop, group.seed
@@ -224,7 +228,9 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
         per = float(rules.samples_per_period)
         table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
         if rules.warm_up:
-            table["sampling"]["warm_up"] = round(per * rules.warm_up * max(1.0, cycle.period / own))
+            # of its own periods, or of the sticky sibling's where these are longer
+            longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
+            table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
     if tuned:
         found, cycle = at_its_limit(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
         table["controller"] = found.to_table()["controller"]
@@ -233,6 +239,10 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
+        # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that was drawn
+        setup = plain_setup(Loop.from_table(table, "cell"), 0)
+        table["operating_point"]["op0"] = significant(setup.resting_mv)
     if swing is not None and not tuned:
         add_load(table, swing, cycle)
     if rules.noise_ratio is not None:

@@ -50,17 +50,22 @@ _NOISE_SCALE = 1.0 / (0.6745 * 70.0**0.5)
 
 
 def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray:
-    """Return `FEATURES` and then `EXTREMES` of a record; `period_s` is that of its oscillation, NaN where there is none."""
+    """Return `FEATURES` and then `EXTREMES` of a record.
+
+    `period_s` is that of its oscillation, NaN where there is none: then it has 0 samples per period
+    and 0 periods.
+    """
     op, pv = record.op, record.pv
     sp = np.full(record.n, pv.mean()) if record.sp is None else record.sp
-    fifth, period = max(record.n // _FIFTH, 2), period_s / record.Ts
+    fifth, oscillates = max(record.n // _FIFTH, 2), np.isfinite(period_s)
+    period = period_s / record.Ts if oscillates else 0.0
     of_op, of_pv = _signal(op, fifth), _signal(pv, fifth)
     values = {f"op_{name}": value for name, value in of_op.items()} | {
         f"pv_{name}": value for name, value in of_pv.items()
     }
     values.update(
         samples_per_period=period,
-        periods=record.n / period,
+        periods=record.n / period if oscillates else 0.0,
         n=record.n,
         Ts=record.Ts,
         integrating=float(record.process == "integrating"),

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from simbench.loop.batch import simulate_batch
 
 from scenarios.errors import SpecError
 from scenarios.spec import Loop, Scenario
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.loop.simulate import simulate, valve_tail
+from simbench.loop.simulate import simulate, simulate_batch, valve_tail
 
 WARM_UP, N = 137, 400
 
