@@ -198,7 +198,7 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
         ours = (tmp_path / "cache" / "stiction-simbench").rglob("*.nb*")
         return {str(f): f.read_bytes() for f in ours if "plugins" not in f.parts}
 
-    asked = ("--method", "he,horch")
+    asked = ("--method", "he,hammerstein")
     before, compiled = detected(*asked), kernels()
     assert compiled
     vandal = ("--method", "vandal", "--plugin", str(tmp_path / "vandal.py"))

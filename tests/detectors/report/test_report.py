@@ -144,7 +144,7 @@ def test_command_prints_json_and_nothing_else(folder, capsys):
 def test_command_prints_lines_for_people(folder, capsys):
     assert command.main([str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]) == 0
     out = capsys.readouterr().out
-    assert out.splitlines()[1] == "hammerstein says stiction"
+    assert out.splitlines()[1] == "Methods: hammerstein says stiction."
     assert "S (% of travel)" in out
 
 
