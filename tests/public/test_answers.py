@@ -202,7 +202,7 @@ def test_score_and_the_run_tables(answer, place, capsys):
     assert set(rows) == {
         "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
         "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
-        "home",
+        "home", "population",
     }  # fmt: skip
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}
     assert set(rows.process) == {"all", "self-regulating", "integrating"}
