@@ -26,6 +26,7 @@ SETTINGS = {
     "T": "time scale (s): T of foptd, Ti of an integrating loop",
     "S": "stick band plus dead-band (% of travel)",
     "pv_rest": "set point before the excitation (PV units)",
+    "op_rest": "OP with which the loop rests (%)",
     "step": "size of the excitation at the start of the run, in S",
     "speed": "factor on the tuning's speed",
     "excitation": "setpoint, load or both, at time 0",
@@ -213,6 +214,8 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         "sampling": {"Ts": max(Td, 0.1 * T) / 10.0, "n": 1000},
         "setpoint": {"value": rest},
     }
+    if "op_rest" in s:
+        table["operating_point"] = {"op0": float(s["op_rest"])}
     if s["excitation"] != "load" and s["step"] != 0.0:
         # against the load the set point goes the other way: more loops reach their cycle
         step = s["step"] if s["excitation"] == "setpoint" else -abs(s["step"])

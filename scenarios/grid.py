@@ -248,7 +248,7 @@ class Grid:
         apart = list(Rules.FIELDS)
         if any(member.oscillation is not None for member in block.member):
             # a healthy loop has a swing of its own: what sticky ones share with each other alone would tell them
-            apart += ["S", "pv_rest", *(key for key in sorted(ranges) if _of_loop(key))]
+            apart += ["S", "pv_rest", "op_rest"]
         settings.update({key: draw(ranges[key], each) for key in apart if key in ranges})
         settings.update(values)
         if len(apart) > len(Rules.FIELDS):

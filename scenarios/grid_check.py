@@ -17,7 +17,7 @@ _SHOWN = 12  # mistakes in one sentence
 SETTING_LIMITS = {
     "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
     "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
-    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "warm_up": (0.0, 1e3),
+    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "warm_up": (0.0, 1e3), "op_rest": (0.0, 100.0),
     "moves": (0.0, 1e4), "move": (0.0, 1e3),
 }  # fmt: skip
 _PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")  # of a grid, in a mistake's sentence

@@ -233,7 +233,7 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
     if tuned:
         found, cycle = at_its_limit(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
-        table["controller"] = found.to_table()["controller"]
+        table["plant"] = found.to_table()["plant"]
     S, J = (x * (1.0 if swing is None else swing.size) for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
