@@ -4,11 +4,12 @@ Eight are of earlier rounds; somebody who had read only the public documentation
 Each is judged on loops that oscillate and whose truth is clear. A cheat that learns does so on
 another exam of the same grid, opened beforehand.
 
-A cheat may be right on at most .60, and eleven are at most .57 (exams of 600 records, 521 judged).
-Three miss this: `period_means` (.70), `regular_cycles` (.78) and, where an exam holds all loops of
-a group, `regular_siblings` (.86). They know how regular cycles are under noise, steps and a random
-walk. Friction itself decides this, so no matching of amplitudes, periods or levels removes it.
-For these three the tests defend a ceiling that was measured, so that they do not become better.
+A cheat may be right on at most .60. Measured on two exams of 600 records, either learned from and
+judged on the other (521 and 523 loops), and for siblings on a whole block of the grid (324 loops),
+the cheats are right on at most .58, with three exceptions: `period_means` (.71), `regular_cycles`
+(.79) and `regular_siblings` (.86). These know how regular the cycles are under noise, steps and a
+random walk. Friction itself decides this, so no matching of amplitudes, periods or levels removes it.
+They miss the limit of .60; their tests only keep them below a ceiling near what was measured.
 """
 
 import hashlib
@@ -305,8 +306,8 @@ EARLIER = [
     start_and_growth,
 ]  # fmt: skip
 NEW = [levels, period_means, regular_cycles, key_by_commitment, memory]
-IN_GROUPS = [siblings, regular_siblings]  # the sixth new one, with two sets of features
-# they know how regular cycles are, which friction decides and no matching of amplitudes removes
+IN_GROUPS = [siblings, regular_siblings]  # one cheat with two sets of features
+# above .60: they know how regular cycles are, which friction decides and no matching removes
 CEILING = {period_means: 0.72, regular_cycles: 0.82, regular_siblings: 0.90}
 
 
@@ -331,13 +332,12 @@ def judge(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """An exam of all loops of a part of grid ci: its first block at one noise level, once."""
+    """An exam of all loops of the first block of grid ci, without repeats."""
     place = tmp_path_factory.mktemp("whole")
     head, block, *_ = (files("scenarios") / "grids" / "ci.toml").read_text().split("[[block]]")
     head = head.replace("repeats = 2", "repeats = 1").replace("expected = 2184\n", "")
-    block = block.replace("noise_ratio = [0.05, 0.1, 0.3]", "noise_ratio = [0.1]")
     (place / "ci.toml").write_text(f"{head}[[block]]{block}")
-    return sit(place, place / "ci.toml", None, 303)
+    return sit(place, place / "ci.toml", None, 404)
 
 
 @pytest.mark.slow
