@@ -8,7 +8,7 @@ A cheat may be right on at most .60. Measured on two exams of 600 records, eithe
 judged on the other (521 and 523 loops), and for siblings on a whole block of the grid (324 loops),
 the cheats are right on at most .58, with three exceptions: `period_means` (.71), `regular_cycles`
 (.79) and `regular_siblings` (.86). These know how regular the cycles are under noise, steps and a
-random walk. Friction itself decides this, so no matching of amplitudes, periods or levels removes it.
+random walk. Friction itself decides this; no matching of amplitudes, periods or levels removes it.
 They miss the limit of .60; their tests only keep them below a ceiling near what was measured.
 """
 
