@@ -8,7 +8,8 @@ A cheat may be right on at most .60. Measured on two exams of 600 records, eithe
 judged on the other (521 and 523 loops), and for siblings on a whole block of the grid (324 loops),
 the cheats are right on at most .58, with three exceptions: `period_means` (.71), `regular_cycles`
 (.79) and `regular_siblings` (.86). These know how regular the cycles are under noise, steps and a
-random walk. Friction itself decides this; no matching of amplitudes, periods or levels removes it.
+random walk. Friction is thought to decide this; no matching of amplitudes or levels removes it.
+What `regular_siblings` gains beyond that (.07) comes from the set point that siblings share.
 They miss the limit of .60; their tests only keep them below a ceiling near what was measured.
 """
 
@@ -307,7 +308,7 @@ EARLIER = [
 ]  # fmt: skip
 NEW = [levels, period_means, regular_cycles, key_by_commitment, memory]
 IN_GROUPS = [siblings, regular_siblings]  # one cheat with two sets of features
-# above .60: they know how regular cycles are, which friction decides and no matching removes
+# above .60: they know how regular cycles are, which no matching of amplitudes removes
 CEILING = {period_means: 0.72, regular_cycles: 0.82, regular_siblings: 0.90}
 
 
