@@ -74,6 +74,8 @@ class Host:
         process, self._process = self._process, None
         if process is None or self._owner != os.getpid():
             return ""
+        assert process.stdin is not None
+        assert process.stdout is not None
         with contextlib.suppress(OSError):
             process.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -115,6 +117,8 @@ class Host:
     def _ask(self, question: tuple, seconds: float) -> Any:
         process, asked, began = self._process, pickle.dumps(question), time.monotonic()
         assert process is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         self._until = began + seconds
         try:
             pickle.dump(asked, process.stdin)

@@ -34,7 +34,6 @@ from simbench.bench.store import reading as store
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
-from simbench.contract import check_in_subprocess
 from simbench.files import FileError
 from simbench.loop.simulate import simulate
 
@@ -629,84 +628,6 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
     # a sticky loop stands right before its sibling in the grid; asked about, it comes first as often as last
     assert 0.4 < np.mean(sticky < healthy) < 0.6
     assert np.mean(healthy - sticky == 1) < 0.1
-
-
-CHEAT = """
-import pickle, sys
-from pathlib import Path
-import numpy as np
-from detectors.method import Method
-from detectors.verdict import Verdict
-METHOD = Method(title="cheat", source="own", front_end=False)
-LAST, CALLS = [None], []
-def told(yes, where="knows"):
-    return Verdict("cheat", "stiction" if yes else "no_stiction", 0.0, reason=where)
-def samples_per_period(x):
-    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
-    return x.size / (3 + power[3:].argmax())
-def detect(prepared):
-    record = prepared.record
-    {body}
-"""
-CHEATS = {
-    "by_memory": "same, LAST[0] = LAST[0] == record.sp.tobytes(), record.sp.tobytes(); return told(not same)",
-    "by_memory_in_a_file": """
-    file = Path(__file__).with_suffix(".seen")
-    seen = file.read_text() if file.exists() else ""
-    mark = str(hash(record.sp.tobytes()) if record.sp is not None else 0)
-    file.write_text(seen + mark + " ")
-    return told(mark not in seen)""",
-    "by_place": "CALLS.append(0); return told(len(CALLS) % 2)",
-    # what told labels in grids whose sampling followed the sticky loop
-    "by_samples_per_period": "return told(samples_per_period(record.op) > 15)",
-    "by_periods": "return told(record.n / samples_per_period(record.op) < 60)",
-    "by_length": "return told(record.n < 1000)",
-    "by_sampling": "return told(record.Ts > 10)",
-    "by_simulating_again": """
-    try:
-        from scenarios.grid import load_grid
-        from simbench.bench.scenario.truth import simulate_with_truth
-    except Exception as why:
-        return told(True, str(why))
-    for index in range(load_grid("GRID").group_count):
-        for scenario in load_grid("GRID").group(index).drafts:
-            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-            if np.array_equal(run.record.op, record.op):
-                return told(cycled.answer == "yes")
-    return told(False)""",
-    "by_the_simulators_text": """
-    home = Path(sys.modules["detectors"].__file__).parents[1]
-    try:
-        exec((home / "simbench/loop/run.py").read_text())
-        return told(False)
-    except Exception as why:
-        return told(True, str(why))""",
-}
-REFUSED = ("by_simulating_again", "by_the_simulators_text")
-
-
-@pytest.mark.parametrize("grid", ["smoke", pytest.param("ci", marks=pytest.mark.slow)])
-def test_cheats_that_see_no_valve_are_right_by_chance_or_refused(tmp_path, grid):
-    files = [tmp_path / f"{name}.py" for name in CHEATS]
-    for file in files:
-        file.write_text(CHEAT.replace("{body}", CHEATS[file.stem]).replace("GRID", grid))
-    folder = run_grid(grid, tmp_path / "run", [], plugins=files)
-    book = RunArrays.read(folder)
-    known = book.truth["cycled"] >= 0
-    right = {m: np.mean(book.verdict[k][known] == book.truth["cycled"][known]) for k, m in enumerate(book.methods)}
-    assert max(right.values()) <= 0.6, right
-    assert not book.failed.any()
-    reasons = store.read_table(folder, "verdicts", ["method", "reason"]).to_pandas().groupby("method").reason.unique()
-    for name in CHEATS:
-        assert any("a plug-in may not" in said for said in reasons[name]) == (name in REFUSED), reasons[name]
-
-
-@pytest.mark.parametrize("name", [*REFUSED, "by_memory_in_a_file"])
-def test_a_cheat_that_looks_elsewhere_breaks_its_contract(tmp_path, name):
-    file = tmp_path / f"{name}.py"
-    file.write_text('"""A cheat."""\n' + CHEAT.replace("{body}", CHEATS[name]).replace("GRID", "smoke"))
-    broken = check_in_subprocess(file).broken
-    assert any(("may not" if name in REFUSED else "asked") in said for said in broken), broken
 
 
 def test_fresh_seeds_are_drawn_and_stated(tmp_path):
