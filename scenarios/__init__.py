@@ -19,3 +19,8 @@ def __getattr__(name: str) -> Any:
     from scenarios import spec
 
     return getattr(spec, name)
+
+
+def __dir__() -> list[str]:
+    """List the names that are loaded when first asked for, so that they are completed too."""
+    return sorted({*globals(), *__all__})

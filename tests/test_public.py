@@ -221,6 +221,6 @@ def test_results_become_tables_pictures_and_notebook_cells(run):
 def test_reasons_are_given_on_request():
     shown = sb.detect(sb.Loop(**TABLES).simulate(1).record, ["he", "horch"])
     text = shown.as_text()
-    assert text.splitlines()[1] == "2 of 2 methods say stiction, 0 no stiction, 0 no decision"
+    assert text.splitlines()[1] == "Methods: 2 of 2 methods say stiction, 0 no stiction, 0 no decision."
     assert "OP is triangular" not in text
     assert "OP is triangular" in shown.as_text(why=True)

@@ -19,7 +19,7 @@ class _Worlds(PluginFolder):
     """The installed worlds, and any module on the path or in the working directory, by its dotted name."""
 
     def load(self, name: str) -> ModuleType:
-        if "." not in name:
+        if "." not in name or not all(part.isidentifier() for part in name.split(".")):
             return super().load(name)
         if os.getcwd() not in sys.path:
             sys.path.append(os.getcwd())

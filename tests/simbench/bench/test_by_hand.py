@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from scipy.stats import norm
 
 from detectors.contract.detector import LoopRecord
 from detectors.errors import ParameterError
@@ -47,7 +48,7 @@ def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
 def test_statistics_of_the_fewest_cases():
     assert str(of.Estimate(0.8123, 0.79, 0.8305)) == "0.812 (0.790 to 0.831)"
     assert of.rate_drop(1, 1, 0, 0) == 1.0
-    assert of.rate_drop(3, 4, 2, 4) == pytest.approx(of.stats.norm.sf((4 / 6 - 3 / 6) / math.sqrt(8 / 216 + 9 / 216)))
+    assert of.rate_drop(3, 4, 2, 4) == pytest.approx(norm.sf((4 / 6 - 3 / 6) / math.sqrt(8 / 216 + 9 / 216)))
     up, down = [1, 2, 3, 4], [4, 3, 2, 1]
     two, one = [False, False, True, True], [False, False, False, True]
     assert of.auc_drop(up, down, two) == 0.0  # no spread, and a fall

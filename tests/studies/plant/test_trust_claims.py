@@ -21,7 +21,7 @@ def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot t
 
 ROWS = [
     row(True, 0.9, "stiction", 2.0, 4.5, 0.2, 1.0, "stiction"),
-    row(True, 0.4, "no_stiction", 2.0, 0.5, 0.0, 0.1, "no stiction"),
+    row(True, 0.4, "no_stiction", 2.0, 0.5, 0.0, 0.1, "no_stiction"),
     row(False, 0.1, "no_stiction", None, 0.0, 0.0, None),
 ]
 
@@ -45,7 +45,7 @@ def test_false_alarms_are_held_against_loops_that_are_sound_themselves():
 def test_only_small_friction_is_said_to_be_invisible():
     lines = claims._visible(ROWS)
     assert "buried: below the smallest that detectors show 1 of 1" in lines[2]
-    assert "cannot be seen 1 of 1" in lines[2]
+    assert "says that it cannot be seen 1 of 1" in lines[2]
     assert "plainly visible: below the smallest that detectors show 0 of 1" in lines[3]
 
 

@@ -9,13 +9,13 @@ def row(seen, said, S=1.0, visible=None, fitted=0.0):
 
 def test_what_is_said_counts_where_it_is_right():
     rows = [
-        {"buried": row(0.1, "no stiction", visible=2.0), "plainly visible": row(0.9, "stiction")},
-        {"buried": row(0.1, "no stiction", visible=0.5), "plainly visible": row(1.0, "cannot be seen in this record")},
-        {"buried": row(0.0, "cannot tell"), "plainly visible": row(0.5, "no stiction")},
-        {"buried": row(0.1, "no stiction", fitted=1.0), "plainly visible": row(0.9, "stiction")},
-        {"buried": row(0.4, "no stiction", fitted=None), "plainly visible": row(0.9, "no stiction", S=4.0, visible=2.0)},
+        {"buried": row(0.1, "no_stiction", visible=2.0), "plainly visible": row(0.9, "stiction")},
+        {"buried": row(0.1, "no_stiction", visible=0.5), "plainly visible": row(1.0, "no_stiction")},
+        {"buried": row(0.0, "cannot tell"), "plainly visible": row(0.5, "no_stiction")},
+        {"buried": row(0.1, "no_stiction", fitted=1.0), "plainly visible": row(0.9, "stiction")},
+        {"buried": row(0.4, "no_stiction", fitted=None), "plainly visible": row(0.9, "no_stiction", S=4.0, visible=2.0)},
     ]
     _, buried, plain = told(rows)
     assert "unseen 1 of 3 " in buried
     assert "unseen 1 of 4 " in plain
-    assert plain.endswith("cannot be seen in this record 1, no stiction 1, stiction 2")
+    assert plain.endswith("no_stiction 2, stiction 2")
