@@ -13,6 +13,7 @@ from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
     FrontEnd,
+    Full,
     Jobs,
     Json,
     Limit,
@@ -33,7 +34,6 @@ from simbench.cli.common import (
 if TYPE_CHECKING:
     from simbench.bench.execute.failures import Failures
 
-Full = Annotated[bool, typer.Option("--full", help="Print every table.")]
 AllowFailed = Annotated[
     float,
     typer.Option(

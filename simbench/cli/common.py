@@ -48,6 +48,7 @@ def _workers(jobs: int) -> int:
 
 
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
+Full = Annotated[bool, typer.Option("--full", help="Print every table.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further detector; repeatable.")]
 Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario.")]

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from simbench.cli.common import Jobs, Json, Plugin, exam_app, examples, grid_completion, show
+from simbench.cli.common import Full, Jobs, Json, Plugin, exam_app, examples, grid_completion, show
 
 Folder = Annotated[Path, typer.Argument(metavar="EXAM", help="Folder of the exam.")]
 Key = Annotated[Path, typer.Option(metavar="FILE", help="File of the key, outside the folder of the exam.")]
@@ -54,6 +54,7 @@ def open_(
     labels: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Truth of every record to write.")] = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
     jobs: Jobs = 1,
+    full: Full = False,
     as_json: Json = False,
 ) -> None:
     """Check the key and simulate every record again, then score the answers."""
@@ -74,6 +75,6 @@ def open_(
             from simbench.report import write_report
 
             write_report(opened.run, report)
-        show(told if as_json else "\n".join([*lines, *[""][: len(lines)], scores.as_text()]), as_json)
+        show(told if as_json else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)]), as_json)
         if report is not None:
             print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
