@@ -273,7 +273,7 @@ def test_a_run_in_which_nothing_can_be_simulated_says_so(tmp_path, capsys):
     words = ["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch,oracle"]
     assert main([*words, "--valve-plugin", str(file)]) == 1
     assert "valve plug-in 'mine': ValueError: on purpose" in capsys.readouterr().err
-    assert main(["score", str(tmp_path / "run"), "--report", str(tmp_path / "none.html")]) == 0
+    assert main(["score", "--allow-failed", "1", str(tmp_path / "run"), "--report", str(tmp_path / "none.html")]) == 0
 
 
 def test_the_process_of_a_part_ends_with_the_question(tmp_path):

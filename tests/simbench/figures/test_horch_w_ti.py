@@ -28,7 +28,7 @@ def test_the_index_is_the_law_of_a_linear_loop_for_both_valves(horch):
     assert {True, False} == set(horch.sticky)
     # the method takes signals as they come: noise moves what it measures
     off = np.abs(horch.dtau - law)
-    assert off[horch.noise_ratio == 0.0].max() < 0.05
+    assert off[horch.noise_ratio == 0.02].max() < 0.05
     assert off.max() < 0.1
 
 
