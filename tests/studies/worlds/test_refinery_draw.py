@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
+from results.studies.worlds import refinery
 from results.studies.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
 from scenarios.spec import Loop
 from simbench.blind.world import WORLD_EFFECTS
-from simbench.blind.worlds import refinery
 from simbench.loop.effects import BLOCKS, Choice
 
 STRENGTHS = ("weak", "medium", "strong")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from results.studies.worlds import refinery
 from results.studies.worlds.refinery import loops, simulation
 from results.studies.worlds.refinery.search import prepared
 from simbench.blind.world import WORLD_EFFECTS
-from simbench.blind.worlds import refinery
 
 
 @pytest.fixture(scope="module")
