@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,7 +137,7 @@ def make(
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
     text = _answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
     sealed = seal.seal(text)
-    print(f"commitment {sealed.commitment}", flush=True)
+    print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it stands; a call that was killed begins anew
     rmtree(half, ignore_errors=True)
     try:

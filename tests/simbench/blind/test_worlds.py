@@ -96,7 +96,7 @@ def test_worlds_draw_the_same_bits_while_another_distributions_effect_is_install
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
-    found = json.loads(done.stdout.splitlines()[-1])
+    found = json.loads(done.stdout)
     assert set(found["known"]) - set(VOCABULARY) == {"sulking"}
     assert len(found["worlds"]) == len(NAMES)
     # a pair is drawn from all effects that a world knows
