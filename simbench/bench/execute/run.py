@@ -89,6 +89,8 @@ def run_grid(
     plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
     files = [str(Path(p).resolve()) for p in plugins]
     callers = own or {}
+    # read before any plug-in runs, as one may move its own file
+    digests = _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
     adopted = registry.adopted({name: as_plugin(name, detector) for name, detector in callers.items()})
     with adopted, registry.hosted(files, time_limit) as added, hosted_parts(*stages, seconds=time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
@@ -110,7 +112,7 @@ def run_grid(
                 "scenarios": len(plan),
                 "methods": {n: about_method(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
+                "plugins": digests
                 | {f"own {name}": _source_digest(detector) for name, detector in callers.items()},
                 "until_width": until_width,
                 "raw": raw,
@@ -273,7 +275,13 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
 
 
 def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
-    return {f"{kind}{Path(f).stem}": file_digest(Path(f)) for kind, files in kinds for f in files}
+    """Return each file's digest; one that is not there is refused by name when it is hosted."""
+    return {
+        f"{kind}{Path(f).stem}": file_digest(Path(f))
+        for kind, files in kinds
+        for f in files
+        if Path(f).is_file()
+    }
 
 
 def _source_digest(detector: Any) -> str:
