@@ -61,6 +61,8 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     hop = segment // 2
     pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann(segment)
+    # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit of the ratios
+    pieces = np.ldexp(pieces, -np.frexp(np.abs(pieces).max())[1])
     X = np.fft.rfft(pieces, axis=1).T
     K = X.shape[1]
     product = X[i] * X[j]
