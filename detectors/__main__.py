@@ -25,6 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pv-span", nargs=2, type=float, metavar=("LO", "HI"))
     parser.add_argument("--columns", action="append", metavar="op=NAME,pv=NAME", help="which column is what")
     parser.add_argument("--ts", type=float, dest="Ts", metavar="S", help="sampling period (s), where no column says it")
+    parser.add_argument("--longest-segment", action="store_true", help="of a record with long gaps, take the longest part")
     parser.add_argument("--tag", "--loop", metavar="TAG", help="loop of a file with several: FIC101, chemicals.loop1")
     parser.add_argument("--loops", metavar="TABLE.toml", help="what is known of loops, a [[loop]] table per tag")
     parser.add_argument("--why", action="store_true", help="each method's reason below the table")

@@ -40,6 +40,9 @@ _EPOCHS = (
 _SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
 _MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
 _DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
+_LEAP = re.compile(r"(?<=:59:)60(?!\d)")  # the second that is now and then added to the last minute of a day
+CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
+_HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
 _LONG = 5000  # rows from which a column of time stamps is read as a whole
 _DAY_STEP, _SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
 
@@ -76,8 +79,17 @@ def seconds(
         was, now = values[back[0]], values[back[0] + 1]
         why = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
         usual = float(np.median(step)) or float((t[-1] - t[0]) / step.size)
+        if t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
+            why = f"local time is set back by an hour ({was}, then {now}); every sample needs a later time"
         raise RecordError(f"{where}, {place(back[0] + 1)}: {why}", f"--ts {usual:g}" if usual > 0 and not again else "")
     return t
+
+
+def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:
+    """Return the samples after which local time jumps by an hour at a full hour, as it does when summer time begins."""
+    late = np.abs(np.diff(t) - Ts - _HOUR) < 0.5 * Ts
+    full_hour = np.ceil(t[1:] / _HOUR) * _HOUR - t[1:]
+    return np.flatnonzero(late & (np.minimum(full_hour, _HOUR - full_hour) < Ts) & (t[:-1] > CALENDAR))
 
 
 def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
@@ -115,6 +127,13 @@ def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[i
     texts = [_ZONE.sub("", text) for text in texts] if _ZONE.search(texts[0] if texts else "") else texts
     if texts and re.search(r"[^\W\d_]{3,}", texts[0]):
         texts = [re.sub(r"[^\W\d_]{3,}\.?", _month, text) for text in texts]
+    leap = np.array([":59:60" in text for text in texts])
+    if leap.any():
+        notes.append(f"time: the leap second of {name} is read as a second of its own")
+        t = _read([_LEAP.sub("59", text) for text in texts], unit, name, where, place, notes)
+        begins = np.diff(leap if t[0] <= t[-1] else leap[::-1], prepend=False) & (leap if t[0] <= t[-1] else leap[::-1])
+        added = np.cumsum(begins)
+        return t + (added if t[0] <= t[-1] else added[::-1])
     counted = "number" if not re.fullmatch(r"(19|20)\d{12}", texts[0] if texts else "") else _COMPACT
     plain = list(takewhile(lambda x: x is not None, (_time(text, counted) for text in texts)))
     if len(plain) == len(texts):

@@ -5,16 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.records.clock import hour_lost
 
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
 _WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
 _FURTHEST = 1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
+_SHORTEST = 3  # samples of a record
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
-def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str):
-    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one."""
+def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str, longest_segment: bool = False):
+    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one.
+
+    `longest_segment` also takes it of a record of which more than `MOST_MISSING` is missing.
+    """
     dt = np.diff(t)
     if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
         needed = f"less than {_FURTHEST:g} of them is needed"
@@ -26,9 +31,21 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     size = int(place[-1]) + 1
     known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
     missing = size - int(known.sum())
+    lo, hi = _longest(place[known]) if known.any() else (0, 0)
+    jumps = hour_lost(t, Ts)
+    summer = f"local time jumps by an hour after sample {jumps[0]}, as it does when summer time begins" if jumps.size else ""
     if missing > MOST_MISSING * size:
-        raise RecordError(f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be")
-    lo, hi = _longest(place[known])
+        segment = hi - lo + 1
+        inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
+        usable = segment >= _SHORTEST and inside <= MOST_MISSING * segment
+        if not (usable and longest_segment):
+            said = f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be"
+            cure = "--longest-segment" if usable and not longest_segment else ""
+            said += f"; the longest segment without a long hole has {segment} samples" if cure else ""
+            # counting the samples in place of reading the clock is right only where no sample is missing
+            if jumps.size and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts) and known.all():
+                said, cure = f"{where}: {summer}, so that {missing} of {size} samples seem to be missing", f"--ts {Ts:g}"
+            raise RecordError(said, cure)
     used = known
     for name in ("sp", "mv"):
         x = signals.get(name)
@@ -61,6 +78,8 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     if grid.size < size:
         part = f"the longest part without a hole of more than {BRIDGED}"
         notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size} ({grid.size / size:.0%}), {part}")
+    if jumps.size:
+        notes.append(f"time: {summer}; --ts {Ts:g} counts the samples in place of the clock")
     if uneven:
         notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
     return grid * Ts, out, tuple(notes)

@@ -156,8 +156,14 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
     for name in texts:
-        doubted = sum(bool(_MARKED.fullmatch(str(v).strip())) for v in sheet.columns[name] if str(v).strip()[-1:] in _MARK_ENDS)
+        marks = [_MARKED.fullmatch(text)[2] if text[-1:] in _MARK_ENDS and _MARKED.fullmatch(text) else "" for text in
+                 (str(v).strip() for v in sheet.columns[name])]  # fmt: skip
+        words = Counter(plain(mark.strip("()")) for mark in marks if mark)
+        doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
         sheet.notes += [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"] if doubted else []
+        bad = [plain(mark.strip("()")) in _BAD for mark in marks]
+        sheet.notes += [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"] if any(bad) else []
+        texts[name] = ["" if wrong else text for wrong, text in zip(bad, texts[name], strict=True)]
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]

@@ -13,7 +13,7 @@ import numpy as np
 from detectors.errors import RecordError, nearest, printable
 from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopRecord
 from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
-from detectors.records.clock import seconds
+from detectors.records.clock import CALENDAR, seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
 from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_rows, take_units
 from detectors.records.long_table import is_stamped, read_series, unfold
@@ -43,7 +43,6 @@ _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
 _CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
 _MILLISECONDS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
-_EPOCH = 1e8  # s since 1970 from which a time is one of the calendar
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -80,7 +79,8 @@ def read_record(
         Where the controller's mode is recorded, return the longest stretch in automatic; else all, `meta["manual"]` says
         where OP was the operator's.
     **about
-        Other fields of the record: process, kind, op_span, pv_span, meta.
+        Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a record of which more than
+        20 % is missing is not refused, and its longest segment without a long hole is returned.
 
     Returns
     -------
@@ -327,7 +327,7 @@ def _record(
 ) -> LoopRecord:
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
-    sheet = table.sheet
+    sheet, longest = table.sheet, bool(about.pop("longest_segment", False))
     for role in ("pv", "op"):
         if role not in roles:
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
@@ -362,9 +362,9 @@ def _record(
         signals = {r: x for r, x in signals.items() if r not in late}
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
-        t, signals, notes = whole(t, signals, Ts, where)
+        t, signals, notes = whole(t, signals, Ts, where, longest)
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
-    if began > _EPOCH:  # events are shared by records of the same time only
+    if began > CALENDAR:  # events are shared by records of the same time only
         about = {**about, "meta": {"start": begins, **about.get("meta", {})}}
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
     if held is not None and not automatic and (held == MAN).any():
@@ -464,9 +464,11 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
             raise RecordError(f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed")
     times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
     step = base_step(times)
-    full = step is not None and min(series[r][0].size for r in ("op", "pv")) * step > (1 - MOST_MISSING) * (
-        times[-1] - times[0]
-    )
+    least = min(series[r][0].size for r in ("op", "pv"))
+    full = step is not None and least * step > (1 - MOST_MISSING) * (times[-1] - times[0])
+    # logged together at even times: what lies between is a gap, over which no value holds
+    together = least > (1 - MOST_MISSING) * times.size and all(_regular(series[r][0]) for r in ("op", "pv"))
+    full = full or (step is not None and together)
     if Ts is None and (full or _on_change(times, series)):
         signals = {role: _at(times, *series[role]) for role in ("op", "pv")}
         signals |= {role: last_known(times, *series[role]) for role in ("sp", "mv") if role in series and series[role][0].size}

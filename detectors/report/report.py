@@ -136,6 +136,7 @@ def judge_files(
     loop: str | None = None,
     loops: str | Path | None = None,
     Ts: float | None = None,
+    longest_segment: bool = False,
     labels: str | Path | None = None,
     raw: bool = False,
     front_end: str = "acf",
@@ -152,7 +153,7 @@ def judge_files(
             if method not in names:
                 raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
         about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
-        about |= {"tag": tag if tag is not None else loop, "loops": loops}
+        about |= {"tag": tag if tag is not None else loop, "loops": loops, "longest_segment": longest_segment or None}
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
         records, refused, alone = _records(Path(path), known, labels, about)

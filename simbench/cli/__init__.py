@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from itertools import pairwise
@@ -14,6 +15,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import typer
 
 from detectors.errors import ParameterError
+
+# a user without a home folder is told by matplotlib that its cache is temporary, which needs no action
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 # each registers its verbs, in the order of the help
 from simbench.cli import simulate, detect, plant, bench, exam, confirm, gap, catalogue  # isort: skip  # noqa: F401

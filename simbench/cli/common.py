@@ -70,6 +70,9 @@ _READING: dict[str, Any] = {
     "columns": Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable.")],
     "Ts": Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")],
     "tag": Annotated[str | None, typer.Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1.")],
+    "longest_segment": Annotated[
+        bool | None, typer.Option("--longest-segment", help="Of a record with long gaps, take the longest part without one.")
+    ],
     "loops": Annotated[
         Path | None, typer.Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag.")
     ],

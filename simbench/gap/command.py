@@ -187,6 +187,8 @@ def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Pat
             words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]
         elif isinstance(value, list):
             words += [word for one in value for word in (f"--{name}", str(one))]
+        elif value is True:
+            words += [f"--{name.replace('_', '-')}"]
         elif value is not None:
             words += [f"--{name.replace('_', '-').lower()}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"]
