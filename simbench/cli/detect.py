@@ -74,6 +74,11 @@ def detect(
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     show(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
+    if labels is not None and report.conclusions:
+        from detectors.records.io import read_labels
+        from simbench.gap.stiction.by_loop import as_lines
+
+        print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))
     if as_json or len(report.groups()) > 1:  # of one record the text has them
         say_assumed(report.records.values(), as_json)
     if csv is not None:

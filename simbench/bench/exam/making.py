@@ -21,6 +21,7 @@ from simbench.bench.store.benchmark import benchmark_of
 from simbench.files import folder as make_folder
 from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
 
+_UNMATCHED = "no tuning makes the healthy loop oscillate as its sticky siblings do"
 _BITS = 62  # of a grid's seed: nobody finds it by trying
 
 
@@ -79,14 +80,14 @@ def make_exam(
     chance.shuffle(left)
     if n is not None:
         left = _apart(left)
-    wanted, found, failed = len(left) if n is None else n, {}, 0
+    wanted, found, failed = len(left) if n is None else n, {}, []
     while left and len(found) < wanted:
         some, left = left[: wanted - len(found)], left[wanted - len(found) :]
-        shown = {pick: it for pick, it in simulate_picks(plan, some, jobs, _shown).items() if it[2] is not None}
-        found |= shown
-        failed += len(some) - len(shown)
+        tried = simulate_picks(plan, some, jobs, _shown)
+        found |= {pick: it for pick, it in tried.items() if isinstance(it[2], LoopRecord)}
+        failed += [tried[pick][2] if pick in tried else _UNMATCHED for pick in some if pick not in found]
     if failed:
-        print(f"{failed} scenarios could not be simulated and are left out", file=sys.stderr)
+        print(f"{len(failed)} scenarios could not be simulated and are left out ({failed[0]})", file=sys.stderr)
     if len(found) < (n or 1):
         raise ParameterError(f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are needed")
     picks = list(found)
@@ -116,8 +117,8 @@ def make_exam(
     return commitment_of(content)
 
 
-def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | None]:
-    return it.ident, it.scenario.seed, it.run and it.run.record.without_mv()
+def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | str | None]:
+    return it.ident, it.scenario.seed, it.error if it.run is None else it.run.record.without_mv()
 
 
 def _apart(picks: list[Pick]) -> list[Pick]:

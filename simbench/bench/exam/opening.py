@@ -26,7 +26,7 @@ from simbench.bench.execute.run import about_method
 from simbench.bench.execute.work import Chunk, SimulatedScenario, in_columns, scenario_row, verdict_row
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
-from simbench.bench.store.benchmark import grid_of
+from simbench.bench.store.benchmark import evaluator_hash, grid_of
 from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
 from simbench.handout import matches, read_key
@@ -65,7 +65,7 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     Raises
     ------
     ParameterError
-        When the key does not match the commitment, a record is not the one that its seed gives, or a file of answers holds
+        When the key does not match the commitment, another version of simbench made the exam, a record is not the one that its seed gives, or a file of answers holds
         what is no answer to this exam.
 
     Examples
@@ -88,17 +88,21 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     try:
         places = {ident: (int(p["group"]), int(p["place"])) for ident, p in secret["records"].items()}
         grid, stated = grid_of({**secret, "grid": str(secret["grid"])}), secret["benchmark"]
+        made_by = str(stated["parts"]["evaluator"])
     except (KeyError, TypeError, ValueError, AttributeError):
         raise ParameterError(f"exam: {key} is no key file of an exam") from None
     if exam.about["benchmark"] != stated or set(places) != set(exam.records):
         raise ParameterError(f"exam: {exam.folder} states another benchmark or other records than its key; restore it")
+    if made_by != evaluator_hash():
+        made = f"was made by another version of simbench (its evaluator is {made_by}, here it is {evaluator_hash()})"
+        raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
     given = read_answers([Path(file) for file in answers], exam.records)
     names = {place: ident for ident, place in places.items()}
     found = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
         if place not in found or found[place][0] != exam.marks[ident]:
             changed = f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
-            cure = "restore it, or open it with the simbench and on the kind of machine that made it"
+            cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
     settings = {

@@ -32,7 +32,9 @@ SPRING = stamps(datetime(2024, 3, 31, 0, 55, tzinfo=UTC), BERLIN)
 AUTUMN = stamps(datetime(2024, 10, 27, 0, 55, tzinfo=UTC), BERLIN)
 
 
-@pytest.mark.parametrize(("times", "said"), [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")])
+@pytest.mark.parametrize(
+    ("times", "said"), [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")]
+)
 def test_the_command_proposed_for_a_clock_change_reads_every_sample(tmp_path, capsys, times, said):
     file = write(tmp_path / "rec.csv", times)
     words = [str(file), "--method", "horch"]

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.grid import load_grid
+from simbench.bench.exam import opening
 from simbench.bench.exam.answering import answer_exam
 from simbench.bench.exam.folder import read_exam
 from simbench.bench.exam.making import make_exam
@@ -270,6 +271,16 @@ def test_a_changed_exam_is_refused(tiny, tmp_path, capsys, change, part):
     assert told.out == ""
     assert told.err.count("\n") == 1
     assert part in told.err
+
+
+def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(tiny, monkeypatch, capsys):
+    monkeypatch.setattr(opening, "evaluator_hash", lambda: "0" * 16)
+    monkeypatch.setattr(opening, "simulate_picks", lambda *_: pytest.fail("it was simulated"))
+    assert main(["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), str(tiny / "answers.csv")]) == 2
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1
+    assert "was made by another version of simbench" in told.err
+    assert "open it with the version that made it" in told.err
 
 
 def test_another_key_is_refused(tiny, tmp_path, capsys):
