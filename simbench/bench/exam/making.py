@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import random
 import secrets
+import shutil
 import sys
 from collections import Counter
 from pathlib import Path
-from shutil import rmtree
 
 from detectors.errors import ParameterError
 from detectors.record import LoopRecord
@@ -64,6 +65,8 @@ def make_exam(
     """
     out, key = Path(out), Path(key)
     refuse_key_inside("exam", key, out)
+    half = out.absolute().with_name(f".{out.name}.partial")  # until all of it stands
+    _drop_key_of(half, key)
     for path, taken in ((key, key.exists()), (out, out.exists() and not (out.is_dir() and not any(out.iterdir())))):
         if taken:
             raise ParameterError(f"exam: {path} exists already; another name is needed")
@@ -107,14 +110,27 @@ def make_exam(
     }
     content = json.dumps(secret, indent=1).encode()
     about = {"format": EXAM_FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
-    half = make_folder(out.absolute().with_name(f".{out.name}.partial"))  # until all of it stands
+    make_folder(half)
+    written = False
     try:
         write_exam(half, {**about, "commitment": commitment_of(content)}, dict(zip(ids, (found[pick][2] for pick in picks))))
         write_key(key, content)
+        written = True
         half.replace(out)
+    except BaseException:
+        if written:
+            key.unlink(missing_ok=True)
+        raise
     finally:
-        rmtree(half, ignore_errors=True)
+        shutil.rmtree(half, ignore_errors=True)
     return commitment_of(content)
+
+
+def _drop_key_of(half: Path, key: Path) -> None:
+    """Remove the key that a killed call wrote for an exam which nobody has seen, as it was never moved to its name."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        if json.loads((half / EXAM).read_bytes())["commitment"] == commitment_of(key.read_bytes()):
+            key.unlink()
 
 
 def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | str | None]:

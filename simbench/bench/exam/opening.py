@@ -65,7 +65,8 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     Raises
     ------
     ParameterError
-        When the key does not match the commitment, another version of simbench made the exam, a record is not the one that its seed gives, or a file of answers holds
+        When the key does not match the commitment, another version of simbench made the exam, a record is not the one that
+        its seed gives, or a file of answers holds
         what is no answer to this exam.
 
     Examples

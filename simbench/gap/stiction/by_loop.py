@@ -19,7 +19,9 @@ def as_lines(conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, 
     The probability of a loop is that of the mean of its records' log-odds; a record that cannot be judged has none.
     """
     loops = _concluded(conclusions, labels, "loop")
-    rows = [(name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[said]) for (name, label), (n, p, said) in loops.items()]
+    rows = [
+        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[said]) for (name, label), (n, p, said) in loops.items()
+    ]
     return [*columns([_HEAD, *rows]), _score("loop", loops), _score("unit", _concluded(conclusions, labels, "unit_group"))]
 
 

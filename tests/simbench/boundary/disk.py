@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +27,8 @@ class Disk:
     ) -> None:
         self.count, self.fails, self.fault, self.dead, self.failed = 0, fails, fault, False, False
         self.end = end
-        replace, unlink, mkdir = Path.replace, Path.unlink, Path.mkdir
+        replace, unlink, mkdir, rmtree = Path.replace, Path.unlink, Path.mkdir, shutil.rmtree
+        patch.setattr(shutil, "rmtree", lambda path, *a, **k: None if self.dead else rmtree(path, *a, **k))
         patch.setattr(files, "open", self._open, raising=False)
         patch.setattr(files.os, "fsync", lambda handle: self._do("fsync", lambda: None))
         patch.setattr(Path, "replace", lambda path, target: self._do("replace", lambda: replace(path, target)))
