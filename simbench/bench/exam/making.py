@@ -14,7 +14,7 @@ from pathlib import Path
 from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from scenarios.grid import load_grid
-from simbench.bench.exam.folder import EXAM_FORMAT, write_exam
+from simbench.bench.exam.folder import EXAM, EXAM_FORMAT, write_exam
 from simbench.bench.exam.simulating import Pick, simulate_picks
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.work import SimulatedScenario
