@@ -1,0 +1,232 @@
+"""Map of a grid: simulate a random sample of its scenarios, and predict every method's accuracy over its axes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import nearest
+from scenarios.grid import Grid, load_grid
+from scenarios.sample import Sample
+from simbench.bench.execute.run import run_grid
+from simbench.bench.map.axes import BLOCK, GridAxes
+from simbench.bench.map.surrogate import NOT_COUNTED, OSCILLATING, RATES, Surrogate, rate_of_cells, rate_of_grid
+from simbench.bench.statistics import Estimate
+from simbench.bench.store.checksums import RunError
+from simbench.bench.store.place import place_of
+from simbench.bench.store.reading import RunArrays
+from simbench.files import whole_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_MAPPED = 10**15  # cells of a grid: numbers of scenarios are then exact as floats
+_MOST_ROWS = 20_000  # cells in map.parquet; of a larger grid these are drawn at random
+_SHARE, _FEWEST, _MOST = 0.1, 200, 10_000  # scenarios that are simulated unless told otherwise
+_AT_ONCE = 4000  # cells that are predicted at once: memory
+
+
+@dataclass(frozen=True)
+class GridMap:
+    """A map of a grid: a table of cells for every method, and what follows for the whole grid."""
+
+    folder: Path
+    grid: str
+    scenarios: int  # of the grid
+    points: int  # of them simulated
+    x: str  # axis of the pictures
+    y: str | None  # None where the grid has one axis
+    values: dict[str, list[Any]]  # of each axis, in order, as the table has them
+    table: pd.DataFrame  # of map.parquet
+    methods: dict[str, dict[str, Any]]  # of map.json
+    brier: dict[str, float]  # mean squared error of the predicted accuracy of scenarios out of sample
+
+    def as_text(self) -> str:
+        """Return the costs of all methods as a table, the cheapest method first."""
+        lines = [
+            f"{self.points} of the {self.scenarios} scenarios of grid {self.grid} were simulated.",
+            "",
+            f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n",
+        ]
+        good = (self.table.accuracy > 0.9).groupby(self.table.method).mean()
+        by_cost = sorted(self.methods.items(), key=lambda item: (item[1]["cost"]["value"] is None, item[1]["cost"]["value"]))
+        for name, of in by_cost:
+            costs = _interval(of["cost"]), _interval(of["oscillating"]["cost"])
+            share = f"{100.0 * good[name]:.0f} % of cells"
+            lines.append(f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}")
+        lines += [
+            "",
+            "Cost of a run of the whole grid, predicted: an error costs 1, no decision .5; with its 95 % interval.",
+            "First for all scenarios with a clear label (cycled yes or no), then for those that oscillate.",
+            f"Map, numbers and a picture per method: {self.folder}",
+        ]
+        return "\n".join(lines)
+
+
+def map_grid(
+    grid: str | Path | Grid,
+    out: str | Path,
+    points: int | None = None,
+    methods: Iterable[str] = ("fast",),
+    x: str | None = None,
+    y: str | None = None,
+    **settings: Any,
+) -> GridMap:
+    """Predict the accuracy of methods over the axes of a grid from a random sample of its scenarios.
+
+    Parameters
+    ----------
+    grid : str, Path or Grid
+        A grid of any size, by name or file; one of its axes must have two values at least.
+    out : str or Path
+        Folder to write: `run` (the sample, as `run_grid` writes it), `map.parquet`, `map.json`.
+    points : int, optional
+        Number of scenarios to simulate; default 10 % of the grid, at least 200, at most 10 000.
+    methods : iterable of str
+        Method ids.
+    x, y : str, optional
+        Axes of the pictures; default the first two that have several values.
+    **settings
+        Of `run_grid`: `jobs`, `backend`, `address`, `resume`.
+
+    Returns
+    -------
+    GridMap
+        `table` has a row for each method and cell (at most 20 000 cells; of a larger grid a random
+        choice), with the axes and, averaged over the members of a cell, `cost`, `accuracy`,
+        `sensitivity` and `false_positives`, each with `_lo` and `_hi`. Its 95 % intervals cover the
+        sampling error of the surrogate, not a jump of accuracy between neighbouring cells that the
+        forest smooths away. `methods` has the cost over the whole grid: its 95 % interval covers the
+        cost that a run of the whole grid gives, whatever the surrogate is worth. As in `score`, answers
+        are compared with `cycled`; loops that are entrained or unclear, and loops to which a method
+        does not apply, are left out.
+
+    Raises
+    ------
+    UserError
+        For an unknown grid, axis or method, for more points than scenarios, and for a grid without axes.
+
+    Notes
+    -----
+    Not for a grid of a few hundred scenarios: run it whole.
+
+    Examples
+    --------
+    >>> found = map_grid("chapter", "maps/chapter", points=400, methods=["horch"])  # doctest: +SKIP
+    """
+    if place_of(out).local is None:
+        raise RunError(f"-o {out}: a map is written to a folder of this machine; a path is needed")
+    plan = grid if isinstance(grid, Grid) else load_grid(grid, most_cells=MOST_MAPPED)
+    axes = GridAxes(plan)
+    names = _picture_axes(plan.name, axes, x, y)
+    if points is None:
+        points = min(len(plan), max(_FEWEST, min(int(_SHARE * len(plan)), _MOST)))
+    sample, folder = Sample.of(plan, points), Path(out)
+    book = RunArrays.read(run_grid(sample, folder / "run", methods, **settings))
+    cells, features, rows = _sampled(sample, axes, book)
+    shown = np.arange(plan.cells)
+    if plan.cells > _MOST_ROWS:
+        shown = np.unique(np.random.default_rng([plan.content.seed, points]).integers(plan.cells, size=_MOST_ROWS))
+    found: dict[str, dict[str, Any]] = {}
+    brier, tables, frame = {}, [], _axis_columns(axes, shown)
+    for number, name in enumerate(book.methods):
+        outcome = np.append(_outcomes(book, number), NOT_COUNTED)[rows]
+        surrogate = Surrogate.fit(features, outcome, cells)
+        rates, mean = _predicted(surrogate, axes, shown)
+        tables.append(frame.assign(**rates))
+        tables[-1].insert(0, "method", name)
+        brier[name] = surrogate.brier()
+        some = {}
+        for key, only in (("all", None), ("oscillating", OSCILLATING)):
+            counted = outcome != NOT_COUNTED if only is None else only[outcome] > 0
+            some[key] = {"cost": _as_json(rate_of_grid(surrogate, mean, len(plan), only)), "n": int(counted.sum())}
+        found[name] = {**some["all"], "oscillating": some["oscillating"]}
+    import pandas as pd
+
+    table = pd.concat(tables, ignore_index=True)
+    with whole_file(folder / "map.parquet", "wb") as f:
+        table.to_parquet(f, index=False)
+    with whole_file(folder / "map.json") as f:
+        f.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
+    values = {key: [_told(v) for v in known] for key, known in axes.values.items()}
+    return GridMap(folder, plan.name, len(plan), points, *names, values, table, found, brier)
+
+
+def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tuple[str, str | None]:
+    if not axes.several:
+        raise RunError(f"grid {grid} has no axis with two values or more; a map needs one")
+    for option, name in (("--x", x), ("--y", y)):
+        if name is not None and name not in axes.several:
+            raise RunError(f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two values or more)")
+    if x is not None and x == y:
+        raise RunError(f"--x {x} --y {y}: two different axes are needed")
+    free = [key for key in sorted(axes.several, key=BLOCK.__eq__) if key not in (x, y)]
+    x = x or free.pop(0)
+    return x, y or (free[0] if free else None)
+
+
+def _sampled(sample: Sample, axes: GridAxes, book: RunArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return cell and features of the scenarios drawn, and where each stands in the tables.
+
+    -1: nowhere, as it is a healthy loop that cannot be made to oscillate as its sticky sibling does.
+    """
+    places = {place: row for row, place in enumerate(book.places.astype(str).tolist())}
+    drawn = [(*divmod(group, sample.cells), name) for group, names in sample.drawn.items() for name in names]
+    cells = np.array([cell for _, cell, _ in drawn])
+    members = [axes.member_names.index(name) for *_, name in drawn]
+    rows = [places.get(f"{cell}/{repeat}/{name}", -1) for repeat, cell, name in drawn]
+    return cells, np.column_stack([axes.codes(cells), members]), np.array(rows)
+
+
+def _outcomes(book: RunArrays, method: int) -> np.ndarray:
+    truth = book.truth["cycled"]
+    counted = (truth >= 0) & (book.applicable[method] != 0)
+    return np.where(counted, 6 * book.oscillating + 3 * truth + book.verdict[method], NOT_COUNTED)
+
+
+def _predicted(surrogate: Surrogate, axes: GridAxes, cells: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return the rates of cells with their intervals as columns, and the mean probability of each outcome."""
+    columns: dict[str, list[np.ndarray]] = {f"{name}{end}": [] for name in RATES for end in ("", "_lo", "_hi")}
+    total, count = np.zeros(NOT_COUNTED + 1), 0
+    for start in range(0, cells.size, _AT_ONCE):
+        here = cells[start : start + _AT_ONCE]
+        codes = axes.codes(here)
+        member, cell = np.nonzero(axes.present(codes, here))
+        each = surrogate.halves(np.column_stack([codes[cell], member]))
+        halves = np.zeros((len(each), here.size, each.shape[2]))
+        np.add.at(halves, (slice(None), cell), each)
+        total, count = total + halves.mean(axis=0).sum(axis=0), count + cell.size
+        for name in RATES:
+            for end, values in zip(("", "_lo", "_hi"), rate_of_cells(halves, name), strict=True):
+                columns[f"{name}{end}"].append(values)
+    return {name: np.concatenate(parts) for name, parts in columns.items()}, total / count
+
+
+def _axis_columns(axes: GridAxes, cells: np.ndarray) -> pd.DataFrame:
+    import pandas as pd
+
+    codes = axes.codes(cells)
+    columns = {}
+    for place, (key, values) in enumerate(axes.values.items()):
+        told = np.array([*map(_told, values), None], dtype=object)[codes[:, place]]
+        columns[key] = told if any(isinstance(v, str) for v in told) else told.astype(float)
+    return pd.DataFrame(columns)
+
+
+def _told(value: Any) -> Any:
+    # sections of a loop file can be axes, too
+    return value if isinstance(value, (str, int, float)) else json.dumps(value, sort_keys=True)
+
+
+def _as_json(found: Estimate) -> dict[str, float | None]:
+    return {key: None if math.isnan(v) else v for key, v in found._asdict().items()}
+
+
+def _interval(cost: dict[str, float | None]) -> str:
+    return "" if cost["value"] is None else "{value:.3f} ({lo:.2f}-{hi:.2f})".format(**cost)
