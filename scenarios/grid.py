@@ -235,6 +235,12 @@ class Grid:
         """Return the number of scenarios of a group without building it."""
         return self._sizes[index % len(self._sizes)]
 
+    def cell(self, number: int) -> tuple[str, dict[str, Value], tuple[str, ...]]:
+        """Return a cell's block, its value of each axis and the names of its members, without building it."""
+        block, values = self._place(number)
+        name = self.content.block[block].name if self.content.block else "loop"
+        return name, values, tuple(m.name for m in self._present(block, values))
+
     def group(self, index: int) -> Group:
         """Build one group."""
         repeat, cell = divmod(index, self.cells)

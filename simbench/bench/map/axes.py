@@ -1,15 +1,17 @@
-"""A grid's axes as numbers: what a surrogate is trained on, for any cells of a grid of any size."""
+"""A grid's axes as tables show them and as a surrogate is trained on them, for any cells of a grid of any size."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import Any
+import json
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from scenarios.grid import Grid
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BLOCK = "block"
 
@@ -18,52 +20,36 @@ class GridAxes:
     """The axes of a grid and their values, in order; `block` is one where there are several blocks."""
 
     def __init__(self, grid: Grid) -> None:
-        content = grid.content
-        self._blocks: list[Mapping[str, Sequence[Any]]] = [b.axes for b in content.block] or [content.axes]
-        self._names = [b.name for b in content.block] or ["loop"]
-        self._ends = np.cumsum([math.prod(map(len, axes.values())) for axes in self._blocks])
-        # what a cell's members are called, and on which values of its axes each is there
-        self.members = [[(m.name, m.where) for m in b.member] for b in content.block] or [[("loop", {})]]
-        self.values: dict[str, list[Any]] = {}
-        for axes in self._blocks:
+        self._grid, blocks = grid, grid.content.block
+        every = [b.axes for b in blocks] or [grid.content.axes]
+        self.values: dict[str, list[Any]] = {BLOCK: [b.name for b in blocks]} if len(blocks) > 1 else {}
+        for axes in every:
             for key, values in axes.items():
-                known = self.values.setdefault(key, [])
-                known += [v for v in values if v not in known]
-        for values in self.values.values():
-            if all(isinstance(v, (int, float)) for v in values):
-                values.sort()
-        if len(self._names) > 1:
-            self.values = {BLOCK: list(self._names), **self.values}
-        self.several = [key for key, values in self.values.items() if len(values) > 1]
+                known = dict.fromkeys([*self.values.get(key, ()), *map(shown, values)])
+                self.values[key] = list(known) if any(isinstance(v, str) for v in known) else sorted(known)
+        self.members = list(dict.fromkeys(m.name for b in blocks for m in b.member)) or ["loop"]
 
-    @cached_property
-    def member_names(self) -> list[str]:
-        """Every name that a member has in some block, each once."""
-        return list(dict.fromkeys(name for members in self.members for name, _ in members))
+    @property
+    def several(self) -> list[str]:
+        """The axes with two values or more."""
+        return [key for key, values in self.values.items() if len(values) > 1]
 
-    def codes(self, cells: np.ndarray) -> np.ndarray:
-        """Return, for cells by number, the place of each axis' value (cells x axes); -1 where the cell lacks the axis."""
-        out = np.full((cells.size, len(self.values)), -1, dtype=np.int32)
-        block = np.searchsorted(self._ends, cells, side="right")
-        for number, axes in enumerate(self._blocks):
-            here = np.flatnonzero(block == number)
-            rest = cells[here] - (self._ends[number - 1] if number else 0)
-            for key, values in reversed(list(axes.items())):
-                rest, place = np.divmod(rest, len(values))
-                out[here, list(self.values).index(key)] = np.array([self.values[key].index(v) for v in values])[place]
-        if BLOCK in self.values:
-            out[:, 0] = block
-        return out
+    def table(self, cells: Iterable[int]) -> tuple[pd.DataFrame, list[tuple[str, ...]]]:
+        """Return the value of each axis in some cells (null where a cell lacks it), and the members of each cell."""
+        import pandas as pd
 
-    def present(self, codes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return which member is there in which cell (members x cells), as `codes` has the cells."""
-        block = np.searchsorted(self._ends, cells, side="right")
-        found, keys = np.zeros((len(self.member_names), cells.size), dtype=bool), list(self.values)
-        for number, members in enumerate(self.members):
-            for name, where in members:
-                there = block == number
-                for key, allowed in where.items():
-                    places = [self.values[key].index(v) for v in allowed if v in self.values[key]]
-                    there = there & np.isin(codes[:, keys.index(key)], places)
-                found[self.member_names.index(name)] |= there
-        return found
+        found = [self._grid.cell(int(cell)) for cell in cells]
+        rows = [{BLOCK: block, **{k: shown(v) for k, v in values.items()}} for block, values, _ in found]
+        return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in found]
+
+    def features(self, table: pd.DataFrame, members: Iterable[str]) -> np.ndarray:
+        """Return the place of each value on its axis (-1 where a cell lacks the axis), and of the member, as columns."""
+        import pandas as pd
+
+        codes = [pd.Categorical(table[key], values).codes for key, values in self.values.items()]
+        return np.column_stack([*codes, [self.members.index(name) for name in members]])
+
+
+def shown(value: Any) -> Any:
+    """Return an axis value as a table holds it: sections and lists of a loop file, which can be axes too, as JSON."""
+    return value if isinstance(value, (str, int, float)) else json.dumps(value, sort_keys=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Iterable
@@ -19,9 +20,8 @@ from simbench.bench.map.axes import BLOCK, GridAxes
 from simbench.bench.map.surrogate import NOT_COUNTED, OSCILLATING, RATES, Surrogate, rate_of_cells, rate_of_grid
 from simbench.bench.statistics import Estimate
 from simbench.bench.store.checksums import RunError
-from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import RunArrays
-from simbench.files import whole_file
+from simbench.files import URL, whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,15 +55,15 @@ class GridMap:
             f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n",
         ]
         good = (self.table.accuracy > 0.9).groupby(self.table.method).mean()
-        by_cost = sorted(self.methods.items(), key=lambda item: (item[1]["cost"]["value"] is None, item[1]["cost"]["value"]))
-        for name, of in by_cost:
+        for name in sorted(self.methods, key=lambda m: self.methods[m]["cost"]["value"] or 0.0):
+            of = self.methods[name]
             costs = _interval(of["cost"]), _interval(of["oscillating"]["cost"])
             share = f"{100.0 * good[name]:.0f} % of cells"
             lines.append(f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}")
         lines += [
             "",
-            "Cost of a run of the whole grid, predicted: an error costs 1, no decision .5; with its 95 % interval.",
-            "First for all scenarios with a clear label (cycled yes or no), then for those that oscillate.",
+            "Cost is that of a run of the whole grid, predicted, with its 95 % interval: an error costs 1,",
+            "no decision .5. It is given for all scenarios with a clear label, and for those that oscillate.",
             f"Map, numbers and a picture per method: {self.folder}",
         ]
         return "\n".join(lines)
@@ -120,7 +120,7 @@ def map_grid(
     --------
     >>> found = map_grid("chapter", "maps/chapter", points=400, methods=["horch"])  # doctest: +SKIP
     """
-    if place_of(out).local is None:
+    if URL.match(str(out)):
         raise RunError(f"-o {out}: a map is written to a folder of this machine; a path is needed")
     plan = grid if isinstance(grid, Grid) else load_grid(grid, most_cells=MOST_MAPPED)
     axes = GridAxes(plan)
@@ -130,15 +130,19 @@ def map_grid(
     sample, folder = Sample.of(plan, points), Path(out)
     book = RunArrays.read(run_grid(sample, folder / "run", methods, **settings))
     cells, features, rows = _sampled(sample, axes, book)
-    shown = np.arange(plan.cells)
     if plan.cells > _MOST_ROWS:
         shown = np.unique(np.random.default_rng([plan.content.seed, points]).integers(plan.cells, size=_MOST_ROWS))
+    else:
+        shown = np.arange(plan.cells)
+    frame, members = axes.table(shown)
+    cell = np.repeat(np.arange(shown.size), list(map(len, members)))
+    everyone = axes.features(frame.iloc[cell], itertools.chain(*members))
     found: dict[str, dict[str, Any]] = {}
-    brier, tables, frame = {}, [], _axis_columns(axes, shown)
+    brier, tables = {}, []
     for number, name in enumerate(book.methods):
         outcome = np.append(_outcomes(book, number), NOT_COUNTED)[rows]
         surrogate = Surrogate.fit(features, outcome, cells)
-        rates, mean = _predicted(surrogate, axes, shown)
+        rates, mean = _predicted(surrogate, everyone, cell)
         tables.append(frame.assign(**rates))
         tables[-1].insert(0, "method", name)
         brier[name] = surrogate.brier()
@@ -154,8 +158,7 @@ def map_grid(
         table.to_parquet(f, index=False)
     with whole_file(folder / "map.json") as f:
         f.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
-    values = {key: [_told(v) for v in known] for key, known in axes.values.items()}
-    return GridMap(folder, plan.name, len(plan), points, *names, values, table, found, brier)
+    return GridMap(folder, plan.name, len(plan), points, *names, axes.values, table, found, brier)
 
 
 def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tuple[str, str | None]:
@@ -178,10 +181,9 @@ def _sampled(sample: Sample, axes: GridAxes, book: RunArrays) -> tuple[np.ndarra
     """
     places = {place: row for row, place in enumerate(book.places.astype(str).tolist())}
     drawn = [(*divmod(group, sample.cells), name) for group, names in sample.drawn.items() for name in names]
-    cells = np.array([cell for _, cell, _ in drawn])
-    members = [axes.member_names.index(name) for *_, name in drawn]
+    _, cells, names = zip(*drawn, strict=True)
     rows = [places.get(f"{cell}/{repeat}/{name}", -1) for repeat, cell, name in drawn]
-    return cells, np.column_stack([axes.codes(cells), members]), np.array(rows)
+    return np.array(cells), axes.features(axes.table(cells)[0], names), np.array(rows)
 
 
 def _outcomes(book: RunArrays, method: int) -> np.ndarray:
@@ -190,38 +192,22 @@ def _outcomes(book: RunArrays, method: int) -> np.ndarray:
     return np.where(counted, 6 * book.oscillating + 3 * truth + book.verdict[method], NOT_COUNTED)
 
 
-def _predicted(surrogate: Surrogate, axes: GridAxes, cells: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return the rates of cells with their intervals as columns, and the mean probability of each outcome."""
+def _predicted(surrogate: Surrogate, features: np.ndarray, cell: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return the rates of cells with their intervals as columns, and the mean probability of each outcome.
+
+    `features` are those of the members of all cells, `cell` the place of the cell that each belongs to, in order.
+    """
     columns: dict[str, list[np.ndarray]] = {f"{name}{end}": [] for name in RATES for end in ("", "_lo", "_hi")}
-    total, count = np.zeros(NOT_COUNTED + 1), 0
-    for start in range(0, cells.size, _AT_ONCE):
-        here = cells[start : start + _AT_ONCE]
-        codes = axes.codes(here)
-        member, cell = np.nonzero(axes.present(codes, here))
-        each = surrogate.halves(np.column_stack([codes[cell], member]))
-        halves = np.zeros((len(each), here.size, each.shape[2]))
-        np.add.at(halves, (slice(None), cell), each)
-        total, count = total + halves.mean(axis=0).sum(axis=0), count + cell.size
+    total = np.zeros(NOT_COUNTED + 1)
+    for first in range(0, int(cell[-1]) + 1, _AT_ONCE):
+        here = slice(*np.searchsorted(cell, [first, first + _AT_ONCE]))
+        starts = np.flatnonzero(np.diff(cell[here], prepend=-1))
+        halves = np.add.reduceat(surrogate.halves(features[here]), starts, axis=1, dtype=float)
+        total += halves.mean(axis=0).sum(axis=0)
         for name in RATES:
             for end, values in zip(("", "_lo", "_hi"), rate_of_cells(halves, name), strict=True):
                 columns[f"{name}{end}"].append(values)
-    return {name: np.concatenate(parts) for name, parts in columns.items()}, total / count
-
-
-def _axis_columns(axes: GridAxes, cells: np.ndarray) -> pd.DataFrame:
-    import pandas as pd
-
-    codes = axes.codes(cells)
-    columns = {}
-    for place, (key, values) in enumerate(axes.values.items()):
-        told = np.array([*map(_told, values), None], dtype=object)[codes[:, place]]
-        columns[key] = told if any(isinstance(v, str) for v in told) else told.astype(float)
-    return pd.DataFrame(columns)
-
-
-def _told(value: Any) -> Any:
-    # sections of a loop file can be axes, too
-    return value if isinstance(value, (str, int, float)) else json.dumps(value, sort_keys=True)
+    return {name: np.concatenate(parts) for name, parts in columns.items()}, total / cell.size
 
 
 def _as_json(found: Estimate) -> dict[str, float | None]:

@@ -20,11 +20,11 @@ from scenarios.grid import load_grid, make_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.verify import verify_run
 from simbench.bench.map.making import map_grid
-from simbench.bench.store.reading import RunArrays
+from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.figures import draw_map
-from tests.simbench.bench.execute.test_run import RayOfThreads
 from tests.scenarios.test_sample import MILLION
+from tests.simbench.bench.execute.test_run import RayOfThreads
 
 METHODS = ["he", "yamashita"]
 RATES = ("cost", "accuracy", "sensitivity", "false_positives")
@@ -78,17 +78,13 @@ def test_the_sample_is_a_part_of_the_run_of_the_whole_grid(mapped, finished):
 
 def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_path):
     found = map_grid(small, tmp_path / "map", 32, METHODS)
-    book = RunArrays.read(finished)
-    from simbench.bench.score.scoring import score_run
-
     rows = score_run(finished).as_json()["rows"]
     for name in METHODS:
         for population, of in (("all", found.methods[name]), ("oscillating", found.methods[name]["oscillating"])):
             wanted = {"method": name, "truth": "cycled", "front_end": True, "process": "all", "population": population}
             (row,) = [r for r in rows if all(r[key] == value for key, value in wanted.items())]
-            assert of["cost"]["value"] == pytest.approx(row["cost"], abs=1e-9)
+            assert of["cost"]["value"] == pytest.approx(row["cost"], abs=1e-6)
             assert of["n"] == row["applicable"]
-    assert set(book.methods) == set(METHODS)
 
 
 def test_two_workers_give_the_same_files(mapped, small, tmp_path):
@@ -159,7 +155,7 @@ def test_the_command_prints_costs_and_draws_the_axes_asked_for(tmp_path, capsys,
     assert main([*words, "--x", "S_over_2J", "--y", "disturbance"]) == 0
     told = capsys.readouterr().out
     assert "12 of the 48 scenarios of grid smoke were simulated." in told
-    assert max(map(len, told.splitlines())) <= 104
+    assert max(map(len, told.splitlines())) <= 100
     picture = Path("map/he.svg").read_text()
     assert "S_over_2J" in picture
     assert "disturbance" in picture
@@ -175,7 +171,7 @@ def wrong_grid(tmp_path, axes):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"x": "Td_over_TT"}, "--x Td_over_TT: did you mean Td_over_T"),
+        ({"x": "Td_over_TT"}, "--x Td_over_TT: did you mean 'Td_over_T'"),
         ({"y": "wind"}, "--y wind"),
         ({"x": "block", "y": "block"}, "two different axes are needed"),
         ({"points": 49}, "49 points; 1 to 48 are allowed"),
