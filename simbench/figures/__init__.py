@@ -40,4 +40,4 @@ def draw_map(found: GridMap) -> None:
     from simbench.figures._style import write_picture
 
     for method, part in found.table.groupby("method", sort=False):
-        write_picture(draw(part, str(method), (found.x, found.y), found.values), found.folder / f"{method}.svg")
+        write_picture(draw(part, str(method), found.axes, found.values), found.folder / f"{method}.svg")

@@ -37,11 +37,8 @@ class GridMap:
     """A map of a grid: a table of cells for every method, and what follows for the whole grid."""
 
     folder: Path
-    grid: str
-    scenarios: int  # of the grid
-    points: int  # of them simulated
-    x: str  # axis of the pictures
-    y: str | None  # None where the grid has one axis
+    sample: Sample  # of the grid, that was simulated
+    axes: tuple[str, str | None]  # of the pictures; the second is None where the grid has one
     values: dict[str, list[Any]]  # of each axis, in order, as the table has them
     table: pd.DataFrame  # of map.parquet
     methods: dict[str, dict[str, Any]]  # of map.json
@@ -50,14 +47,17 @@ class GridMap:
     def as_text(self) -> str:
         """Return the costs of all methods as a table, the cheapest method first."""
         lines = [
-            f"{self.points} of the {self.scenarios} scenarios of grid {self.grid} were simulated.",
+            f"{len(self.sample)} of the {len(self.sample.whole)} scenarios of grid {self.sample.name} were simulated.",
             "",
             f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n",
         ]
         good = (self.table.accuracy > 0.9).groupby(self.table.method).mean()
         for name in sorted(self.methods, key=lambda m: self.methods[m]["cost"]["value"] or 0.0):
             of = self.methods[name]
-            costs = _interval(of["cost"]), _interval(of["oscillating"]["cost"])
+            costs = [
+                "unknown" if of["value"] is None else "{value:.3f} ({lo:.2f}-{hi:.2f})".format(**of)
+                for of in (of["cost"], of["oscillating"]["cost"])
+            ]
             share = f"{100.0 * good[name]:.0f} % of cells"
             lines.append(f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}")
         lines += [
@@ -135,12 +135,15 @@ def map_grid(
     else:
         shown = np.arange(plan.cells)
     frame, members = axes.table(shown)
-    cell = np.repeat(np.arange(shown.size), list(map(len, members)))
+    frame = frame[list(map(bool, members))]  # an axis replaced from outside may leave a cell without members
+    cell = np.repeat(np.arange(len(frame)), list(filter(None, map(len, members))))
     everyone = axes.features(frame.iloc[cell], itertools.chain(*members))
     found: dict[str, dict[str, Any]] = {}
     brier, tables = {}, []
-    for number, name in enumerate(book.methods):
-        outcome = np.append(_outcomes(book, number), NOT_COUNTED)[rows]
+    truth = book.truth["cycled"]
+    for name, verdict, applies in zip(book.methods, book.verdict, book.applicable != 0, strict=True):
+        outcome = np.where((truth >= 0) & applies, 6 * book.oscillating + 3 * truth + verdict, NOT_COUNTED)
+        outcome = np.append(outcome, NOT_COUNTED)[rows]
         surrogate = Surrogate.fit(features, outcome, cells)
         rates, mean = _predicted(surrogate, everyone, cell)
         tables.append(frame.assign(**rates))
@@ -158,7 +161,7 @@ def map_grid(
         table.to_parquet(f, index=False)
     with whole_file(folder / "map.json") as f:
         f.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
-    return GridMap(folder, plan.name, len(plan), points, *names, axes.values, table, found, brier)
+    return GridMap(folder, sample, names, axes.values, table, found, brier)
 
 
 def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tuple[str, str | None]:
@@ -186,12 +189,6 @@ def _sampled(sample: Sample, axes: GridAxes, book: RunArrays) -> tuple[np.ndarra
     return np.array(cells), axes.features(axes.table(cells)[0], names), np.array(rows)
 
 
-def _outcomes(book: RunArrays, method: int) -> np.ndarray:
-    truth = book.truth["cycled"]
-    counted = (truth >= 0) & (book.applicable[method] != 0)
-    return np.where(counted, 6 * book.oscillating + 3 * truth + book.verdict[method], NOT_COUNTED)
-
-
 def _predicted(surrogate: Surrogate, features: np.ndarray, cell: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the rates of cells with their intervals as columns, and the mean probability of each outcome.
 
@@ -212,7 +209,3 @@ def _predicted(surrogate: Surrogate, features: np.ndarray, cell: np.ndarray) -> 
 
 def _as_json(found: Estimate) -> dict[str, float | None]:
     return {key: None if math.isnan(v) else v for key, v in found._asdict().items()}
-
-
-def _interval(cost: dict[str, float | None]) -> str:
-    return "" if cost["value"] is None else "{value:.3f} ({lo:.2f}-{hi:.2f})".format(**cost)

@@ -143,7 +143,7 @@ def test_a_map_is_not_written_over_and_another_size_is_not_mixed_in(small, mappe
 def test_of_a_million_cells_a_random_part_is_in_the_table_and_memory_stays_small(tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     found = map_grid(make_grid(MILLION, "million"), tmp_path / "map", 60, ["he"])
-    assert found.scenarios == 1_000_000
+    assert len(found.sample.whole) == 1_000_000
     assert 19_000 < len(found.table) <= 20_000
     assert found.table["controller.Kc"].nunique() == 100
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 300  # MB
@@ -197,8 +197,17 @@ def test_a_grid_of_one_loop_has_no_map(tmp_path, axes):
 def test_a_map_over_one_axis_is_a_strip(tmp_path):
     found = map_grid(wrong_grid(tmp_path, {"valve.S": [1, 4]}), tmp_path / "map", 6, ["he"])
     draw_map(found)
-    assert (found.x, found.y, len(found.table)) == ("valve.S", None, 2)
+    assert (*found.axes, len(found.table)) == ("valve.S", None, 2)
     assert all(math.isfinite(v) or np.isnan(v) for v in found.table.cost)
+
+
+def test_a_cell_without_members_has_no_row(small, tmp_path):
+    table = small.content.model_dump()
+    for block in table["block"]:
+        for member in block["member"]:
+            member["where"] = {"disturbance": ["none"]}
+    found = map_grid(make_grid(table, "small"), tmp_path / "map", 16, ["he"])
+    assert list(found.table.disturbance) == ["none"] * 4
 
 
 def test_the_same_scenarios_are_simulated_as_by_run(tmp_path):
