@@ -13,7 +13,7 @@ from scenarios.grid import Grid
 if TYPE_CHECKING:
     import pandas as pd
 
-BLOCK = "block"
+BLOCK_AXIS = "block"
 
 
 class GridAxes:
@@ -22,7 +22,7 @@ class GridAxes:
     def __init__(self, grid: Grid) -> None:
         self._grid, blocks = grid, grid.content.block
         every = [b.axes for b in blocks] or [grid.content.axes]
-        self.values: dict[str, list[Any]] = {BLOCK: [b.name for b in blocks]} if len(blocks) > 1 else {}
+        self.values: dict[str, list[Any]] = {BLOCK_AXIS: [b.name for b in blocks]} if len(blocks) > 1 else {}
         for axes in every:
             for key, values in axes.items():
                 known = dict.fromkeys([*self.values.get(key, ()), *map(shown, values)])
@@ -39,7 +39,7 @@ class GridAxes:
         import pandas as pd
 
         found = [self._grid.cell(int(cell)) for cell in cells]
-        rows = [{BLOCK: block, **{k: shown(v) for k, v in values.items()}} for block, values, _ in found]
+        rows = [{BLOCK_AXIS: block, **{k: shown(v) for k, v in values.items()}} for block, values, _ in found]
         return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in found]
 
     def features(self, table: pd.DataFrame, members: Iterable[str]) -> np.ndarray:

@@ -16,8 +16,8 @@ from detectors.errors import nearest
 from scenarios.grid import Grid, load_grid
 from scenarios.sample import Sample
 from simbench.bench.execute.run import run_grid
-from simbench.bench.map.axes import BLOCK, GridAxes
-from simbench.bench.map.surrogate import NOT_COUNTED, OSCILLATING, RATES, Surrogate, rate_of_cells, rate_of_grid
+from simbench.bench.map.axes import BLOCK_AXIS, GridAxes
+from simbench.bench.map.surrogate import IF_OSCILLATING, NOT_COUNTED, RATES, Surrogate, rate_of_cells, rate_of_grid
 from simbench.bench.statistics import Estimate
 from simbench.bench.store.checksums import RunError
 from simbench.bench.store.reading import RunArrays
@@ -93,7 +93,7 @@ def map_grid(
     x, y : str, optional
         Axes of the pictures; default the first two that have several values.
     **settings
-        Of `run_grid`: `jobs`, `backend`, `address`, `resume`.
+        Of `run_grid`: `jobs`, `backend`, `address`, `resume`, `progress`, plug-ins, thresholds.
 
     Returns
     -------
@@ -118,7 +118,11 @@ def map_grid(
 
     Examples
     --------
-    >>> found = map_grid("chapter", "maps/chapter", points=400, methods=["horch"])  # doctest: +SKIP
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     found = map_grid("smoke", folder, points=6, methods=["he"], x="disturbance", progress=False)
+    >>> found.axes, len(found.table)
+    (('disturbance', 'Td_over_T'), 24)
     """
     if URL.match(str(out)):
         raise RunError(f"-o {out}: a map is written to a folder of this machine; a path is needed")
@@ -150,7 +154,7 @@ def map_grid(
         tables[-1].insert(0, "method", name)
         brier[name] = surrogate.brier()
         some = {}
-        for key, only in (("all", None), ("oscillating", OSCILLATING)):
+        for key, only in (("all", None), ("oscillating", IF_OSCILLATING)):
             counted = outcome != NOT_COUNTED if only is None else only[outcome] > 0
             some[key] = {"cost": _as_json(rate_of_grid(surrogate, mean, len(plan), only)), "n": int(counted.sum())}
         found[name] = {**some["all"], "oscillating": some["oscillating"]}
@@ -172,7 +176,7 @@ def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tu
             raise RunError(f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two values or more)")
     if x is not None and x == y:
         raise RunError(f"--x {x} --y {y}: two different axes are needed")
-    free = [key for key in sorted(axes.several, key=BLOCK.__eq__) if key not in (x, y)]
+    free = [key for key in sorted(axes.several, key=BLOCK_AXIS.__eq__) if key not in (x, y)]
     x = x or free.pop(0)
     return x, y or (free[0] if free else None)
 

@@ -25,14 +25,14 @@ OUTCOMES = 13
 NOT_COUNTED = OUTCOMES - 1
 _TRUTH, _VERDICT = np.divmod(np.arange(NOT_COUNTED) % 6, 3)
 _COUNTED = np.r_[np.ones(NOT_COUNTED), 0.0]
-OSCILLATING = np.r_[np.zeros(6), np.ones(6), 0.0]
+IF_OSCILLATING = np.r_[np.zeros(6), np.ones(6), 0.0]
 _RIGHT = np.r_[_TRUTH == _VERDICT, 0.0].astype(float)
 _POSITIVE = np.r_[_TRUTH, 0.0]
 _YES = np.r_[_VERDICT == CODES[STICTION], 0.0].astype(float)
-COST = np.r_[np.where(_VERDICT == CODES["no_decision"], UNDECIDED, _TRUTH != _VERDICT), 0.0]
+OUTCOME_COST = np.r_[np.where(_VERDICT == CODES["no_decision"], UNDECIDED, _TRUTH != _VERDICT), 0.0]
 # each rate as shares of outcomes: numerator over denominator
 RATES = {
-    "cost": (COST, _COUNTED),
+    "cost": (OUTCOME_COST, _COUNTED),
     "accuracy": (_RIGHT, _COUNTED),
     "sensitivity": (_YES * _POSITIVE, _POSITIVE),
     "false_positives": (_YES * (_COUNTED - _POSITIVE), _COUNTED - _POSITIVE),
@@ -142,8 +142,8 @@ def rate_of_grid(surrogate: Surrogate, mean: np.ndarray, size: int, only: np.nda
     # an outcome that is rare in the sample may come out below 0
     total = np.maximum(share * seen.mean(axis=0) + (1.0 - share) * (rest + error.mean(axis=0)), 0.0)
     of = max(float(total @ counts), 1.0 / size)
-    cost = float(total @ (COST * counts)) / of
-    residual = error @ ((COST - cost) * counts)
+    cost = float(total @ (OUTCOME_COST * counts)) / of
+    residual = error @ ((OUTCOME_COST - cost) * counts)
     sums = np.bincount(np.unique(surrogate.cells, return_inverse=True)[1], residual - residual.mean())
     # an error of 1 and one of -1 added: a few loops that all cost the same do not show the cost exactly
     half = _Z * np.sqrt((1.0 - share) * (float(sums @ sums) + 2.0)) / n / of

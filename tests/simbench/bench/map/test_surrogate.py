@@ -5,7 +5,16 @@ import itertools
 import numpy as np
 import pytest
 
-from simbench.bench.map.surrogate import COST, NOT_COUNTED, OSCILLATING, OUTCOMES, RATES, Surrogate, rate_of_cells, rate_of_grid
+from simbench.bench.map.surrogate import (
+    IF_OSCILLATING,
+    NOT_COUNTED,
+    OUTCOME_COST,
+    OUTCOMES,
+    RATES,
+    Surrogate,
+    rate_of_cells,
+    rate_of_grid,
+)
 
 SHAPE = (6, 5, 4, 3)
 CELLS = np.array(list(itertools.product(*map(range, SHAPE))))
@@ -52,10 +61,10 @@ def test_the_cost_of_a_run_of_the_whole_grid_lies_in_its_interval(slope):
         outcomes = population(seed, slope)[1]
         surrogate = drawn(outcomes, 120, seed)
         mean = halves_of_all(surrogate).mean(axis=(0, 1)) / 2.0
-        found, known = rate_of_grid(surrogate, mean, outcomes.size), COST[outcomes].mean()
+        found, known = rate_of_grid(surrogate, mean, outcomes.size), OUTCOME_COST[outcomes].mean()
         inside += found.lo <= known <= found.hi
         errors.append(found.value - known)
-        naive.append(COST[surrogate.outcome].mean() - known)
+        naive.append(OUTCOME_COST[surrogate.outcome].mean() - known)
     assert inside >= 17  # of 20; binomial with .95: fewer in 1.6 % of cases
     assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(naive)))
 
@@ -65,9 +74,9 @@ def test_a_sample_of_everything_has_the_cost_of_the_run_and_no_interval():
     outcomes[::7] = NOT_COUNTED
     outcomes[1::7, 0] -= 6  # do not oscillate
     surrogate = drawn(outcomes, outcomes.size, 0)
-    for only, counted in ((None, outcomes != NOT_COUNTED), (OSCILLATING, OSCILLATING[outcomes] > 0)):
+    for only, counted in ((None, outcomes != NOT_COUNTED), (IF_OSCILLATING, IF_OSCILLATING[outcomes] > 0)):
         found = rate_of_grid(surrogate, np.full(OUTCOMES, 1.0 / OUTCOMES), outcomes.size, only)
-        assert found.value == pytest.approx(COST[outcomes[counted]].mean())
+        assert found.value == pytest.approx(OUTCOME_COST[outcomes[counted]].mean())
         assert found.hi - found.lo < 1e-12
 
 
