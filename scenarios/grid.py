@@ -16,7 +16,7 @@ from pydantic import Field, model_serializer, model_validator
 
 from scenarios.cell import BY_TUNING, SETTINGS, Draft, Rules, Scaled, WantedOscillation, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
-from scenarios.grid_check import refuse_mistakes
+from scenarios.grid_check import MOST_CELLS, refuse_mistakes
 from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
 
 _Range = Real | tuple[Real, Real]
@@ -205,7 +205,14 @@ class Grid:
 
     @cached_property
     def _members(self) -> int:
-        return sum(self._sizes)
+        if not self.content.block:
+            return self.cells
+        # by counting what each member takes of each axis: a grid of a million cells is not listed for it
+        return sum(
+            math.prod(sum(v in member.where.get(key, values) for v in values) for key, values in block.axes.items())
+            for block in self.content.block
+            for member in block.member
+        )
 
     @cached_property
     def _sizes(self) -> list[int]:
@@ -227,6 +234,12 @@ class Grid:
     def size(self, index: int) -> int:
         """Return the number of scenarios of a group without building it."""
         return self._sizes[index % len(self._sizes)]
+
+    def cell(self, number: int) -> tuple[str, dict[str, Value], tuple[str, ...]]:
+        """Return a cell's block, its value of each axis and the names of its members, without building it."""
+        block, values = self._place(number)
+        name = self.content.block[block].name if self.content.block else "loop"
+        return name, values, tuple(m.name for m in self._present(block, values))
 
     def group(self, index: int) -> Group:
         """Build one group."""
@@ -393,9 +406,12 @@ def grid_names() -> list[str]:
 
 
 def load_grid(
-    name: str | Path, sets: Mapping[str, Value] | None = None, axes: Mapping[str, Sequence[Value]] | None = None
+    name: str | Path,
+    sets: Mapping[str, Value] | None = None,
+    axes: Mapping[str, Sequence[Value]] | None = None,
+    most_cells: int = MOST_CELLS,
 ) -> Grid:
-    """Read a grid by name or from a file."""
+    """Read a grid by name or from a file; one with more cells is refused."""
     if str(name) in grid_names():
         label, table = str(name), read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml")))
     elif Path(name).suffix == ".toml" or Path(name).exists():
@@ -403,7 +419,7 @@ def load_grid(
     else:
         raise SpecError(f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}")
     try:
-        return make_grid(table, label, sets, axes)
+        return make_grid(table, label, sets, axes, most_cells)
     except SpecError as error:
         if label == str(name):  # one of the house: what was asked of it is wrong
             raise SpecError(f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3") from None
@@ -429,6 +445,7 @@ def make_grid(
     name: str = "grid",
     sets: Mapping[str, Value] | None = None,
     axes: Mapping[str, Sequence[Value]] | None = None,
+    most_cells: int = MOST_CELLS,
 ) -> Grid:
     """Build a grid from the table that its TOML file would give; arguments and errors as `load_grid`."""
     table = dict(table)
@@ -458,7 +475,7 @@ def make_grid(
         if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
             raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}")
     grid = Grid(name, content, overrides)
-    refuse_mistakes(grid)
+    refuse_mistakes(grid, most_cells)
     untouched = not changed and not overrides
     per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
     if untouched and content.expected is not None and "repeats" not in (sets or {}) and len(grid) != per_repeat:

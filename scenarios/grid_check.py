@@ -10,7 +10,7 @@ from typing import Any
 from scenarios.cell import BY_TUNING, EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
 from scenarios.errors import SpecError, suggestion
 
-_MOST_CELLS = 1_000_000
+MOST_CELLS = 1_000_000  # of a grid that is run whole
 _MOST_BUILT = 2000  # cells that are built to see whether they make a loop
 _SHOWN = 12  # mistakes in one sentence
 # what a setting may be; 0 is allowed where the first number is
@@ -24,11 +24,11 @@ _PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")
 _ATS = ("input", "output")
 
 
-def refuse_mistakes(grid: Any) -> None:
+def refuse_mistakes(grid: Any, most_cells: int = MOST_CELLS) -> None:
     """Raise one error that names every mistake of a grid."""
     found = list(dict.fromkeys(_mistakes(grid.content)))
-    if not found and grid.cells > _MOST_CELLS:
-        found = [f"{grid.cells:.3g} cells; at most {_MOST_CELLS} are simulated"]
+    if not found and grid.cells > most_cells:
+        found = [f"{grid.cells:.3g} cells; at most {most_cells} are simulated"]
     say(grid.name, found or _no_loops(grid))
 
 

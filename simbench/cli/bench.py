@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -77,14 +79,14 @@ def run(
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
     from simbench.bench.execute.failures import read_failures
-    from simbench.bench.execute.run import Interrupted, run_grid
+    from simbench.bench.execute.run import run_grid
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
     if out is not None and str(out).startswith("memory:/"):
         raise ParameterError(f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed")
     axes = {k: [number(v) for v in str(values).split(",")] for k, values in pairs(axis or [], "--axis", text=True).items()}
-    try:
+    with _interruptible():
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
             front_end=front_end, plugins=plugin or [],
@@ -94,15 +96,42 @@ def run(
             controller_plugins=controller_plugin or [],
             fresh_seeds=fresh_seeds or sealed,
         )  # fmt: skip
-    except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
-        print(stop, file=sys.stderr)
-        raise typer.Exit(130) from None
     scores, failed = score_run(folder, raw, allow_failed=allow_failed), read_failures(folder)
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
     else:
         show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
     _end(failed, allow_failed)
+
+
+@app.command("map", epilog=examples("map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"))
+def map_of_grid(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write.")],
+    points: Annotated[
+        int | None, typer.Option(min=1, help="Scenarios to simulate [10 % of the grid, 200 at least, 10000 at most].")
+    ] = None,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast].")
+    ] = None,
+    x: Annotated[str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from left to right.")] = None,
+    y: Annotated[str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")] = None,
+    jobs: Jobs = 1,
+    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="What simulates the scenarios.")] = "loky",
+    address: Annotated[str | None, typer.Option(metavar="URL", help="Address of a running scheduler.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a map that was interrupted.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its axes."""
+    from simbench.bench.map.making import map_grid
+    from simbench.figures import draw_map
+
+    with _interruptible():
+        found = map_grid(
+            grid, out, points, tuple(method or ["fast"]), x, y, jobs=jobs, backend=backend, address=address, resume=resume
+        )
+    draw_map(found)
+    show(found.methods if as_json else found.as_text(), as_json)
 
 
 @app.command(epilog=examples("score runs/chapter --report report.html", "score runs/chapter --truth predicted --full"))
@@ -274,6 +303,18 @@ def figure(
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
     show(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare exit code."""
+    from simbench.bench.execute.run import Interrupted
+
+    try:
+        yield
+    except Interrupted as stop:
+        print(stop, file=sys.stderr)
+        raise typer.Exit(130) from None
 
 
 def _where(folder: Path, full: bool) -> str:

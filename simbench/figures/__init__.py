@@ -13,9 +13,10 @@ from simbench.figures._make import Drawn, make_figures
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
+    from simbench.bench.map.making import GridMap
     from simbench.bench.score.history import History
 
-__all__ = ["Drawn", "draw_history", "draw_path", "make_figures"]
+__all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures"]
 
 
 def draw_path(diagnosis: Diagnosis, path) -> None:
@@ -31,3 +32,12 @@ def draw_history(history: History, path) -> None:
     from simbench.figures._style import write_picture
 
     write_picture(draw(history.table), path)
+
+
+def draw_map(found: GridMap) -> None:
+    """Write a picture per method of a map, METHOD.svg in its folder; see `simbench.figures._map`."""
+    from simbench.figures._map import draw
+    from simbench.figures._style import write_picture
+
+    for method, part in found.table.groupby("method", sort=False):
+        write_picture(draw(part, str(method), found.axes, found.values), found.folder / f"{method}.svg")

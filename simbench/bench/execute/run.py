@@ -26,6 +26,7 @@ from detectors.plugins.registry import methods as registry
 from detectors.report.report import choose_methods
 from detectors.sources import as_plugin
 from scenarios.grid import Grid, chunks, load_grid
+from scenarios.sample import Sample
 from simbench.bench.execute import adaptive, pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.pieces import Receipt
@@ -118,6 +119,7 @@ def run_grid(
                 "raw": raw,
                 "front_end": known_front_end(front_end),
                 "command": masked(" ".join(sys.argv)),
+                **({"points": plan.points} if isinstance(plan, Sample) else {}),
             }
         )
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}

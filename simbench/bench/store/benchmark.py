@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.grid import Grid, GridFile, grid_names, load_grid
+from scenarios.sample import Sample
 from scenarios.spec import content_hash
 from simbench.bench.store.checksums import RunError
 
@@ -53,9 +54,10 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
 
 
 def grid_of(manifest: Mapping[str, Any]) -> Grid:
-    """Return the grid that a run's manifest holds, overrides applied."""
+    """Return the grid that a run's manifest holds, overrides applied; of a map's run, the sample that was simulated."""
     content = GridFile.model_validate(manifest["grid_content"])
-    return Grid(manifest["grid"], content, dict(manifest["overrides"]))
+    grid = Grid(manifest["grid"], content, dict(manifest["overrides"]))
+    return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
 
 
 def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:

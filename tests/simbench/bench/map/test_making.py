@@ -1,0 +1,219 @@
+"""A map: files as promised, the same for any workers, resumed without a trace; what cannot be mapped is refused."""
+
+import hashlib
+import json
+import math
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from bench_fixtures import SMALL
+from killing import kill_when_it_stops, stops
+
+from scenarios.grid import load_grid, make_grid
+from simbench.bench.execute.run import run_grid
+from simbench.bench.execute.verify import verify_run
+from simbench.bench.map.making import map_grid
+from simbench.bench.score.scoring import score_run
+from simbench.cli import main
+from simbench.figures import draw_map
+from tests.scenarios.test_sample import MILLION
+from tests.simbench.bench.execute.test_run import RayOfThreads
+
+METHODS = ["he", "yamashita"]
+RATES = ("cost", "accuracy", "sensitivity", "false_positives")
+
+
+def digests(folder):
+    """What a map consists of, but for its run."""
+    return {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in folder.iterdir() if f.is_file()}
+
+
+def made(grid, folder, **more):
+    draw_map(map_grid(grid, folder, 20, METHODS, **more))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory):
+    return made(make_grid(SMALL, "small", {"repeats": 2}), tmp_path_factory.mktemp("map") / "map")
+
+
+def test_the_files_are_those_of_the_contract(mapped):
+    assert {f.name for f in mapped.iterdir()} == {"run", "map.parquet", "map.json", "he.svg", "yamashita.svg"}
+    of = json.loads((mapped / "map.json").read_text())
+    assert list(of) == METHODS
+    for row in of.values():
+        assert set(row["cost"]) == {"value", "lo", "hi"}
+        assert 0.0 <= row["cost"]["lo"] <= row["cost"]["value"] <= row["cost"]["hi"] <= 1.0
+        assert 0 < row["oscillating"]["n"] <= row["n"] <= 20
+    table = pd.read_parquet(mapped / "map.parquet")
+    axes = ["block", "Td_over_T", "S_over_2J", "noise_ratio", "disturbance", "Td_over_Ti"]
+    assert list(table) == ["method", *axes, *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi"))]
+    assert table.groupby("method").size().to_dict() == dict.fromkeys(METHODS, 8)
+    # a cell has what its block has of each axis
+    grid = make_grid(SMALL, "small", {"repeats": 2})
+    for cell, row in enumerate(table[table.method == "he"].to_dict("records")):
+        tags = grid.group(cell).drafts[0].tags
+        assert all(row[a] == tags[a] if a in tags and tags[a] is not None else pd.isna(row[a]) for a in axes)
+    known = table.accuracy.notna()
+    assert known.any()
+    assert (table.accuracy_lo[known] <= table.accuracy[known] + 1e-9).all()
+
+
+def test_the_sample_is_a_part_of_the_run_of_the_whole_grid(mapped, finished):
+    columns = ["scenario_id", "method", "verdict", "score", "verdict_raw", "score_raw"]
+    part, whole = (pd.read_parquet(f / "verdicts.parquet")[columns] for f in (mapped / "run", finished))
+    assert len(part) == 40
+    whole = whole.set_index(["scenario_id", "method"]).loc[list(zip(part.scenario_id, part.method))].reset_index()
+    pd.testing.assert_frame_equal(part, whole)
+    assert verify_run(mapped / "run").contradictions == ()
+
+
+def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_path):
+    found = map_grid(small, tmp_path / "map", 32, METHODS)
+    rows = score_run(finished).as_json()["rows"]
+    for name in METHODS:
+        for population, of in (("all", found.methods[name]), ("oscillating", found.methods[name]["oscillating"])):
+            wanted = {"method": name, "truth": "cycled", "front_end": True, "process": "all", "population": population}
+            (row,) = [r for r in rows if all(r[key] == value for key, value in wanted.items())]
+            assert of["cost"]["value"] == pytest.approx(row["cost"], abs=1e-6)
+            assert of["n"] == row["applicable"]
+
+
+def test_two_workers_give_the_same_files(mapped, small, tmp_path):
+    assert digests(made(small, tmp_path / "map", jobs=2)) == digests(mapped)
+
+
+def test_dask_gives_the_same_files(mapped, small, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with distributed.LocalCluster(**settings) as cluster:
+        folder = made(small, tmp_path / "map", backend="dask", address=cluster.scheduler_address)
+    assert digests(folder) == digests(mapped)
+
+
+def test_ray_gives_the_same_files(mapped, small, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", RayOfThreads())
+    assert digests(made(small, tmp_path / "map", backend="ray")) == digests(mapped)
+
+
+def test_a_killed_map_is_resumed_and_gives_the_same_files(small, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        f"def detect(prepared):\n{textwrap.indent(stops(tmp_path, 10), '    ')}"
+        '    return Verdict("mine", "no_stiction", score=0.0)\n'
+    )
+    script = tmp_path / "child.py"
+    script.write_text(
+        f"import sys\nsys.path.insert(0, {str(Path(__file__).parents[3] / 'common')!r})\n"
+        "from bench_fixtures import SMALL\nfrom scenarios.grid import make_grid\n"
+        "from simbench.bench.map.making import map_grid\n"
+        f'map_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "map")!r}, 20, ["he"], '
+        f"plugins=[{str(file)!r}])\n"
+    )
+    process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE, text=True)
+    kill_when_it_stops(tmp_path, process.pid)
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == -signal.SIGKILL, err
+    assert not (tmp_path / "map" / "map.json").exists()
+    for folder, resume in (("map", True), ("other", False)):
+        draw_map(map_grid(small, tmp_path / folder, 20, ["he"], plugins=[file], resume=resume))
+    assert digests(tmp_path / "map") == digests(tmp_path / "other")
+
+
+def test_a_map_is_not_written_over_and_another_size_is_not_mixed_in(small, mapped):
+    before = digests(mapped)
+    assert digests(made(small, mapped, resume=True)) == before
+    with pytest.raises(Exception, match=r"already holds a run; continue it with --resume"):
+        made(small, mapped)
+    with pytest.raises(Exception, match=r"cannot be resumed: the grid differs"):
+        map_grid(small, mapped, 19, METHODS, resume=True)
+    assert digests(mapped) == before
+
+
+def test_of_a_million_cells_a_random_part_is_in_the_table_and_memory_stays_small(tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found = map_grid(make_grid(MILLION, "million"), tmp_path / "map", 60, ["he"])
+    assert len(found.sample.whole) == 1_000_000
+    assert 19_000 < len(found.table) <= 20_000
+    assert found.table["controller.Kc"].nunique() == 100
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 300  # MB
+
+
+def test_the_command_prints_costs_and_draws_the_axes_asked_for(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["map", "smoke", "-o", "map", "--points", "12", "--method", "he"]
+    assert main([*words, "--x", "S_over_2J", "--y", "disturbance"]) == 0
+    told = capsys.readouterr().out
+    assert "12 of the 48 scenarios of grid smoke were simulated." in told
+    assert max(map(len, told.splitlines())) <= 100
+    picture = Path("map/he.svg").read_text()
+    assert "S_over_2J" in picture
+    assert "disturbance" in picture
+    assert main([*words, "--resume", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(Path("map/map.json").read_text())
+
+
+def wrong_grid(tmp_path, axes):
+    loop = {**MILLION, "axes": axes, "repeats": 3}
+    return make_grid(loop, "one")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"x": "Td_over_TT"}, "--x Td_over_TT: did you mean 'Td_over_T'"),
+        ({"y": "wind"}, "--y wind"),
+        ({"x": "block", "y": "block"}, "two different axes are needed"),
+        ({"points": 49}, "49 points; 1 to 48 are allowed"),
+        ({"points": 0}, "0 points; 1 to 48 are allowed"),
+        ({"methods": ["horhc"]}, "horch"),
+        ({"backend": "slurm"}, "slurm"),
+        ({"out": "s3://bucket/map"}, "folder of this machine"),
+    ],
+)
+def test_what_cannot_be_mapped_is_refused_before_anything_is_written(tmp_path, monkeypatch, change, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(Exception, match=words):
+        map_grid("smoke", **{"out": "map", "points": 12, "methods": ["he"], **change})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("axes", [{}, {"valve.S": [3]}])
+def test_a_grid_of_one_loop_has_no_map(tmp_path, axes):
+    with pytest.raises(Exception, match="grid one has no axis with two values or more; a map needs one"):
+        map_grid(wrong_grid(tmp_path, axes), tmp_path / "map", 3, ["he"])
+
+
+def test_a_map_over_one_axis_is_a_strip(tmp_path):
+    found = map_grid(wrong_grid(tmp_path, {"valve.S": [1, 4]}), tmp_path / "map", 6, ["he"])
+    draw_map(found)
+    assert (*found.axes, len(found.table)) == ("valve.S", None, 2)
+    assert all(math.isfinite(v) or np.isnan(v) for v in found.table.cost)
+
+
+def test_a_cell_without_members_has_no_row(small, tmp_path):
+    table = small.content.model_dump()
+    for block in table["block"]:
+        for member in block["member"]:
+            member["where"] = {"disturbance": ["none"]}
+    found = map_grid(make_grid(table, "small"), tmp_path / "map", 16, ["he"])
+    assert list(found.table.disturbance) == ["none"] * 4
+
+
+def test_the_same_scenarios_are_simulated_as_by_run(tmp_path):
+    """Whatever is drawn of a group: its siblings do not change it."""
+    found = map_grid("smoke", tmp_path / "map", 10, ["he"])
+    whole = pd.read_parquet(run_grid(load_grid("smoke"), tmp_path / "run", ["he"]) / "scenarios.parquet")
+    part = pd.read_parquet(found.folder / "run" / "scenarios.parquet")
+    hashes = dict(zip(whole.scenario_id, whole.record_hash))
+    assert [hashes[i] for i in part.scenario_id] == list(part.record_hash)
