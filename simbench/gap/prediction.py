@@ -20,14 +20,14 @@ from detectors.verdict import NO_DECISION
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
-from simbench.gap.closed_loop.runs import ClosedLoops, load_may_jump
+from simbench.gap.closed_loop.runs import load_may_jump
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.margins import margins
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import NONE, UNKNOWN
 from simbench.loop.resolve import undisturbed
 from simbench.loop.simulate import simulate
 
@@ -35,7 +35,8 @@ SECTIONS = ("controller", "setpoint")  # of a loop file, that an operator sets
 _DRAWS = 80
 _FAINT = 0.03  # probability below which an explanation is not drawn
 _QUANTILES = (0.05, 0.95)
-WIDER = 1.0
+_NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
+MODEL_ERROR = 0.0
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     True
     """
     s = report.behind.found.situation
-    read_back = _measures(s.op, np.asarray(s.record.pv), s.record.Ts)
+    read_back = measure(s.op, np.asarray(s.record.pv), s.record.Ts)
     runs = [_run(s, draw, settings, seed + 2 * i) for i, draw in enumerate(_draws(report, seed))]
     return _answer(report, settings, read_back, runs)
 
@@ -194,22 +195,21 @@ def _draws(report: GapReport, seed: int) -> list[_Draw]:
     """Return loops about the corrected one; explanations by their probabilities, numbers by the likelihood's curvature."""
     found, loops = report.behind.found, report.behind.loops
     s, rng = found.situation, np.random.default_rng([seed, 71])
-    named = report.named
-    p = {tuple(named): next(r.probability for r in report.ranking if r.effect == (named[0] if named else NONE))}
-    for r in report.ranking:
-        if r.effect not in (UNKNOWN, *named[:1]) and r.probability >= _FAINT and (r.effect == NONE or r.effect in found.parameters):
-            p.setdefault(() if r.effect == NONE else (r.effect,), r.probability)
-    whole = sum(p.values())
-    if whole == 0.0:
-        p, whole = {tuple(named): 1.0}, 1.0
+    named = tuple(report.named)
+    first = named[0] if named else NONE
+    known = {r.effect: r.probability for r in report.ranking if r.effect in (NONE, first, *found.parameters)}
+    p = {named if e == first else (e,) if e != NONE else (): x for e, x in known.items() if e == first or x >= _FAINT}
+    whole = sum(p.values()) or 1.0
     out = []
     for effects, share in p.items():
         count = max(round(_DRAWS * share / whole), 1)
         fit, corrected = loops.fit_of(effects), loops.corrected(effects)
         raised = corrected.operating_point.op0 - loops.loop(effects).operating_point.op0
-        engine = Engine(s.data, load_memory(s))
-        for one in [fit, *engine.scattered(fit, count - 1, TEMPERATURE**-0.5, rng)]:
-            own = {e: recogniser(e).numbers(one, s) if e in found.candidates else found.parameters[e] for e in effects}
+        own = {e: found.parameters[e] for e in effects if e in found.parameters}
+        # what single samples, the controller's law or MV show does not scatter with the fit
+        fitted = [e for e in own if e in found.candidates and recogniser(e).numbers(fit, s) == own[e]]
+        for one in [fit, *Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng)]:
+            own = own | {e: recogniser(e).numbers(one, s) for e in fitted}
             loop = fixed_loop(s, one, own, jumps=load_may_jump(effects))
             op0 = float(np.clip(loop.operating_point.op0 + raised, 1.0, 99.0))
             loop = loop.with_all({"operating_point.op0": op0, "operating_point.pv0": corrected.pv0})
@@ -232,8 +232,11 @@ def _ahead(s: Situation, loop: Loop, effects: Mapping[str, Mapping[str, float | 
 
 
 @dataclass(frozen=True)
-class _Measures:
-    """A recorded or simulated stretch: what is predicted of it (period NaN where nothing oscillates), and where OP was."""
+class Measures:
+    """Numbers of a recorded or simulated stretch: those predicted, and where OP was.
+
+    Units as in `Prediction`, OP in %; `period_s` is NaN where no oscillation is sustained.
+    """
 
     pv_std: float
     op_std: float
@@ -248,8 +251,8 @@ class _Measures:
 class _Pair:
     """A draw before and after the change; None where it runs away. `margin`: gain margin after it, None where not known."""
 
-    before: _Measures | None
-    after: _Measures | None
+    before: Measures | None
+    after: Measures | None
     margin: float | None
 
 
@@ -273,7 +276,7 @@ def _warm_up(s: Situation) -> int:
     return s.record.n // 2
 
 
-def _simulated(s: Situation, draw: _Draw, loop: Loop, seed: int) -> _Measures | None:
+def _simulated(s: Situation, draw: _Draw, loop: Loop, seed: int) -> Measures | None:
     first = _warm_up(s)
     steps = [[t + first * loop.sampling.Ts, value] for t, value in loop.setpoint.steps]
     op0 = float(np.clip(loop.operating_point.op0 + draw.ahead, 1.0, 99.0))
@@ -283,14 +286,15 @@ def _simulated(s: Situation, draw: _Draw, loop: Loop, seed: int) -> _Measures | 
     except UserError:
         return None
     op, pv = as_archived(s, np.asarray(run.op), np.asarray(run.pv))
-    return _measures(op, pv, s.record.Ts) if np.all(np.isfinite(pv)) and np.abs(pv).max() < 1e9 else None
+    return measure(op, pv, s.record.Ts) if np.all(np.isfinite(pv)) and np.abs(pv).max() < 1e9 else None
 
 
-def _measures(op: np.ndarray, pv: np.ndarray, Ts: float) -> _Measures:
+def measure(op: np.ndarray, pv: np.ndarray, Ts: float) -> Measures:
+    """Return the numbers of a stretch of OP (%) and PV, each (n,), sampled every Ts seconds."""
     cycle = find_oscillation(op, pv, Ts)
     travel = float(np.abs(np.diff(op)).sum()) / (op.size * Ts / 3600.0)
     period = cycle.period_s if cycle.sustained else float("nan")
-    return _Measures(
+    return Measures(
         float(pv.std()), float(op.std()), travel, period, float(op.mean()), float(op.min()), float(op.max())
     )
 
@@ -311,7 +315,7 @@ def _margin(loop: Loop) -> float | None:
 _PREDICTED = ("pv_std", "op_std", "op_travel_per_hour")
 
 
-def _logs(measures: Sequence[_Measures], names: Sequence[str]) -> np.ndarray:
+def _logs(measures: Sequence[Measures], names: Sequence[str]) -> np.ndarray:
     return np.log(np.maximum([[getattr(m, name) for name in names] for m in measures], 1e-12))
 
 
@@ -333,14 +337,14 @@ def _interval(y: np.ndarray, w: np.ndarray) -> Interval:
     order = np.argsort(y)
     at = np.cumsum(w[order]) - 0.5 * w[order]
     lo, hi = (float(np.interp(q, at, y[order])) for q in _QUANTILES)
-    lo, hi = value + WIDER * min(lo - value, 0.0), value + WIDER * max(hi - value, 0.0)
+    lo, hi = (value + side * np.hypot(max(side * (x - value), 0.0), _NORMAL * MODEL_ERROR) for side, x in ((-1, lo), (1, hi)))
     return Interval(*(float(np.exp(v)) for v in (value, lo, hi)))
 
 
 _LEAST_SPREAD, _RIDGE, _NEAR, _FARTHEST = 0.02, 0.05, 0.9, 2.5
 
 
-def _answer(report: GapReport, settings: Mapping[str, Any], record: _Measures, pairs: Sequence[_Pair]) -> Prediction:
+def _answer(report: GapReport, settings: Mapping[str, Any], record: Measures, pairs: Sequence[_Pair]) -> Prediction:
     """Turn the simulated pairs into intervals about the record, and say whether they hold."""
     whole = [p for p in pairs if p.before is not None and p.after is not None]
     now = {name: getattr(record, name) for name in _PREDICTED}
@@ -374,7 +378,7 @@ _BEYOND = 2.5
 
 
 def _limits(
-    report: GapReport, record: _Measures, pairs: Sequence[_Pair], whole: Sequence[_Pair], found: Mapping[str, Interval | None]
+    report: GapReport, record: Measures, pairs: Sequence[_Pair], whole: Sequence[_Pair], found: Mapping[str, Interval | None]
 ) -> list[str]:
     """Return what speaks against the prediction, each in words; nothing where it holds."""
     why = []
