@@ -9,8 +9,8 @@ from results.studies.worlds import WORLDS
 
 
 def test_records_are_mixed_as_stated():
-    plan = mixture(1, 22)
-    assert (plan.single, plan.none, plan.two, plan.foreign) == (13, 7, 0, 2)
+    plan = mixture(1, 20)
+    assert (plan.single, plan.none, plan.two, plan.foreign) == (12, 6, 0, 2)
 
 
 @pytest.mark.parametrize("world", ["own", "mill", "refinery"])
@@ -43,4 +43,4 @@ def test_an_answer_is_right_where_both_numbers_are_near_or_nothing_oscillates():
 
 def test_only_valid_answers_are_judged():
     rows = pd.DataFrame([judged(row(1.0, None, np.nan)), judged(row(2.0, None, np.nan, valid=False))])
-    assert table(rows).splitlines()[1].split()[:4] == ["all", "2", "0.50", "1.00"]
+    assert table(rows).splitlines()[2].split()[:4] == ["all", "2", "0.50", "1.00"]

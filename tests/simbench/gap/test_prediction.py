@@ -110,7 +110,8 @@ def test_the_verb_answers_first_and_prints_json_alone(tmp_path, capsys):
     write_record(simulate(TRUE, seed=3).record, tmp_path / "rec.csv")
     (tmp_path / "loop.toml").write_text(MODEL.to_toml())
     assert load_loop(tmp_path / "loop.toml") == MODEL
-    words = ["gap", "predict", str(tmp_path / "rec.csv"), "--baseline", str(tmp_path / "loop.toml"), "--set", "controller.Kc=0.75"]
+    record, loop = str(tmp_path / "rec.csv"), str(tmp_path / "loop.toml")
+    words = ["gap", "predict", record, "--baseline", loop, "--set", "controller.Kc=0.75"]
     assert main(words) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("PV standard deviation ")
