@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from detectors.errors import ParameterError
-from simbench.cli.common import EffectPlugin, Jobs, Json, World, examples, gap_app, reads, show, withheld_app
+from simbench.cli.common import EffectPlugin, Jobs, Json, World, examples, gap_app, pairs, reads, show, withheld_app
 
 
 @gap_app.command(
@@ -69,6 +69,30 @@ def gap_plan(
     from simbench.gap.command import plan_files
 
     found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@gap_app.command("predict", epilog=examples("gap predict rec.csv --baseline loop.toml --set controller.Kc=2"))
+@reads()
+def gap_predict(
+    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop as it runs now.")],
+    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Setting of controller or setpoint to change; repeatable."),
+    ] = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test of the same loop in other operation; repeatable."),
+    ] = None,
+    as_json: Json = False,
+    *,
+    about: dict,
+) -> None:
+    """Predict what PV and OP will do under other settings, with 90 % intervals and whether the record supports them."""
+    from simbench.gap.command import predict_file
+
+    found = predict_file(record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about)
     show(found.as_json() if as_json else found.as_text(), as_json)
 
 

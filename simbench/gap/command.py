@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
+from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -147,6 +148,15 @@ def plan_files(
 
         write_plan_page(planned, report, html)
     return planned
+
+
+def predict_file(
+    record: str | Path, baseline: str | Path, words: Mapping[str, str], *, tests: Sequence[str] = (), **about: Any
+) -> Prediction:
+    """Predict what the loop of a record does under other settings, given as KEY=VALUE on the command line."""
+    settings = read_settings(words, load_loop(baseline))
+    with one_thread():
+        return predict(diagnose_files([record], baseline, tests=tests, **about), settings)
 
 
 def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[str, Any]:

@@ -72,6 +72,7 @@ OPTIONS = {
     "figure": "-o --run --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
     "gap plan": "--baseline --limits --json --html",
+    "gap predict": "--baseline --test --set --json",
     "gap withheld make": "--world --tests",
     "gap withheld answer": "--tests",
     "gap withheld open": "",

@@ -29,9 +29,9 @@ class ClosedLoops:
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
         """Return the baseline with some effects in it, under their own fit's load or another one."""
         f = self.found
-        fit = self._fit(effects)
+        fit = self.fit_of(effects)
         own = {e: f.parameters[e] for e in effects if e in f.parameters}
-        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit, jumps=_load_may_jump(effects))
+        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit, jumps=load_may_jump(effects))
 
     def corrected(self, effects: Sequence[str]) -> Loop:
         """Return the baseline with some effects in it, at the level of the record."""
@@ -45,7 +45,8 @@ class ClosedLoops:
         known = self.found.parameters
         return max((recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0)
 
-    def _fit(self, effects: Sequence[str]) -> Fit:
+    def fit_of(self, effects: Sequence[str]) -> Fit:
+        """Return the fit behind some effects."""
         f = self.found
         if list(effects) == f.chosen:
             return f.final
@@ -65,8 +66,8 @@ class ClosedLoops:
         key = tuple(effects)
         if key not in self.done:
             f, s = self.found, self.found.situation
-            fit = self._fit(effects)
-            jumps = _load_may_jump(effects)
+            fit = self.fit_of(effects)
+            jumps = load_may_jump(effects)
             bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit, jumps=jumps)
             tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit, jumps=jumps)
             before = self._runs(("bare", id(fit), jumps), bare)
@@ -88,10 +89,10 @@ class ClosedLoops:
         """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
         self.shrink(named)
         before, again, _ = self.kept[tuple(named)]
-        after = self._after(effects, self._fit(named))
+        after = self._after(effects, self.fit_of(named))
         return None if after is None else measure(self.found.situation, before, again, after, seed=self.seed)
 
 
-def _load_may_jump(effects: Sequence[str]) -> bool:
+def load_may_jump(effects: Sequence[str]) -> bool:
     """Return whether none of the effects is what ordinary loads do as well."""
     return all(recogniser(e).ordinary is None for e in effects)

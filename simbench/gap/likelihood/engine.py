@@ -292,6 +292,46 @@ class Engine:
         loglik, beta, residual = self.evaluate(spec, theta)
         return Fit(spec, loglik, dict(theta), beta, residual)
 
+    def scattered(self, fit: Fit, count: int, scale: float, rng: np.random.Generator) -> list[Fit]:
+        """Draw fits about the likeliest by the likelihood's curvature there (Laplace), standard deviations times `scale`.
+
+        What the priors or bounds hold stays within them.
+        """
+        spec = fit.spec
+        names = tuple(m for m in spec.names if m in fit.theta and (m != "T" or self.data.T > 0))
+        by_log = _LOGS | {number.name for number in spec.own if number.log}
+        logs = np.array([m in by_log for m in names])
+        box = np.array([self.bounds(spec, m) for m in names])
+        box[logs] = np.log(box[logs])
+        x = np.array([fit.theta[m] for m in names])
+        x[logs] = np.log(x[logs])
+
+        def unpack(x: np.ndarray) -> dict[str, float]:
+            values = np.where(logs, np.exp(np.where(logs, x, 0.0)), x)
+            return {**fit.theta, **{m: float(v) for m, v in zip(names, values)}}
+
+        now = self._terms(spec, unpack(x))
+        J, slope = self._derivatives(spec, names, x, box, unpack, now)
+        J = self._beside_linear(spec, now, J)
+        curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
+        # a parameter of which the record tells nothing moves no further than one step of the search
+        curvature += np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
+        root = np.linalg.cholesky(np.linalg.inv(curvature))
+        used = now[3][:, kernels.SKIP :]
+        precision = used[1:] @ used[1:].T
+        precision.flat[:: len(precision) + 1] += 1e-12 * float(np.trace(precision)) + 1e-300
+        gain_std = scale * float(np.sqrt(np.linalg.inv(precision)[0, 0]))
+        wide = 20.0 if "K" in spec.free or not self.data.trusted else 1.0 + _NOMINAL + _EDGE
+        low, high = sorted((self.data.K / wide, self.data.K * wide))
+        out = []
+        for _ in range(count):
+            moved = x + scale * (root @ rng.standard_normal(x.size))
+            one = self.at(spec, unpack(np.clip(moved, np.minimum(box[:, 0], x), np.maximum(box[:, 1], x))))
+            beta = one.beta.copy()
+            beta[0] = np.clip(beta[0] + gain_std * rng.standard_normal(), min(low, fit.K), max(high, fit.K))
+            out.append(replace(one, beta=beta))
+        return out
+
     def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
         """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little."""
         gy, gg = self._scanned(spec, theta, kind, points)

@@ -286,3 +286,22 @@ def test_a_sensors_pole_is_taken_off_pv(tau):
     e = Engine(Data(np.full(500, 50.0), shown, K, T, TD, NOISE), 60.0)
     assert e._channels(Spec(pole="sensor"), {**THETA, "tau": tau})[0] == pytest.approx(seen - seen[0], abs=1e-6)
     assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])
+
+
+def test_scattered_fits_lie_as_far_below_the_likeliest_as_the_chi_squared_distribution_has_it():
+    e = engine(trusted=False)
+    best = e.fit(Spec(), e.start(), steps=20)
+    fits = e.scattered(best, 200, 1.0, np.random.default_rng(3))
+    below = np.array([best.loglik - f.loglik for f in fits])
+    # half the number of what was drawn, in nats; what a bound holds scatters to one side only
+    assert 0.25 * len(best.spec.names) < np.median(below) < 0.75 * len(best.spec.names)
+    assert np.std([f.theta["T"] for f in fits]) / T < 0.2
+    assert 0.0 < np.std([f.K for f in fits]) / K < 0.2
+
+
+def test_fits_scattered_by_nothing_are_the_fit_itself():
+    e = engine()
+    best = e.fit(Spec(), e.start(), steps=20)
+    (same,) = e.scattered(best, 1, 0.0, np.random.default_rng(3))
+    assert same.theta == pytest.approx(best.theta)
+    assert same.K == pytest.approx(best.K)

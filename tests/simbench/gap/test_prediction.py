@@ -1,0 +1,121 @@
+"""What the plant will do under other settings: right on a known loop, open about its range, one sentence for bad settings."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop, load_loop
+from simbench.cli import main
+from simbench.files import write_record
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.prediction import _interval, _moved, measure, predict, read_settings
+from simbench.loop.simulate import simulate
+
+MODEL = Loop.from_table({
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 2000},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[600.0, 55.0], [1300.0, 50.0]]},
+    "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 30.0}],
+})  # fmt: skip
+TRUE = MODEL.with_("plant.K", 1.9)
+STICKY = MODEL.with_all({"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}, "disturbance": []})
+
+
+@pytest.fixture(scope="module")
+def report():
+    """The diagnosis of a loop whose gain is not the model's."""
+    return diagnose(simulate(TRUE, seed=3).record, MODEL)
+
+
+def fresh(loop, count=8):
+    """Return the numbers of fresh records of a loop."""
+    runs = [simulate(loop, seed=100 + i, kick=5.0).record for i in range(count)]
+    return [measure(np.asarray(r.op), np.asarray(r.pv), r.Ts) for r in runs]
+
+
+def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
+    found = predict(report, {"controller.Kc": 0.75})
+    true = fresh(TRUE.with_("controller.Kc", 0.75))
+    assert found.valid, found.reason
+    for name in ("pv_std", "op_std", "op_travel_per_hour"):
+        mean = np.mean([getattr(m, name) for m in true])
+        assert getattr(found, name).value == pytest.approx(mean, rel=0.1)
+        assert getattr(found, name).lo < mean < getattr(found, name).hi
+    # the model as it was is off by more, or the correction would not be tested
+    assert abs(np.mean([m.op_std for m in fresh(MODEL.with_("controller.Kc", 0.75))]) / found.op_std.value - 1.0) > 0.1
+
+
+def test_a_cycle_of_friction_keeps_its_predicted_period():
+    found = predict(diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0})
+    true = np.median([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
+    assert found.oscillates > 0.9
+    assert found.period_s.value == pytest.approx(true, rel=0.1)
+
+
+def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
+    found = predict(report, {"controller.Kc": 0.75}).as_json()
+    assert list(found) == ["pv_std", "op_std", "period_s", "op_travel_per_hour", "oscillates", "valid", "reason"]
+    for name in ("pv_std", "op_std", "op_travel_per_hour"):
+        assert list(found[name]) == ["value", "lo", "hi"]
+        assert found[name]["lo"] <= found[name]["value"] <= found[name]["hi"]
+    assert found["period_s"] is None
+    assert 0.0 <= found["oscillates"] < 0.5
+
+
+def test_the_same_report_and_seed_give_the_same_numbers(report):
+    assert predict(report, {"controller.Kc": 0.75}).as_json() == predict(report, {"controller.Kc": 0.75}).as_json()
+
+
+@pytest.mark.parametrize(("settings", "word"), [
+    ({"controller.Kc": 4.5}, "stability limit"), ({"controller.Kc": 1000.0}, "stability limit"),
+    ({"setpoint.value": 80.0}, "outside the record's"),
+])  # fmt: skip
+def test_outside_its_range_a_prediction_says_so(report, settings, word):
+    found = predict(report, settings)
+    assert not found.valid
+    assert word in found.reason
+    assert found.sentence().startswith("No valid prediction: ")
+
+
+def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
+    assert _moved(MODEL, {"setpoint.value": 52.0})["setpoint.steps"] == [[600.0, 57.0], [1300.0, 52.0]]
+    both = {"setpoint.value": 52.0, "setpoint.steps": []}
+    assert _moved(MODEL, both) == both
+
+
+def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
+    found = _interval(np.zeros(50), np.full(50, 0.02))
+    assert found.value == 1.0
+    assert 1.0 < found.hi < 1.1
+    assert found.lo == pytest.approx(1.0 / found.hi)
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ({}, "--set"), ({"plant.K": "2"}, "plant.K is not a setting"), ({"controller": "2"}, "not a setting"),
+    ({"controller.Kcc": "2"}, "Kc"), ({"controller.Kc": "fast"}, "number"), ({"controller.Kc": "-1"}, "greater than 0"),
+    ({"controller.direction": '"direct"'}, "positive feedback"),
+])  # fmt: skip
+def test_bad_settings_are_refused_in_one_sentence(words, said):
+    with pytest.raises(Exception, match=said) as error:
+        read_settings(words, MODEL)
+    assert "\n" not in str(error.value)
+
+
+def test_the_verb_answers_first_and_prints_json_alone(tmp_path, capsys):
+    write_record(simulate(TRUE, seed=3).record, tmp_path / "rec.csv")
+    (tmp_path / "loop.toml").write_text(MODEL.to_toml())
+    assert load_loop(tmp_path / "loop.toml") == MODEL
+    record, loop = str(tmp_path / "rec.csv"), str(tmp_path / "loop.toml")
+    words = ["gap", "predict", record, "--baseline", loop, "--set", "controller.Kc=0.75"]
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("PV standard deviation ")
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 100
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["valid"] is True
