@@ -123,6 +123,10 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Asse
         every = _as_it_is(record)
         if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
             return _measured(every)
+        if every is not None and record.process is None:
+            # one loop has one plant, and all samples tell its kind better than few
+            integrating = every.situation.baseline.plant.integrating
+            slow = replace(slow, process="integrating" if integrating else "self-regulating")
         own = _at_pace(slow, record)
         if every is None and own is None:
             return _measured(_fitted(record, identify(record)))

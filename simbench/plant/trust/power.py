@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
@@ -61,12 +62,10 @@ def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
 
 def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float, float] | None:
     """Return the smallest S, with its J, from which on a share `power` is found."""
-    from sklearn.isotonic import isotonic_regression
-
     best = None
     for ratio in sorted({round(c.J / c.S, 6) for c in cells}):
         line = sorted((c for c in cells if round(c.J / c.S, 6) == ratio), key=lambda c: c.S)
-        grown = isotonic_regression(np.array([c.found for c in line]))
+        grown = scipy.optimize.isotonic_regression([c.found for c in line]).x
         if grown[-1] < power:
             continue
         first = int(np.argmax(grown >= power))

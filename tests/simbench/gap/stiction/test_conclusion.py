@@ -15,9 +15,10 @@ from random_case import random_case
 
 from detectors.prepared import Prepared
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from results.studies.worlds import NAMES as WORLD_NAMES
+from results.studies.worlds import WORLDS
 from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
-from simbench.blind.world import WORLDS
 from simbench.cli import main
 from simbench.gap import conclude
 from simbench.gap.decide.classify import Classified
@@ -33,7 +34,6 @@ REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
 EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"
 COUNT = int(os.environ.get("RECORDS", "40"))
 LONGEST = int(os.environ.get("SAMPLES", "600"))
-WORLD_NAMES = ("own", "mill", "refinery")
 HEALTHY = ("none", "sensor_lag", "oscillation", "detuning", "noise", "load_steps", "valve_lag", "dead_time_mismatch", "drift")
 FRICTION = ("stiction", "deadband")
 SEED = 431
