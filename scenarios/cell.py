@@ -18,7 +18,7 @@ SETTINGS = {
     "S_over_2J": "S/(2J): 0.5 = J as large as S, inf = dead-band",
     "noise_ratio": "noise std over the PV std of the sticky twin without noise",
     "disturbance": "none, or a name of [disturbances]",
-    "tuning": "slow, medium, tight, aggressive or saturating",
+    "tuning": "slow, medium, tight, or of a healthy loop aggressive or saturating",
     "samples_per_period": "samples per period of the sticky twin",
     "periods": "length of the record in periods of the loop's oscillation",
     "warm_up": "length of what is simulated before the record begins, in these periods",
@@ -131,7 +131,9 @@ def cell_group(
         valve = _valve(own["valve"].name, settings, where)
         swing = own.get("oscillation")
         # as large as the sticky valve's that its oscillation is taken from
-        start = table if swing is None else _loop_table({**settings, "S": settings["S"] * swing.size}, where)
+        rest = {key: own[key] for key in ("pv_rest", "op_rest") if key in own}
+        size = 1.0 if swing is None else swing.size
+        start = _loop_table({**settings, **rest, "S": settings["S"] * size}, where)
         loop = overridden(Loop.from_table({**start, "valve": valve}, where), overrides)
         found = {key: own.get(key) for key in names}
         found.update(

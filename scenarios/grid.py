@@ -73,9 +73,9 @@ class Member(_Table):
     """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings.
 
     `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do not tell them apart: by
-    "tuning" (at its limit of stability), by a load named in [disturbances], or "none" (it stays quiet). Its OP has the std that
-    the cycle of a valve with another S would have, its period is near the cycle's; the load's own amplitude and period are not
-    used. A loop that cannot be matched is left out and counted.
+    "tuning" (a dead time at which it is at its limit of stability), by a load named in [disturbances], or "none" (it stays
+    quiet). Its OP has the std that the cycle of a valve with another S would have, its period is near the cycle's; the load's
+    own amplitude and period are not used. A loop that cannot be matched is left out and counted.
     """
 
     name: str
@@ -245,13 +245,12 @@ class Grid:
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
         # the record's own numbers cell by cell: shared, they would let a classifier know cells again
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
-        apart = list(Rules.FIELDS)
-        if any(member.oscillation is not None for member in block.member):
-            # a healthy loop has a swing of its own: what sticky ones share with each other alone would tell them
-            apart += ["S", "pv_rest", "op_rest"]
+        matched = any(member.oscillation is not None for member in block.member)
+        # a healthy loop has a swing of its own: a size that sticky ones of several cells share would tell them
+        apart = [*Rules.FIELDS, *["S"] * matched]
         settings.update({key: draw(ranges[key], each) for key in apart if key in ranges})
         settings.update(values)
-        if len(apart) > len(Rules.FIELDS):
+        if matched:
             # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
             settings["noise_scatter"] = float(np.exp(_NOISE_SCATTER * each.standard_normal()))
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
@@ -262,6 +261,8 @@ class Grid:
         members = []
         for member in self._present(number, values):
             own = dict(settings, valve=_pick(member.valve, rng))
+            if matched:
+                own.update({key: draw(ranges[key], rng) for key in ("pv_rest", "op_rest") if key in ranges})
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
                     own[key] = _pick(getattr(member, key), rng)
@@ -269,7 +270,8 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.oscillation is not None:
-                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), settings["S"], ranges, loads, rng)
+                cause = _pick(member.oscillation, rng)
+                own["oscillation"] = self._oscillation(cause, settings["S"], ranges, loads, rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside

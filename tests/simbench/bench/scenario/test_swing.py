@@ -65,19 +65,20 @@ def test_a_loop_at_its_limit_neither_grows_nor_fades(kind, control):
     found, swing = at_its_limit(Loop.from_table({**table(kind, control), "sampling": {"Ts": 0.5, "n": 4000}}), CYCLE)
     op = simulate(found).record.op[1000:]
     begin, end = fifths(op)
-    assert math.log(end / begin) == pytest.approx(0.0, abs=0.4)
+    assert math.log(end / begin) == pytest.approx(0.0, abs=1.0)
     crossings = np.flatnonzero(np.diff(np.sign(op - op.mean())) > 0)
     period = 0.5 * (crossings[-1] - crossings[0]) / (crossings.size - 1)
     assert period == pytest.approx(swing.period, rel=0.03)
 
 
-def test_noise_reaches_OP_as_before_the_tuning():
+def test_only_the_dead_time_is_another_one():
     loop = Loop.from_table({**table(), "sampling": {"Ts": 0.5, "n": 4000}})
     found, swing = at_its_limit(loop, CYCLE)
-    w = 2 * math.pi / np.array([CYCLE.period, swing.period])
-    Ti = np.array([loop.controller.Ti, found.controller.Ti])
-    before, after = 1 / np.hypot(1, 1 / (w * Ti))
-    assert after > 0.85 * before
+    assert found.controller == loop.controller
+    assert found.plant.Td > 1.5 * loop.plant.Td
+    assert found.model_copy(update={"plant": loop.plant}) == loop
+    op, pv = (np.std(x[1000:]) for x in (simulate(found).record.op, simulate(found).record.pv))
+    assert swing.pv_std / swing.op_std == pytest.approx(pv / op, rel=0.02)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.03, 0.1])
