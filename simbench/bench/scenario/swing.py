@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from scenarios.cell import WantedOscillation
+from scenarios.cell import Scale, WantedOscillation
 from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
@@ -61,10 +61,14 @@ def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[s
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
-def wanted_cycle(cycle: Cycle, swing: WantedOscillation) -> Cycle:
-    """Return how a healthy loop should oscillate: as a valve of another size would, at a period nearby."""
-    sizes = {"pv_std": cycle.pv_std * swing.size, "op_std": cycle.op_std * swing.size}
-    return replace(cycle, period=cycle.period * swing.period, **sizes)
+def scaled_cycle(cycle: Cycle, scale: Scale) -> Cycle:
+    """Return the cycle of the sticky twin in the units of a member: in a linear loop with friction it is the member's own."""
+    return replace(
+        cycle,
+        period=cycle.period * scale.time,
+        pv_std=cycle.pv_std * scale.S * scale.pv,
+        op_std=cycle.op_std * scale.S,
+    )
 
 
 def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> None:
@@ -76,6 +80,8 @@ def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> N
     table["disturbance"] = [*table.get("disturbance", []), load]
     for _ in range(2):  # the first is exact in a linear loop
         std = float(np.std(simulate(Loop.from_table(table, "cell")).record.op))
+        if std == 0.0:  # OP stands at a limit
+            raise UnmatchedError
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
     slow = _slow_load(swing, cycle, *_WANDERS)
     table["disturbance"].append({"type": slow.name, **slow.parameters})
