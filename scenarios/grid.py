@@ -28,11 +28,12 @@ _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 # How unsteadily a load makes a healthy loop oscillate, by the other loads of the loop: std of the slow load that comes with it,
 # over the oscillation's in OP, and std (rad) of the walk of its phase over one period. Sticky loops wander so. Where no other
-# load changes, noise alone makes them, and these are multiples of the noise ratio: of the cycling loops of grids own-ground and
-# ci, 10 to 90 % have means of OP that walk .03 to .09 of its std at .02, .08 to .22 at .1 and .17 to .45 at .3, and a phase
-# that walks .04 to .17, .17 to .88 and .5 to 1.5
-_WANDER = {"none": (0.6, 3.0), "periodic": (0.3, 3.0), "changing": (0.15, 0.6)}
+# load changes, noise alone makes them, and these are multiples of powers of the noise ratio: of the cycling loops of grids
+# own-ground and ci, 10 to 90 % have means of OP that walk .03 to .1 of its std at .02, .08 to .25 at .1 and .16 to .41 at .3,
+# and a phase that walks .04 to .18, .16 to .98 and .5 to 1.6
+_WANDER = {"none": (0.24, 1.2), "periodic": (0.12, 1.2), "changing": (0.15, 0.6)}
 _JITTER = {"none": (2.2, 11.0), "periodic": (0.8, 8.0), "changing": (1.0, 3.0)}
+_WANDER_POWER = 0.6  # of the noise ratio
 _FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardly less steady
 # settings of each member by itself where healthy loops are matched with sticky ones; K and T are its units of PV and time
 _OF_A_MEMBER = ("K", "T", "pv_rest", "op_rest", "mv_noise", "move", "moves", "periods", "samples_per_period", "warm_up")
@@ -331,7 +332,7 @@ class Grid:
         kinds = {load["type"] for load in loads}
         others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
         noise = 1.0 if others == "changing" else min(float(own.get("noise_ratio", 0.0)) * own["noise_scatter"], _FULL_NOISE)
-        wander = noise * float(draw(_WANDER[others], rng))
+        wander = noise**_WANDER_POWER * float(draw(_WANDER[others], rng))
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
         # no beat of two loads of nearly one period: a sticky loop follows such a load
         for near in (load["period"] for load in loads if load["type"] in _PERIODIC):

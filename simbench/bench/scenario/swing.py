@@ -32,7 +32,7 @@ _LARGEST_EXCITATION = 8.0  # OP stds of the wanted oscillation: a larger one may
 # logarithm of the OP std in the first or last fifth of a record over that of the whole: the first is
 # taken at once, above the second no tuning is taken; nine in ten sticky loops of grid chapter that no
 # load drives have less than 0.08
-_STEADY, _UNSTEADY = 0.02, 0.06
+_STEADY, _UNSTEADY = 0.015, 0.06
 _UNLIKE = 0.5  # logarithm of the variance of OP over the wanted one: more in a loop whose valve is far from linear
 
 

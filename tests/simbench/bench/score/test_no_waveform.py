@@ -40,7 +40,7 @@ def test_features_are_what_they_are_called():
     assert found["pv_noise"] == pytest.approx(0.1, rel=0.05)
     assert found["sp_span"] == pytest.approx(6.0, rel=0.02)
     assert found["error_mean"] == pytest.approx(3.0, rel=0.02)
-    assert found["op_drift"] < 1e-9
+    assert found["op_trend"] < 1e-9
     assert found["op_max"] - found["op_min"] == pytest.approx(4 * 2**0.5, rel=0.01)
 
 
