@@ -38,7 +38,7 @@ _FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardl
 # settings of each member by itself where healthy loops are matched with sticky ones; K and T are its units of PV and time
 _OF_A_MEMBER = ("K", "T", "pv_rest", "op_rest", "mv_noise", "move", "moves", "periods", "samples_per_period", "warm_up")
 _PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
-_NOISE_SCATTER = 0.25  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+_NOISE_SCATTER = 0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
 
 
