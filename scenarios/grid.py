@@ -39,6 +39,9 @@ _FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardl
 _OF_A_MEMBER = ("K", "T", "pv_rest", "op_rest", "mv_noise", "move", "moves", "periods", "samples_per_period", "warm_up")
 _PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
 _NOISE_SCATTER = 0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+# Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky loops swing wider
+# under much noise, and kinks of their waves pass for noise where there is little: of a ratio of .02 .023 is seen, of .3 .26.
+_SAME_NOISE, _NOISE_POWER = 0.06, -0.12
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
 
 
@@ -278,6 +281,7 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.oscillation is not None:
+                own["noise_scatter"] *= (max(float(own.get("noise_ratio", 0.0)), 1e-6) / _SAME_NOISE) ** _NOISE_POWER
                 own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), own, loads, rng)
                 if own["oscillation"] is not None:
                     own["S"] = draw(ranges.get("S", S), rng)

@@ -25,6 +25,7 @@ _FINE = 5  # digits of a gain at the limit of stability
 # periods in which the load that lets an oscillation wander forgets itself, and its lag: a loop at its
 # limit of stability would answer to one that is not smooth
 _WANDERS, _WANDERS_SLOWLY = (1.0, 0.0), (4.0, 1.5)
+_SLOW_SHARE = 0.6  # size of the second over the first: as it forgets later, it moves the mean more
 # of a loop that oscillates by its tuning: how many gains are tried, and between which shares of the
 # gain at which the loop alone neither grows nor fades; with noise it is a lower one
 _TRIES, _NOISES, _SHARES = 9, 4, (0.8, 1.08)
@@ -83,7 +84,7 @@ def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> N
         if std == 0.0:  # OP stands at a limit
             raise UnmatchedError
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
-    slow = _slow_load(swing, cycle, *_WANDERS)
+    slow = _slow_load(swing.wander, cycle, *_WANDERS)
     table["disturbance"].append({"type": slow.name, **slow.parameters})
 
 
@@ -125,7 +126,7 @@ def steadied(loop: Loop, swing: WantedOscillation, cycle: Cycle, seed: int) -> t
     wide at the record's end as at its beginning; for each gain the size of the excitation follows
     from the wanted std. Where no gain does it, another noise is drawn.
     """
-    drift = _slow_load(swing, cycle, *_WANDERS_SLOWLY)
+    drift = _slow_load(_SLOW_SHARE * swing.wander, cycle, *_WANDERS_SLOWLY)
     loads = loop.disturbance
     if any(t == 0.0 for t, _ in loop.setpoint.steps):  # one excitation: two may cancel each other
         loads = tuple(d for d in loads if d.name != "ramp")
@@ -178,10 +179,10 @@ def _size_of_excitation(
     return (math.sqrt(half**2 + lacking * size) - half) / size, False
 
 
-def _slow_load(swing: WantedOscillation, cycle: Cycle, periods: float, lag: float) -> Part:
+def _slow_load(wander: float, cycle: Cycle, periods: float, lag: float) -> Part:
     """Return the load at the plant's input that lets an oscillation wander, in so many periods."""
     times = {"period": significant(periods * cycle.period), "lag": significant(lag * cycle.period)}
-    size = significant(swing.wander * cycle.op_std)
+    size = significant(wander * cycle.op_std)
     return Part(name="coloured", parameters={"at": "input", "amplitude": size, **times})
 
 
