@@ -18,7 +18,7 @@ SETTINGS = {
     "S_over_2J": "S/(2J): 0.5 = J as large as S, inf = dead-band",
     "noise_ratio": "noise std over the PV std of the sticky twin without noise",
     "disturbance": "none, or a name of [disturbances]",
-    "tuning": "slow, medium, tight, aggressive or saturating",
+    "tuning": "slow, medium, tight, or of a healthy loop aggressive or saturating",
     "samples_per_period": "samples per period of the sticky twin",
     "periods": "length of the record in periods of the loop's oscillation",
     "warm_up": "length of what is simulated before the record begins, in these periods",
@@ -78,11 +78,19 @@ class Scaled:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """S, PV and time of a member over those of the sticky twin: in these units its loop is the twin's."""
+
+    S: float = 1.0
+    pv: float = 1.0
+    time: float = 1.0
+
+
+@dataclass(frozen=True)
 class WantedOscillation:
     """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or its own tuning."""
 
-    size: float  # S of the valve whose cycle gives the amplitude, over the cell's
-    period: float  # over that of the sticky twin's cycle
+    period: float  # over that of the cycle that a sticky valve would cause in this loop
     load: dict[str, Any] | None = None  # table of the load without amplitude, times in periods of this oscillation
     wander: float = 0.0  # std of a slow load at the input over that of the oscillation in OP
 
@@ -93,6 +101,8 @@ class Draft:
 
     loop: Loop  # sampling, noise and (where `ultimate` says so) gain are first guesses
     tags: dict[str, float | int | str | None]  # its place in the grid
+    rules: Rules
+    seed: int
     # disturbances, amplitude in PV std of the twin (at "input": in its S), times in its periods
     loads: tuple[dict[str, Any], ...] = ()
     ultimate: float | None = None  # gain over the ultimate gain of the sampled loop
@@ -103,6 +113,7 @@ class Draft:
     mv_noise: float = 0.0  # std on the recorded MV, in S
     moves: tuple[tuple[float, float], ...] = ()  # set-point steps
     oscillation: WantedOscillation | None = None  # of a healthy loop
+    scale: Scale = Scale()
 
 
 def cell_group(
@@ -115,9 +126,7 @@ def cell_group(
     """Build the sticky twin of a cell and the drafts of its members."""
     settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
     table = _loop_table(settings, where)
-    rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
-    if rules.noise_ratio is not None:
-        rules = replace(rules, noise_ratio=float(rules.noise_ratio) * settings.get("noise_scatter", 1.0))
+    rules = _rules(settings)
     if rules.samples_per_period is None or rules.periods is None:
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
     twin_valve = _valve("choudhury", settings, where)
@@ -128,11 +137,10 @@ def cell_group(
         tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
-        valve = _valve(own["valve"].name, settings, where)
-        swing = own.get("oscillation")
-        # as large as the sticky valve's that its oscillation is taken from
-        start = table if swing is None else _loop_table({**settings, "S": settings["S"] * swing.size}, where)
-        loop = overridden(Loop.from_table({**start, "valve": valve}, where), overrides)
+        mine = {**settings, **own, "tuning": settings["tuning"]}
+        valve, swing, own_rules = _valve(own["valve"].name, mine, where), own.get("oscillation"), _rules(mine)
+        loop = overridden(Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides)
+        scale = Scale(*(float(mine[key]) / float(settings[key]) for key in ("S", "K", "T")))
         found = {key: own.get(key) for key in names}
         found.update(
             member=name,
@@ -142,15 +150,23 @@ def cell_group(
             tuning=tuning,
             S_over_2J=0.0 if valve["model"] == "ideal" else settings["S_over_2J"],
             disturbance=own.get("disturbance", "none"),
-            samples_per_period=10.0 * round(float(rules.samples_per_period) / 10.0),
-            S=0.0 if valve["model"] == "ideal" else settings["S"],
+            samples_per_period=10.0 * round(float(own_rules.samples_per_period or 0.0) / 10.0),
+            S=0.0 if valve["model"] == "ideal" else mine["S"],
         )
         if "oscillation" in own:
             cause = "none" if swing is None else BY_TUNING if swing.load is None else str(swing.load["type"])
             found.update(oscillation=cause, tuning="marginal" if cause == BY_TUNING else tuning)
-        more = (own["valve"], settings.get("effects", ()), float(settings.get("mv_noise", 0.0)), settings.get("sp_moves", ()))
-        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more, swing))
+        told = {**tags, **found}
+        more = (own["valve"], mine["effects"], float(mine.get("mv_noise", 0.0)), mine["sp_moves"], swing, scale)
+        drafts.append(Draft(loop, told, own_rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more))
     return twin, rules, tuple(drafts)
+
+
+def _rules(settings: Mapping[str, Any]) -> Rules:
+    rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
+    if rules.noise_ratio is None:
+        return rules
+    return replace(rules, noise_ratio=float(rules.noise_ratio) * settings.get("noise_scatter", 1.0))
 
 
 def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:

@@ -26,13 +26,22 @@ _GRID_KEYS = ("seed", "repeats")
 _UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
-# std of the slow load that comes with a load that makes a loop oscillate, over the oscillation's in OP: sticky loops wander so
-_WANDER = {"none": (0.05, 0.5), "periodic": (0.05, 0.3), "changing": (0.15, 0.6)}
-# std (rad) of the walk of such a load's phase over one period, by the other loads of the loop: the cycles
-# of sticky loops of grid ci walk so (10 to 90 %: alone .13 to 1.2, beside steps and random walks .6 to 1.7)
-_JITTER = {"none": (0.2, 1.5), "periodic": (0.05, 0.8), "changing": (1.0, 2.2)}
+# How unsteadily a load makes a healthy loop oscillate, by the other loads of the loop: std of the slow load that comes with it,
+# over the oscillation's in OP, and std (rad) of the walk of its phase over one period. Sticky loops wander so. Where no other
+# load changes, noise alone makes them, and these are multiples of powers of the noise ratio: of the cycling loops of grids
+# own-ground and ci, 10 to 90 % have means of OP that walk .03 to .1 of its std at .02, .08 to .25 at .1 and .16 to .41 at .3,
+# and a phase that walks .04 to .18, .16 to .98 and .5 to 1.6
+_WANDER = {"none": (0.24, 1.2), "periodic": (0.12, 1.2), "changing": (0.15, 0.6)}
+_JITTER = {"none": (2.2, 11.0), "periodic": (0.8, 8.0), "changing": (1.0, 3.0)}
+_WANDER_POWER = 0.6  # of the noise ratio
+_FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardly less steady
+# settings of each member by itself where healthy loops are matched with sticky ones; K and T are its units of PV and time
+_OF_A_MEMBER = ("K", "T", "pv_rest", "op_rest", "mv_noise", "move", "moves", "periods", "samples_per_period", "warm_up")
 _PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
-_NOISE_SCATTER = 0.25  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+_NOISE_SCATTER = 0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+# Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky loops swing wider
+# under much noise, and kinks of their waves pass for noise where there is little: of a ratio of .02 .023 is seen, of .3 .26.
+_SAME_NOISE, _NOISE_POWER = 0.06, -0.12
 _PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
 
 
@@ -73,9 +82,9 @@ class Member(_Table):
     """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings.
 
     `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do not tell them apart: by
-    "tuning" (at its limit of stability), by a load named in [disturbances], or "none" (it stays quiet). Its OP has the std that
-    the cycle of a valve with another S would have, its period is near the cycle's; the load's own amplitude and period are not
-    used. A loop that cannot be matched is left out and counted.
+    "tuning" (a dead time at which it is at its limit of stability), by a load named in [disturbances], or "none" (it stays
+    quiet). Its OP has the std that the cycle of a valve with another S would have, its period is near the cycle's; the load's
+    own amplitude and period are not used. A loop that cannot be matched is left out and counted.
     """
 
     name: str
@@ -138,13 +147,16 @@ class GridFile(_Table):
 
 @dataclass(frozen=True)
 class Group:
-    """The scenarios of one cell and one repeat: they share plant, sampling, noise, set point and seed."""
+    """The scenarios of one cell and one repeat.
+
+    They share plant, sampling, noise, set point and seed. In a grid that matches healthy loops with sticky ones each has units,
+    sampling, noise, set point and seed of its own, so that nothing but the cell's settings makes them alike.
+    """
 
     index: int  # place in the grid
     twin: Loop  # the cell's sticky loop without noise and disturbance; its sampling is a first guess
     rules: Rules  # what is settled by running the twin
     drafts: tuple[Draft, ...]  # the members
-    seed: int  # of all members
 
     @property
     def matched(self) -> bool:
@@ -258,23 +270,23 @@ class Grid:
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
         # the record's own numbers cell by cell: shared, they would let a classifier know cells again
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
-        apart = list(Rules.FIELDS)
-        if any(member.oscillation is not None for member in block.member):
-            # a healthy loop has a swing of its own: what sticky ones share with each other alone would tell them
-            apart += ["S", "pv_rest", "op_rest"]
-        settings.update({key: draw(ranges[key], each) for key in apart if key in ranges})
+        settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
-        if len(apart) > len(Rules.FIELDS):
-            # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
-            settings["noise_scatter"] = float(np.exp(_NOISE_SCATTER * each.standard_normal()))
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
         settings["sp_moves"] = _moves(settings, shared)
-        seed = int(rng.integers(2**63))
+        settings["seed"] = int(rng.integers(2**63))
+        free = {key: ranges[key] for key in sorted(ranges) if key not in values}
+        # a plant or valve set as a whole is the same in all; S is one for all sticky members, and not in another cell
+        whole = any(key.startswith(("plant", "controller.", "valve")) for key in (*settings, *self.overrides))
+        S = settings["S"] if whole or "S" not in free else draw(free["S"], each)
         members = []
         for member in self._present(number, values):
             own = dict(settings, valve=_pick(member.valve, rng))
+            if self._matched:
+                own.update(self._apart(settings, {k: v for k, v in free.items() if not (whole and k in ("K", "T"))}, rng))
+                own["S"] = S
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
                     own[key] = _pick(getattr(member, key), rng)
@@ -282,7 +294,10 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.oscillation is not None:
-                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), settings["S"], ranges, loads, rng)
+                own["noise_scatter"] *= (max(float(own.get("noise_ratio", 0.0)), 1e-6) / _SAME_NOISE) ** _NOISE_POWER
+                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), own, loads, rng)
+                if own["oscillation"] is not None:
+                    own["S"] = draw(ranges.get("S", S), rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside
@@ -290,7 +305,20 @@ class Grid:
         overrides = {**keys, **self.overrides}
         tags.update({key: _told(value) for key, value in keys.items()})
         twin, rules, drafts = cell_group(settings, members, tags, overrides, f"{self.name}, block {block.name!r}")
-        return Group(index, twin, rules, drafts, seed)
+        return Group(index, twin, rules, drafts)
+
+    @cached_property
+    def _matched(self) -> bool:
+        return any(member.oscillation is not None for block in self.content.block for member in block.member)
+
+    def _apart(self, settings: Mapping[str, Any], free: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+        """Draw what one member has of its own, so that no number in a record tells which others are of its cell."""
+        own = {key: draw(free[key], rng) for key in _OF_A_MEMBER if key in free}
+        # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
+        own.update(seed=int(rng.integers(2**63)), noise_scatter=float(np.exp(_NOISE_SCATTER * rng.standard_normal())))
+        own["effects"] = self._effects(settings.get("effect", "none"), rng)
+        own["sp_moves"] = _moves({**settings, **own}, rng)
+        return own
 
     def _plain(self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict) -> Group:
         assert self.content.loop is not None
@@ -304,7 +332,7 @@ class Grid:
         told = {key: _told(value) for key, value in values.items()}
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
-        return Group(index, twin, Rules(**rules), (Draft(loop, tags),), seed)
+        return Group(index, twin, Rules(**rules), (Draft(loop, tags, Rules(**rules), seed),))
 
     def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
         if name == "none":
@@ -314,25 +342,25 @@ class Grid:
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
 
     def _oscillation(
-        self, name: str, S: float, ranges: Mapping[str, Any], loads: Sequence[Mapping[str, Any]], rng: np.random.Generator
+        self, name: str, own: Mapping[str, Any], loads: Sequence[Mapping[str, Any]], rng: np.random.Generator
     ) -> WantedOscillation | None:
         if name == "none":
             return None
-        size = float(draw(ranges.get("S", S), rng)) / S
         kinds = {load["type"] for load in loads}
         others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
-        wander = float(draw(_WANDER[others], rng))
+        noise = 1.0 if others == "changing" else min(float(own.get("noise_ratio", 0.0)) * own["noise_scatter"], _FULL_NOISE)
+        wander = noise**_WANDER_POWER * float(draw(_WANDER[others], rng))
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
         # no beat of two loads of nearly one period: a sticky loop follows such a load
         for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
             if abs(math.log(period / near)) < _BEAT:
                 period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
         if name == BY_TUNING:
-            return WantedOscillation(size, period, None, wander)
+            return WantedOscillation(period, None, wander)
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        more["jitter"] = float(draw(_JITTER[others], rng))
-        return WantedOscillation(size, period, {"type": d.type, "at": d.at, **more}, wander)
+        more["jitter"] = noise * float(draw(_JITTER[others], rng))
+        return WantedOscillation(period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)

@@ -67,6 +67,9 @@ def _phase_walk(n: int, Ts: float, p: Any, rng: np.random.Generator) -> np.ndarr
     return np.cumsum(steps) * p.jitter * np.sqrt(Ts / p.period) / (2.0 * np.pi)
 
 
+_LEAST_SAMPLES = 20  # per period of the other loop: with J near S/2 and few samples it does not cycle
+
+
 def propagated(t, Ts, p, rng):
     """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
 
@@ -77,7 +80,8 @@ def propagated(t, Ts, p, rng):
     seed = int(rng.integers(2**31))
     moved = _phase_walk(t.size, Ts, p, rng) * p.period / Ts  # samples
     more = int(np.ceil(np.max(moved))) + 2 if np.ndim(moved) else 0
-    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts, t.size + max(more, 0) + warm_up, seed)
+    fine = max(int(np.ceil(_LEAST_SAMPLES * Ts / p.period)), 1)
+    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed)[::fine]
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits

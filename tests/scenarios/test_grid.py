@@ -73,11 +73,26 @@ def test_siblings_share_plant_sampling_set_point_and_seed():
         assert group.twin.plant == sticky.plant
 
 
+@pytest.mark.parametrize("name", ["chapter", "ci", "plant", "families", "own-ground"])
+def test_no_number_of_a_record_tells_which_other_loop_is_of_its_cell(name):
+    seen = {key: [] for key in ("seed", "K", "T or Ti", "Kc", "pv_rest", "n", "noise")}
+    drafts = [draft for group in load_grid(name).groups(0, 60) for draft in group.drafts]
+    for draft in drafts:
+        control, rules, plant = draft.loop.controller, draft.rules, draft.loop.plant
+        numbers = (draft.seed, plant.K, plant.T or control.Ti, control.Kc, draft.loop.setpoint.value,
+                   rules.samples_per_period * rules.periods, rules.noise_ratio)  # fmt: skip
+        for key, number in zip(seen, numbers, strict=True):
+            seen[key].append(number)
+    assert {key: len(set(numbers)) for key, numbers in seen.items()} == dict.fromkeys(seen, len(drafts))
+    moves = [draft.moves[0][0] for draft in drafts if draft.moves]
+    assert len(set(moves)) == len(moves)
+
+
 def test_cells_that_differ_in_the_disturbance_alone_share_their_draws():
     calm, driven = make_grid(ruled()).groups(0, 2)
     assert calm.twin == driven.twin
     assert calm.rules == driven.rules
-    assert calm.seed != driven.seed
+    assert calm.drafts[0].seed != driven.drafts[0].seed
 
 
 def test_more_repeats_only_append():

@@ -16,7 +16,7 @@ def scored(book, monkeypatch):
         truth = np.resize([1, 0, 1], n)
         said = np.concatenate([truth[:right], 1 - truth[right : right + wrong], np.full(undecided, 2)])
         truth, said = np.append(truth, np.full(unclear, -1)), np.append(said, np.ones(unclear, int))
-        axes = {"block": np.full(truth.size, section), "noise_ratio": np.where(np.arange(truth.size) % 2, 0.05, 0.0)}
+        axes = {"block": np.full(truth.size, section), "noise_ratio": np.where(np.arange(truth.size) % 2, 0.05, 0.02)}
         made = book(said, truth, methods=[method], axes=axes)
         monkeypatch.setattr(own_ground.RunArrays, "read", lambda run: made)
         return sections("run")
@@ -45,7 +45,7 @@ def test_what_is_neither_yes_nor_no_is_left_out(scored):
     assert found.n[0] == 10
     assert found.right[0] == 0.9
     assert found.n[1] + found.n[2] == 10
-    assert found.noise_ratio.tolist() == ["all", "0", "0.05"]
+    assert found.noise_ratio.tolist() == ["all", "0.02", "0.05"]
 
 
 def test_the_index_that_follows_w_ti_has_no_bar_and_strangers_no_row(scored):

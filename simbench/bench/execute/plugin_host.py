@@ -45,7 +45,7 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
         try:
             answers = [(scenario, None) for scenario in ask(host, settle, part)]
         except Exception as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
-            answers = [(Scenario(loop=d.loop, seed=group.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
+            answers = [(Scenario(loop=d.loop, seed=d.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
         found.update(zip(places, answers, strict=True))
     every = (found[i] for i in range(len(group.drafts)))
     return [(scenario, error) for scenario, error in every if scenario is not None]

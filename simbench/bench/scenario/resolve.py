@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -22,9 +23,9 @@ from simbench.bench.scenario.swing import (
     absolute_load,
     add_load,
     at_its_limit,
+    scaled_cycle,
     significant,
     steadied,
-    wanted_cycle,
 )
 from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
@@ -51,7 +52,7 @@ def resolve(group: Group) -> list[Scenario]:
 def settle(group: Group) -> list[Scenario | None]:
     """Settle the rules of one group: a scenario for each draft, or None for a healthy loop that cannot be matched."""
     if group.rules.empty:
-        return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts]
+        return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
@@ -188,9 +189,10 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
 
 def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple[Loop, int]:
     """Settle a draft by the period of its own oscillation, by its sticky twin's where it has none; return its seed, too."""
-    swing, per = draft.oscillation, group.rules.samples_per_period
+    swing, per = draft.oscillation, draft.rules.samples_per_period
+    cycle = scaled_cycle(cycle, draft.scale)
     if swing is not None:
-        cycle = wanted_cycle(cycle, swing)
+        cycle = replace(cycle, period=cycle.period * swing.period)
     own = cycle.period
     if swing is not None and swing.load is None:
         # the sampling period moves the limit of stability a little, and this the period
@@ -199,12 +201,13 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
             loop = loop.with_("sampling.Ts", own / float(per or _FIRST))
             own = at_its_limit(loop, cycle)[1].period
         loop, cycle = _settled(draft, group, twin, cycle, own)
-        return steadied(loop, swing, cycle, group.seed)
+        return steadied(loop, swing, cycle, draft.seed)
     loop, _ = _settled(draft, group, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period, but for what the noise does to it
-    undriven = cycle.exists and draft.loop.valve == twin.valve and not draft.loads and not draft.moves and not group.matched
+    same = draft.loop.valve.name == twin.valve.name
+    undriven = cycle.exists and same and not draft.loads and not draft.moves and not group.matched
     for _ in range(0 if undriven or per is None else _PASSES):
-        record = simulate(loop, group.seed).record
+        record = simulate(loop, draft.seed).record
         # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
         if found is None or (group.matched and not found.sustained):
@@ -215,15 +218,16 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
             break
         own = found.period_s
         loop, _ = _settled(draft, group, twin, cycle, own)
-    return loop, group.seed
+    return loop, draft.seed
 
 
 def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -> tuple[Loop, Cycle]:
     """Return a draft's loop for the period of its record, and the cycle that it is matched with."""
-    table, rules, swing = draft.loop.to_table(), group.rules, draft.oscillation
+    table, rules, swing, scale = draft.loop.to_table(), draft.rules, draft.oscillation, draft.scale
     tuned = swing is not None and swing.load is None
     if rules.w_Ti is not None:
-        table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
+        Ti, Kc = (twin.controller.Ti or 1.0) * scale.time, twin.controller.Kc / scale.pv
+        table["controller"].update(Ti=significant(Ti), Kc=significant(Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
         table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
@@ -234,7 +238,7 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
     if tuned:
         found, cycle = at_its_limit(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
         table["plant"] = found.to_table()["plant"]
-    S, J = (x * (1.0 if swing is None else swing.size) for x in band(twin))
+    S, J = (x * scale.S for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)

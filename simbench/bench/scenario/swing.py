@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from scenarios.cell import WantedOscillation
+from scenarios.cell import Scale, WantedOscillation
 from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
@@ -25,6 +25,7 @@ _FINE = 5  # digits of a gain at the limit of stability
 # periods in which the load that lets an oscillation wander forgets itself, and its lag: a loop at its
 # limit of stability would answer to one that is not smooth
 _WANDERS, _WANDERS_SLOWLY = (1.0, 0.0), (4.0, 1.5)
+_SLOW_SHARE = 0.6  # size of the second over the first: as it forgets later, it moves the mean more
 # of a loop that oscillates by its tuning: how many gains are tried, and between which shares of the
 # gain at which the loop alone neither grows nor fades; with noise it is a lower one
 _TRIES, _NOISES, _SHARES = 9, 4, (0.8, 1.08)
@@ -32,7 +33,7 @@ _LARGEST_EXCITATION = 8.0  # OP stds of the wanted oscillation: a larger one may
 # logarithm of the OP std in the first or last fifth of a record over that of the whole: the first is
 # taken at once, above the second no tuning is taken; nine in ten sticky loops of grid chapter that no
 # load drives have less than 0.08
-_STEADY, _UNSTEADY = 0.02, 0.06
+_STEADY, _UNSTEADY = 0.015, 0.06
 _UNLIKE = 0.5  # logarithm of the variance of OP over the wanted one: more in a loop whose valve is far from linear
 
 
@@ -61,10 +62,14 @@ def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[s
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
-def wanted_cycle(cycle: Cycle, swing: WantedOscillation) -> Cycle:
-    """Return how a healthy loop should oscillate: as a valve of another size would, at a period nearby."""
-    sizes = {"pv_std": cycle.pv_std * swing.size, "op_std": cycle.op_std * swing.size}
-    return replace(cycle, period=cycle.period * swing.period, **sizes)
+def scaled_cycle(cycle: Cycle, scale: Scale) -> Cycle:
+    """Return the cycle of the sticky twin in the units of a member: in a linear loop with friction it is the member's own."""
+    return replace(
+        cycle,
+        period=cycle.period * scale.time,
+        pv_std=cycle.pv_std * scale.S * scale.pv,
+        op_std=cycle.op_std * scale.S,
+    )
 
 
 def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> None:
@@ -76,8 +81,10 @@ def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> N
     table["disturbance"] = [*table.get("disturbance", []), load]
     for _ in range(2):  # the first is exact in a linear loop
         std = float(np.std(simulate(Loop.from_table(table, "cell")).record.op))
+        if std == 0.0:  # OP stands at a limit
+            raise UnmatchedError
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
-    slow = _slow_load(swing, cycle, *_WANDERS)
+    slow = _slow_load(swing.wander, cycle, *_WANDERS)
     table["disturbance"].append({"type": slow.name, **slow.parameters})
 
 
@@ -119,7 +126,7 @@ def steadied(loop: Loop, swing: WantedOscillation, cycle: Cycle, seed: int) -> t
     wide at the record's end as at its beginning; for each gain the size of the excitation follows
     from the wanted std. Where no gain does it, another noise is drawn.
     """
-    drift = _slow_load(swing, cycle, *_WANDERS_SLOWLY)
+    drift = _slow_load(_SLOW_SHARE * swing.wander, cycle, *_WANDERS_SLOWLY)
     loads = loop.disturbance
     if any(t == 0.0 for t, _ in loop.setpoint.steps):  # one excitation: two may cancel each other
         loads = tuple(d for d in loads if d.name != "ramp")
@@ -172,10 +179,10 @@ def _size_of_excitation(
     return (math.sqrt(half**2 + lacking * size) - half) / size, False
 
 
-def _slow_load(swing: WantedOscillation, cycle: Cycle, periods: float, lag: float) -> Part:
+def _slow_load(wander: float, cycle: Cycle, periods: float, lag: float) -> Part:
     """Return the load at the plant's input that lets an oscillation wander, in so many periods."""
     times = {"period": significant(periods * cycle.period), "lag": significant(lag * cycle.period)}
-    size = significant(swing.wander * cycle.op_std)
+    size = significant(wander * cycle.op_std)
     return Part(name="coloured", parameters={"at": "input", "amplitude": size, **times})
 
 

@@ -12,6 +12,7 @@ from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
+from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of
 from simbench.files import csv_text
 
@@ -129,6 +130,7 @@ class Scores:
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
+            "unmatched": unmatched(self.manifest),
             "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
             "rows": _records(table[list(_ROWS)] if len(table) else table),

@@ -25,6 +25,7 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.stability import HALVES
+from simbench.bench.store.manifest import unmatched
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +90,13 @@ def _title(scores: Any) -> list[str]:
     lines = _wrapped(about)
     words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
-    return [*lines, *_wrapped(f"{counts[OF_OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}.")]
+    lines += _wrapped(
+        f"{counts[OF_OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}."
+    )
+    if left_out := unmatched(m):
+        matched = "no healthy oscillation matches a sticky loop's"
+        lines += _wrapped(f"{left_out} planned scenarios are left out, as {matched}.")
+    return lines
 
 
 def _sentences(scores: Any, truth: str, where: str) -> list[str]:

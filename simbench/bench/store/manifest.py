@@ -66,6 +66,13 @@ def run_key(manifest: Mapping[str, Any]) -> str:
     return digest(json.dumps({key: manifest[key] for key in _BINDING}, sort_keys=True).encode())
 
 
+def unmatched(manifest: Mapping[str, Any]) -> int:
+    """Return how many healthy loops of a run are left out because they could not be matched with sticky ones."""
+    planned, done = manifest.get("scenarios"), manifest.get("counts", {}).get("scenarios")
+    adaptive = manifest.get("until_width") is not None
+    return planned - done if manifest.get("complete") and planned and done and not adaptive else 0
+
+
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
     """Raise RunError, with what differs, when a run on disk is not the one about to go on."""
     old = read_manifest(where)

@@ -85,7 +85,7 @@ class RunArrays:
     # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray  # (n,) what the common front end said
-    groups: np.ndarray  # (n,) cell and repeat: the siblings of one group share plant, noise and set point
+    groups: np.ndarray  # (n,) cell and repeat: the loops of one group are alike in what the cell sets
     design: np.ndarray  # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names it
     methods: tuple[str, ...]  # method ids
     # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front end

@@ -5,12 +5,12 @@ Each is judged on loops that oscillate and whose truth is clear. A cheat that le
 another exam of the same grid, opened beforehand.
 
 A cheat may be right on at most .60. Measured on two exams of 600 records, either learned from and
-judged on the other (521 and 523 loops), and for siblings on a whole block of the grid (324 loops),
-the cheats are right on at most .58, with three exceptions: `period_means` (.71), `regular_cycles`
-(.79) and `regular_siblings` (.86). These know how regular the cycles are under noise, steps and a
-random walk. Friction is thought to decide this; no matching of amplitudes or levels removes it.
-What `regular_siblings` gains beyond that (.07) comes from the set point that siblings share.
-They miss the limit of .60; their tests only keep them below a ceiling near what was measured.
+judged on the other (511 and 532 loops), and for siblings on a whole block of the grid (322 loops),
+the cheats are right on at most .55, with three exceptions: `period_means` (.65), `regular_cycles`
+(.72) and `regular_siblings` (.71). These know how regular the cycles are under noise, steps and a
+random walk, which follows partly from friction. Siblings add nothing: they share no number by which
+they could be known. The three miss the limit of .60; their tests only keep them below a ceiling
+near what was measured.
 """
 
 import hashlib
@@ -309,7 +309,7 @@ EARLIER = [
 NEW = [levels, period_means, regular_cycles, key_by_commitment, memory]
 IN_GROUPS = [siblings, regular_siblings]  # one cheat with two sets of features
 # above .60: they know how regular cycles are, which no matching of amplitudes removes
-CEILING = {period_means: 0.72, regular_cycles: 0.82, regular_siblings: 0.90}
+CEILING = {period_means: 0.69, regular_cycles: 0.76, regular_siblings: 0.76}
 
 
 def assert_right_no_more_often_than_allowed(cheat: Callable, learn: Sitting, judge: Sitting):
@@ -351,9 +351,21 @@ def test_a_cheat_is_right_no_more_often_than_allowed(learn, judge, cheat):
 @pytest.mark.slow
 @pytest.mark.parametrize("cheat", IN_GROUPS, ids=lambda cheat: cheat.__name__)
 def test_loops_of_one_group_tell_no_more_of_each_other_than_allowed(learn, whole, cheat):
-    points = [record.sp[0] for record in whole.records]
-    assert len(set(points)) < 0.8 * len(points)  # there are siblings
     assert_right_no_more_often_than_allowed(cheat, learn, whole)
+
+
+@pytest.mark.slow
+def test_no_two_loops_share_a_set_point_a_controller_or_their_noise(whole):
+    def different(values: list[float]) -> int:
+        return len({float(f"{value:.4g}") for value in values})
+
+    n = len(whole.records)
+    assert different([record.sp[0] for record in whole.records]) > 0.99 * n
+    gains, times = whole.drifts[:, -4], whole.drifts[:, -3]
+    assert different(list(gains * times)) > 0.9 * n  # four digits of 358 numbers: some agree by chance
+    noise = np.array([np.diff(record.pv, 4)[:200] for record in whole.records])
+    alike = np.abs(np.corrcoef(noise)[np.triu_indices(n, 1)])
+    assert alike.max() < 0.8
 
 
 @pytest.fixture(scope="module")

@@ -73,9 +73,9 @@ def test_a_record_that_oscillates_has_20_to_60_samples_of_its_own_period_whoever
 def test_a_loop_that_does_not_oscillate_is_sampled_by_its_sticky_twins_period():
     group = load_grid("chapter", {"disturbance": "none", "noise_ratio": 0.0}).group(0)
     quiet = replace(group, drafts=tuple(replace(d, oscillation=None) for d in group.drafts if d.valve.name == "ideal"))
-    for s in resolve(quiet):
-        cycle = measure_cycle(group.twin)
-        assert cycle.period / s.loop.sampling.Ts == pytest.approx(group.rules.samples_per_period, rel=0.02)
+    for draft, s in zip(quiet.drafts, resolve(quiet), strict=True):
+        period = measure_cycle(group.twin).period * draft.scale.time
+        assert period / s.loop.sampling.Ts == pytest.approx(draft.rules.samples_per_period, rel=0.02)
 
 
 def test_noise_is_a_share_of_the_sticky_twins_pv(smoke):

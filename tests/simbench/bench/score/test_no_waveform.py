@@ -1,0 +1,95 @@
+"""What a record tells without its waveform, and the classifier that knows nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.record import LoopRecord
+from simbench.bench.score.no_waveform import (
+    EXTREMES,
+    FEATURE_SETS,
+    FEATURES,
+    features_without_waveform,
+    no_waveform,
+)
+
+NAMES = (*FEATURES, *EXTREMES)
+
+
+def features(op, pv, period_s=40.0, **more):
+    return dict(zip(NAMES, features_without_waveform(LoopRecord(op=op, pv=pv, Ts=2.0, **more), period_s), strict=True))
+
+
+def wave(shape, n=2000):
+    phase = np.arange(n) / 20.0 + 0.13
+    x = np.sin(2 * np.pi * phase) if shape == "sine" else 4 * np.abs(phase % 1 - 0.5) - 1
+    return x / x.std()
+
+
+def test_features_are_what_they_are_called():
+    rng = np.random.default_rng(0)
+    sp = np.r_[np.full(1000, 10.0), np.full(1000, 13.0)]
+    pv = 10 + 0.5 * wave("sine") + 0.05 * rng.standard_normal(2000)
+    found = features(50 + 2 * wave("sine"), pv, sp=sp, process="integrating")
+    wanted = {
+        "samples_per_period": 20, "periods": 100, "n": 2000, "Ts": 2, "integrating": 1, "sp_steps": 1, "op_std": 2,
+        "op_mean": 50, "op_first": 50 + 2 * wave("sine")[0], "op_begin": 1, "op_end": 1, "op_repeats": 0,
+    }  # fmt: skip
+    assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
+    assert found["pv_noise"] == pytest.approx(0.1, rel=0.05)
+    assert found["sp_span"] == pytest.approx(6.0, rel=0.02)
+    assert found["error_mean"] == pytest.approx(3.0, rel=0.02)
+    assert found["op_trend"] < 1e-9
+    assert found["op_max"] - found["op_min"] == pytest.approx(4 * 2**0.5, rel=0.01)
+
+
+def test_without_an_oscillation_no_feature_is_missing():
+    found = features(np.full(300, 50.0), np.zeros(300), period_s=np.nan)
+    assert (found["samples_per_period"], found["periods"], found["op_std"]) == (0, 0, 0)
+    assert np.isfinite(list(found.values())).all()
+
+
+def test_a_triangle_and_a_sine_of_one_size_are_alike_but_for_their_extremes():
+    noise = 0.05 * np.random.default_rng(1).standard_normal((2, 2000))
+    sine, triangle = (features(50 + wave(s) + noise[0], 50 + wave(s) + noise[1]) for s in ("sine", "triangle"))
+    for name in set(FEATURES) - {"op_first", "pv_first", "op_values", "pv_values"}:
+        assert sine[name] == pytest.approx(triangle[name], rel=0.1, abs=0.01), name
+    assert triangle["op_max"] - 50 > 1.1 * (sine["op_max"] - 50)
+
+
+def test_growth_and_noise_are_seen():
+    n = 2000
+    grows, still = wave("sine", n) * np.linspace(0.2, 1, n), np.zeros(n)
+    found = features(50 + grows, still)
+    assert found["op_begin"] < 0.6 < 1.3 < found["op_end"]
+
+
+def test_every_feature_belongs_to_one_set():
+    assert sorted(FEATURES) == sorted(name for names in FEATURE_SETS.values() for name in names)
+    assert len(set(NAMES)) == len(NAMES)
+
+
+def test_the_classifier_learns_from_other_groups_and_only_about_loops_that_oscillate(book):
+    rng = np.random.default_rng(2)
+    truth = rng.integers(0, 2, 600)
+    run = book(truth, truth)
+    # what is the same within a group tells nothing of another group
+    groups = np.arange(600) // 3
+    label_of_group = rng.integers(0, 2, 200)[groups]
+    alike = replace(run, groups=groups, design=rng.normal(size=(600, len(NAMES))))
+    alike.truth["cycled"][:] = label_of_group
+    alike.design[:, 0] = rng.permutation(200)[groups]
+    chance, _ = no_waveform(alike)
+    assert np.mean((chance > 0.5) == label_of_group) < 0.65
+    told = replace(run, design=alike.design.copy(), oscillating=np.arange(600) < 400)
+    told.truth["cycled"][:] = truth
+    told.design[:, 3] = truth + rng.normal(0, 0.1, 600)
+    chance, verdict = no_waveform(told)
+    assert np.mean(verdict[:400] == truth[:400]) > 0.95
+    assert np.isneginf(chance[400:]).all()
+    assert not verdict[400:].any()
+    # extremes stay out of it
+    told.design[:, 3] = rng.normal(size=600)
+    told.design[:, len(FEATURES)] = truth
+    assert np.mean(no_waveform(told)[1][:400] == truth[:400]) < 0.62
