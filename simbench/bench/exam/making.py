@@ -20,6 +20,7 @@ from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_par
 from simbench.bench.execute.work import SimulatedScenario
 from simbench.bench.store.benchmark import benchmark_of
 from simbench.files import folder as make_folder
+from simbench.files import remove_stale_temporaries
 from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
 
 _UNMATCHED = "no tuning makes the healthy loop oscillate as its sticky siblings do"
@@ -110,7 +111,7 @@ def make_exam(
     }
     content = json.dumps(secret, indent=1).encode()
     about = {"format": EXAM_FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
-    make_folder(half)
+    remove_stale_temporaries(make_folder(half))  # of a killed call: they would be handed out
     written = False
     try:
         write_exam(half, {**about, "commitment": commitment_of(content)}, dict(zip(ids, (found[pick][2] for pick in picks))))

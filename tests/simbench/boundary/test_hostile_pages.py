@@ -10,6 +10,7 @@ from simbench.cli import main
 from tests.simbench.boundary.test_hostile import write
 
 IMAGE = '"><img src=x onerror=window.hit=1>'
+TAG = "<img src=x onerror=window.hit=1>"
 SCRIPT = "<script>window.hit=1</script>"
 TEXTS = [SCRIPT, IMAGE, "javascript:window.hit=1", "http://192.0.2.1/a.png", "\u202egnp.exe\u2066"]
 PLUGIN = f'''"""Says what a page must not run."""
@@ -38,9 +39,7 @@ def hostile(tmp_path, monkeypatch):
     (tmp_path / "plant").mkdir()
     names = [IMAGE, "javascript:window.hit=1", "<svg onload=window.hit=1>", "\u202egnp.exe\u2066", "a'b&amp;<b>"]
     for k, name in enumerate(names):
-        write(tmp_path / "plant" / f"{name}.csv", np.arange(400 + 20 * k), head=f"t,{IMAGE}.OP,{IMAGE}.PV".replace(",", ";"))
-    for file in (tmp_path / "plant").iterdir():
-        file.write_text(file.read_text().replace(",", ";"))
+        write(tmp_path / "plant" / f"{name}.csv", np.arange(400 + 20 * k), head=f"t,{TAG}.OP,{TAG}.PV")
     shutil.copy(tmp_path / "plant" / f"{IMAGE}.csv", tmp_path / f"{IMAGE}.csv")
     (tmp_path / "hostile.py").write_text(PLUGIN)
     return tmp_path

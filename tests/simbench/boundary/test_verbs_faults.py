@@ -33,7 +33,7 @@ QUICK = {
     "leave-out": "gap leave-out left -n 1",
     "exam make": "exam make smoke -o exam --key exam.key --n 2 --seed 3",
     "exam answer": "exam answer ../exam -o answers.csv --method horch_histogram --resume",
-    "exam open": "exam open ../exam --key ../exam.key ../answers.csv --labels labels.csv --report report.html",
+    "exam open": "exam open ../exam --key ../exam.key ../answers.csv --labels labels.csv",
 }
 HEAVY = {
     "run": "run smoke -o run --method horch_histogram --resume",
@@ -129,7 +129,7 @@ def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, 
             assert os.strerror(errno.ENOSPC if fault == "no space" else errno.EIO).lower() in last
             assert not [f for f in folder.rglob(".*") if f.is_file()]
         for name, content in bits(folder).items():
-            half = any(part.startswith(".") for part in name.split("/"))
+            half = any(part.startswith(".") or part.endswith(".partial") for part in name.split("/"))
             if not half and name != "left/leave_out.csv":  # which grows row by row
                 assert content == expected[name], (n, name)
         assert main(words) == 0
