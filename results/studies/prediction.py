@@ -71,7 +71,7 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
     settle = sp.size // 2
     moves = np.concatenate([np.zeros(settle), sp - sp[0]]) + by
     plan = TestPlan("predict", moves.size, moves, np.full(moves.size, np.nan), Kc_ratio=ratio)
-    pairs = ((a["foreign"] or a["effect"], a["parameters"]), (a["effect2"], a["parameters2"]))
+    pairs = ((a.get("foreign") or a["effect"], a.get("parameters")), (a.get("effect2", ""), a.get("parameters2")))
     acts = [{"effect": name, "parameters": p} for name, p in pairs if name not in ("", NONE, UNKNOWN)]
     out = []
     for i in range(FRESH):

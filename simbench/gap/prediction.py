@@ -1,8 +1,8 @@
 """What the plant will do under other settings: the corrected model of a diagnosis, simulated with intervals and a range.
 
 Draws of the model stand for what the record leaves open: the effect by its probability, the fitted numbers by their
-curvature, load and noise by their seeds. Each draw runs twice, as the record was and under the new settings; what the
-first run says of the record corrects the second.
+curvature, load and noise by their seeds. Each draw runs twice, as the record was and under the new settings; the ratio
+of the two, times what the record shows, is the prediction: what every draw has wrong in the same way cancels.
 """
 
 from __future__ import annotations
@@ -39,11 +39,9 @@ _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quan
 # the one number calibrated: error of any corrected model, as a standard deviation of the logarithm, added in quadrature. With
 # it 90 % intervals held .90 of fresh records, over PV, OP and travel, on the first six records a world of seed 946001.
 MODEL_ERROR = 0.025
-# how draws are corrected by the record; shares of standard deviations of the draws' logarithms
-_LEAST_SPREAD = 0.02  # granted to a number, as no record is reproduced better
-_NEAR, _BEYOND_NEAR = 0.9, 1.2  # share of the draws that are near, and the width of the weights over their distance
-_RIDGE = 0.05  # curvature added to the regression of what is predicted on what the record shows
-_FARTHEST = 2.5  # standard deviations of the draws over which the regression is followed
+_LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
+_LEAST = 1e-12  # that a logarithm is taken of
+_FEWEST = 10  # draws that oscillate before and after the change, from which the two periods are compared
 # where an answer ends to be valid
 _LEAST_MARGIN = 1.3  # gain margin: below it small errors of gain or dead time decide how the loop swings
 _SHARE = 0.1  # of the draws that may lie below it, or run away
@@ -174,8 +172,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
 
     Notes
     -----
-    A moved set point moves every step of the record with it, unless the steps are set too. Draws are corrected by the record
-    as in approximate Bayesian computation with linear adjustment (Beaumont, Zhang & Balding 2002).
+    A moved set point moves every step of the record with it, unless the steps are set too.
 
     Examples
     --------
@@ -336,30 +333,27 @@ def _margin(loop: Loop) -> float | None:
 _PREDICTED = ("pv_std", "op_std", "op_travel_per_hour")
 
 
-def _logs(measures: Sequence[Measures], names: Sequence[str]) -> np.ndarray:
-    return np.log(np.maximum([[getattr(m, name) for name in names] for m in measures], 1e-12))
-
-
-def _adjusted(x: np.ndarray, y: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return y (m,) as it would be with x (m, k) at what was seen (k,), and weights: draws nearer to it count more."""
-    spread = np.maximum(x.std(axis=0), _LEAST_SPREAD)
-    z, at = (x - x.mean(axis=0)) / spread, (seen - x.mean(axis=0)) / spread
-    far = np.sqrt(np.mean((z - at) ** 2, axis=1))
-    width = max(float(np.quantile(far, _NEAR)), 1e-9) * _BEYOND_NEAR
-    w = np.maximum(1.0 - (far / width) ** 2, 1e-3)
-    w /= w.sum()
-    zc, yc = z - w @ z, y - w @ y
-    slope = np.linalg.solve((zc * w[:, None]).T @ zc + _RIDGE * np.eye(z.shape[1]), (zc * w[:, None]).T @ yc)
-    return y + (np.clip(at, -_FARTHEST, _FARTHEST) - z) @ slope, w
-
-
-def _interval(y: np.ndarray, w: np.ndarray) -> Interval:
-    value = float(w @ y)
-    order = np.argsort(y)
-    at = np.cumsum(w[order]) - 0.5 * w[order]
-    lo, hi = (float(np.interp(q, at, y[order])) for q in _QUANTILES)
+def _interval(y: np.ndarray) -> Interval:
+    """Return mean and 90 % interval of draws' logarithms y (m,), as numbers."""
+    value = float(y.mean())
+    lo, hi = np.quantile(y, _QUANTILES)
     lo, hi = (value + side * np.hypot(max(side * (x - value), 0.0), _NORMAL * MODEL_ERROR) for side, x in ((-1, lo), (1, hi)))
     return Interval(*(float(np.exp(v)) for v in (value, lo, hi)))
+
+
+def _compared(name: str, record: Measures, pairs: Sequence[_Pair]) -> Interval | None:
+    """Return a number of the record times what the change does to it in each draw; None where no draw has it.
+
+    The two runs of a draw have different loads: the scatter of their ratio is that of a fresh record and of the given one.
+    """
+    log = {id(m): float(np.log(max(getattr(m, name), _LEAST))) for p in pairs for m in (p.before, p.after)}
+    seen = float(np.log(max(getattr(record, name), _LEAST)))
+    y = np.array([log[id(p.after)] - log[id(p.before)] + seen for p in pairs])
+    if np.count_nonzero(np.isfinite(y)) < _FEWEST:
+        # the record, or the model of it, does not oscillate: nothing to compare with
+        y = np.array([log[id(p.after)] for p in pairs])
+    y = y[np.isfinite(y)]
+    return _interval(y) if y.size else None
 
 
 def _answer(report: GapReport, settings: Mapping[str, Any], record: Measures, pairs: Sequence[_Pair]) -> Prediction:
@@ -370,18 +364,9 @@ def _answer(report: GapReport, settings: Mapping[str, Any], record: Measures, pa
     found: dict[str, Interval | None] = dict.fromkeys((*_PREDICTED, "period_s"))
     p = None
     if whole:
-        before, after = [x.before for x in whole], [x.after for x in whole]
-        seen, x = _logs([record], _PREDICTED)[0], _logs(before, _PREDICTED)
-        y = _logs(after, _PREDICTED)
-        for i, name in enumerate(_PREDICTED):
-            z, w = _adjusted(x, y[:, i], seen)
-            found[name] = _interval(z, w)
-        swings = np.array([not np.isnan(m.period_s) for m in after])
-        p = float(w @ swings)
-        if p >= 0.5:
-            period = np.log([m.period_s for m in after if not np.isnan(m.period_s)])
-            z, w = _adjusted(x[swings], period, seen)
-            found["period_s"] = _interval(z, w)
+        found |= {name: _compared(name, record, whole) for name in _PREDICTED}
+        p = float(np.mean([not np.isnan(x.after.period_s) for x in whole]))
+        found["period_s"] = _compared("period_s", record, whole) if p >= 0.5 else None
     why = _limits(report, record, pairs, whole, found)
     reason = "; ".join(why) or "the loop stays stable and within the range that the record shows"
     return Prediction(**found, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings))

@@ -52,7 +52,7 @@ def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
 
 def test_a_cycle_of_friction_keeps_its_predicted_period():
     found = predict(diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0})
-    true = np.median([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
+    true = np.nanmedian([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
     assert found.oscillates > 0.9
     assert found.period_s.value == pytest.approx(true, rel=0.1)
 
@@ -89,7 +89,7 @@ def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
 
 
 def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
-    found = _interval(np.zeros(50), np.full(50, 0.02))
+    found = _interval(np.zeros(50))
     assert found.value == 1.0
     assert 1.0 < found.hi < 1.1
     assert found.lo == pytest.approx(1.0 / found.hi)
