@@ -1,6 +1,7 @@
 """Friction asked for alone is the friction that the whole diagnosis finds."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -63,6 +64,23 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
     monkeypatch.setattr(module, "_fitted", worse_at_pace)
     assert friction(record).evidence.gain == pytest.approx(0.8 * ENOUGH)
     assert asked == [record.Ts, slow.Ts]
+
+
+@pytest.mark.parametrize(("kind", "process"), [("foptd", "self-regulating"), ("integrating", "integrating")])
+def test_the_kind_of_an_unknown_plant_is_told_by_all_samples(monkeypatch, kind, process):
+    """One loop has one plant: fewer samples do not make another of it."""
+    record = replace(random_case(5, (FRICTION,)).record, process=None)
+    plant = SimpleNamespace(integrating=kind == "integrating")
+    whole = SimpleNamespace(
+        log_likelihood_gains={FRICTION: 0.0}, situation=SimpleNamespace(baseline=SimpleNamespace(plant=plant))
+    )
+    asked = []
+    monkeypatch.setattr(module, "_as_it_is", lambda record: whole)
+    monkeypatch.setattr(module, "_at_pace", lambda slow, record: asked.append(slow.process))
+    monkeypatch.setattr(module, "_measured", lambda found: found)
+    friction(record)
+    friction(replace(record, process="integrating"))
+    assert asked == [process, "integrating"]
 
 
 def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
