@@ -1,4 +1,4 @@
-"""Do loops that are labelled as cycling go on without noise from the end of their record, for three times as long as the label asks?"""
+"""Do loops that are labelled as cycling go on without noise, for three times as long as the label asks?"""
 
 from __future__ import annotations
 

@@ -360,7 +360,7 @@ def test_no_two_loops_share_a_set_point_a_controller_or_their_noise(whole):
         return len({float(f"{value:.4g}") for value in values})
 
     n = len(whole.records)
-    assert different([record.sp[0] for record in whole.records]) > 0.99 * n
+    assert len({record.sp[0] for record in whole.records}) == n
     gains, times = whole.drifts[:, -4], whole.drifts[:, -3]
     assert different(list(gains * times)) > 0.9 * n  # four digits of 358 numbers: some agree by chance
     noise = np.array([np.diff(record.pv, 4)[:200] for record in whole.records])
