@@ -132,7 +132,9 @@ def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, 
             half = any(part.startswith(".") or part.endswith(".partial") for part in name.split("/"))
             if not half and name != "left/leave_out.csv":  # which grows row by row
                 assert content == expected[name], (n, name)
-        assert main(words) == 0
+        # a kill after the last operation left a whole exam, which is not made again
+        whole = verb == "exam make" and bits(folder) == expected
+        assert main(words) == (2 if whole else 0), n
         assert bits(folder) == expected, n
         capsys.readouterr()
 
