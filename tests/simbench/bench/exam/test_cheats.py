@@ -5,9 +5,9 @@ Each is judged on loops that oscillate and whose truth is clear. A cheat that le
 another exam of the same grid, opened beforehand.
 
 A cheat may be right on at most .60. Measured on two exams of 600 records, either learned from and
-judged on the other (511 and 532 loops), and for siblings on a whole block of the grid (322 loops),
-the cheats are right on at most .55, with three exceptions: `period_means` (.65), `regular_cycles`
-(.72) and `regular_siblings` (.71). These know how regular the cycles are under noise, steps and a
+judged on the other (512 and 530 loops), and for siblings on a whole block of the grid (324 loops),
+the cheats are right on at most .59, with three exceptions: `period_means` (.67), `regular_cycles`
+(.71) and `regular_siblings` (.70). These know how regular the cycles are under noise, steps and a
 random walk, which follows partly from friction. Siblings add nothing: they share no number by which
 they could be known. The three miss the limit of .60; their tests only keep them below a ceiling
 near what was measured.
