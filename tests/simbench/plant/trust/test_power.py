@@ -1,5 +1,8 @@
 """Power on twins: shares by cell, the smallest size that shows, the threshold to use."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,14 @@ def test_the_smallest_visible_lies_between_the_cells_that_bracket_it():
     S, J = smallest_visible(line([0.0, 0.6, 1.0, 1.0])) or (0.0, 0.0)
     assert S == pytest.approx(2 * 2**0.5)
     assert J == S
+
+
+def test_the_smallest_visible_is_counted_without_loading_scikit_learn():
+    code = (
+        "import sys; from simbench.plant.trust.power import Cell, smallest_visible\n"
+        "smallest_visible([Cell(s, s, s / 2, 0.0, 1.0) for s in (1.0, 2.0)]); print('sklearn' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
 
 
 def test_nothing_is_visible_where_nothing_is_found():
