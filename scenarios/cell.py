@@ -78,7 +78,7 @@ class Scaled:
 
 
 @dataclass(frozen=True)
-class Scale:
+class CycleScale:
     """S, PV and time of a member over those of the sticky twin: in these units its loop is the twin's."""
 
     S: float = 1.0
@@ -113,7 +113,7 @@ class Draft:
     mv_noise: float = 0.0  # std on the recorded MV, in S
     moves: tuple[tuple[float, float], ...] = ()  # set-point steps
     oscillation: WantedOscillation | None = None  # of a healthy loop
-    scale: Scale = Scale()
+    scale: CycleScale = CycleScale()
 
 
 def cell_group(
@@ -140,7 +140,7 @@ def cell_group(
         mine = {**settings, **own, "tuning": settings["tuning"]}
         valve, swing, own_rules = _valve(own["valve"].name, mine, where), own.get("oscillation"), _rules(mine)
         loop = overridden(Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides)
-        scale = Scale(*(float(mine[key]) / float(settings[key]) for key in ("S", "K", "T")))
+        scale = CycleScale(*(float(mine[key]) / float(settings[key]) for key in ("S", "K", "T")))
         found = {key: own.get(key) for key in names}
         found.update(
             member=name,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from scenarios.cell import Scale, WantedOscillation
+from scenarios.cell import CycleScale, WantedOscillation
 from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
@@ -62,7 +62,7 @@ def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[s
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
-def scaled_cycle(cycle: Cycle, scale: Scale) -> Cycle:
+def scaled_cycle(cycle: Cycle, scale: CycleScale) -> Cycle:
     """Return the cycle of the sticky twin in the units of a member: in a linear loop with friction it is the member's own."""
     return replace(
         cycle,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenarios.cell import Scale, WantedOscillation, cell_group
+from scenarios.cell import CycleScale, WantedOscillation, cell_group
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import measure_cycle, resolve
@@ -120,7 +120,7 @@ def test_the_cycle_in_other_units_is_that_of_the_loop_in_these_units(kind):
     settings = {"process": kind, "controller": "PI", "Td_over_T": 0.3, "Td_over_Ti": 0.05, "S_over_2J": 1.0, "tuning": "medium",
                 "step": 0.8, "excitation": "both", "K": 0.7, "T": 12.0, "S": 3.0}  # fmt: skip
     settings |= {"samples_per_period": 30.0, "periods": 20.0}
-    scale = Scale(S=1.7, pv=3.0, time=11.0)
+    scale = CycleScale(S=1.7, pv=3.0, time=11.0)
     own = settings | {"S": 3.0 * scale.S, "K": 0.7 * scale.pv, "T": 12.0 * scale.time}
     twin, other = (measure_cycle(cell_group(s, (), {}, {}, "a")[0]) for s in (settings, own))
     assert twin.exists
