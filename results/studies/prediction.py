@@ -157,7 +157,7 @@ def main() -> None:
     print("(period: none in both, or the median's); coverage: share of single fresh records inside the 90 % interval\n")
     print(table(rows))
     print("\nwhy answers are not valid (first reason):")
-    reasons = rows[~rows.valid.astype(bool)].reason.str.split("; ").str[0].str.replace(r"[-\d.e+]+", "#", regex=True)
+    reasons = rows[~rows.valid.astype(bool)].reason.str.split("; ").str[0].str.replace(r"-?\d[-\d.e+]*", "#", regex=True)
     print(reasons.str[:90].value_counts().to_string() if len(reasons) else "all are")
 
 

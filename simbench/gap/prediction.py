@@ -141,7 +141,7 @@ def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
         section, _, name = key.partition(".")
         if section not in SECTIONS or not name:
             known = " and ".join(f"{s}.*" for s in SECTIONS)
-            raise ParameterError(f"--set {key}={text}: {key} is not a setting of the loop; {known} are")
+            raise ParameterError(f"--set {key}={text}: {key} is not a setting of the loop; {known} are allowed")
         try:
             settings[key] = tomllib.loads(f"x = {text}")["x"]
         except tomllib.TOMLDecodeError:
