@@ -37,8 +37,9 @@ _FREQUENCIES = 1500  # at which the open loop is computed
 _QUANTILES = (0.05, 0.95)
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
 # the one number calibrated: error of any corrected model, as a standard deviation of the logarithm, added in quadrature. With
-# it 90 % intervals held .90 of fresh records, over PV, OP and travel, on the first six records a world of seed 946001.
-MODEL_ERROR = 0.025
+# it 90 % intervals held .93 of fresh records, over PV, OP and travel, on 12 development records: the first four of the worlds
+# of results/studies/worlds, seeds 946001 to 946003.
+MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
 _LEAST = 1e-12  # that a logarithm is taken of
 _FEWEST = 10  # draws that oscillate before and after the change, from which the two periods are compared
@@ -47,7 +48,7 @@ _LEAST_MARGIN = 1.3  # gain margin: below it small errors of gain or dead time d
 _SHARE = 0.1  # of the draws that may lie below it, or run away
 _REPRODUCED = 3.0  # standard deviations of the draws from the record
 _FARTHER = 2.5  # times the recorded standard deviation of PV or OP
-_WIDEST = 2.5  # upper over lower end of the interval of PV: a wider one tells nothing
+_WIDEST = 3.0  # upper over lower end of the interval of PV: a wider one tells nothing
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
         section, _, name = key.partition(".")
         if section not in SECTIONS or not name:
             known = " and ".join(f"{s}.*" for s in SECTIONS)
-            raise ParameterError(f"--set {key}={text}: {key} is not a setting of the loop; {known} are")
+            raise ParameterError(f"--set {key}={text}: {key} is not a setting of the loop; {known} are allowed")
         try:
             settings[key] = tomllib.loads(f"x = {text}")["x"]
         except tomllib.TOMLDecodeError:

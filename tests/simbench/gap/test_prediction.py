@@ -53,7 +53,7 @@ def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
 def test_a_cycle_of_friction_keeps_its_predicted_period():
     found = predict(diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0})
     true = np.nanmedian([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
-    assert found.oscillates > 0.9
+    assert found.oscillates > 0.5
     assert found.period_s.value == pytest.approx(true, rel=0.1)
 
 
