@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of the
-# loops that the weights were fitted to, 1 in 20 healthy ones exceed .41 (self-regulating) and .95 (integrating)
+# loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
 FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 _QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still

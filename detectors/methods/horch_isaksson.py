@@ -35,8 +35,8 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.42, "-", 0.0, 1.0, "own; 0.5 in the source", "at or below: a following valve fits as well"),
-        "score_high": Threshold(0.42, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"),
+        "score_low": Threshold(0.41, "-", 0.0, 1.0, "own; 0.5 in the source", "at or below: a following valve fits as well"),
+        "score_high": Threshold(0.41, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"),
     },
     fitted_on=("chapter", "plant"),
     published={"score_low": 0.5, "score_high": 0.5},

@@ -34,8 +34,8 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.04, "-", 0.0, 1.0, "own, simulated loops", "at or below: a moving valve fits as well"),
-        "score_high": Threshold(0.04, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve sticks and jumps"),
+        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own, simulated loops", "at or below: a moving valve fits as well"),
+        "score_high": Threshold(0.03, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve sticks and jumps"),
     },
 )
 
