@@ -20,7 +20,9 @@ from typing import Any
 
 import numpy as np
 
-_PLAIN_SAMPLES = 400_000  # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
+_PLAIN_SAMPLES = (
+    400_000  # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
+)
 LANES = 32
 """Values that a row of `lanes` holds: four AVX-512 registers. Below that LLVM unrolls the loops over them instead."""
 
@@ -47,7 +49,10 @@ def compiled(function: FunctionType):
     closures.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
-    return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
+    return getattr(
+        cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"),
+        function.__name__,
+    )
 
 
 @cache
@@ -86,18 +91,24 @@ def one_thread() -> Iterator[None]:
 
     try:
         limits = threadpool_limits(1)
-    except OSError:  # this system does not say which libraries are loaded: the environment alone decides
+    except (
+        OSError
+    ):  # this system does not say which libraries are loaded: the environment alone decides
         limits = contextlib.nullcontext()
     with limits:
         yield
 
 
-def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str = "python") -> ModuleType:
+def cached_module(
+    kind: str, parts: dict[str, Any], text: str, error_model: str = "python"
+) -> ModuleType:
     """Write `text` to a module, found again on disk, in which the names of `parts` are known, functions compiled; import it.
 
     A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
     """
-    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode())
+    digest = hashlib.sha256(
+        f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode()
+    )
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
         digest.update(_source(path))
@@ -114,7 +125,9 @@ def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str 
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     for part, value in parts.items():
-        setattr(module, part, _jitted(value, error_model) if isinstance(value, FunctionType) else value)
+        setattr(
+            module, part, _jitted(value, error_model) if isinstance(value, FunctionType) else value
+        )
     # what was checked is executed, not what the file may hold by now
     exec(compile(whole, str(path), "exec"), module.__dict__)
     for value in list(vars(module).values()):
@@ -141,9 +154,13 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
-            mark = pickle.dumps(self._version, protocol=-1)  # numba's own version stands before what carries the checksum
+            mark = pickle.dumps(
+                self._version, protocol=-1
+            )  # numba's own version stands before what carries the checksum
             try:
-                stamp, overloads = pickle.loads(_sound(Path(self._index_path).read_bytes().removeprefix(mark)))
+                stamp, overloads = pickle.loads(
+                    _sound(Path(self._index_path).read_bytes().removeprefix(mark))
+                )
             except Exception:  # whatever a damaged pickle raises
                 return {}
             return overloads if stamp == self._source_stamp else {}
@@ -191,8 +208,17 @@ def _jitted(function: FunctionType, error_model: str):
 
     if function is lanes:
         return _registers()
-    called = {n: _jitted(g, error_model) for n, g in names_used(function).items() if isinstance(g, FunctionType)}
-    copy = FunctionType(function.__code__, {**function.__globals__, **called}, function.__name__, function.__defaults__)
+    called = {
+        n: _jitted(g, error_model)
+        for n, g in names_used(function).items()
+        if isinstance(g, FunctionType)
+    }
+    copy = FunctionType(
+        function.__code__,
+        {**function.__globals__, **called},
+        function.__name__,
+        function.__defaults__,
+    )
     copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
     # lanes stay in registers only where the loops over them stand in one function
     return njit(copy, error_model=error_model, forceinline=error_model == "numpy")
@@ -225,7 +251,9 @@ def _registers():
 
 def names_used(function: FunctionType) -> dict[str, Any]:
     """What a function takes from its module, by name."""
-    found = {n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__}
+    found = {
+        n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__
+    }
     return {n: v for n, v in found.items() if v is not function}
 
 
@@ -236,7 +264,9 @@ def reached(functions: list[FunctionType]) -> set[FunctionType]:
         function = functions.pop()
         if function not in found:
             found.add(function)
-            functions = functions + [f for f in names_used(function).values() if isinstance(f, FunctionType)]
+            functions = functions + [
+                f for f in names_used(function).values() if isinstance(f, FunctionType)
+            ]
     return found
 
 
@@ -245,7 +275,12 @@ def _described(parts: dict[str, Any]) -> list[str]:
     told = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
-            used = {n: v for f in reached([part]) for n, v in names_used(f).items() if not isinstance(v, FunctionType)}
+            used = {
+                n: v
+                for f in reached([part])
+                for n, v in names_used(f).items()
+                if not isinstance(v, FunctionType)
+            }
             told.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
         elif isinstance(part, (type, ModuleType)):
             told.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")
@@ -269,7 +304,9 @@ def _numba_version() -> str:
 def cache_folder() -> Path:
     """Return a folder that this user alone can write: what lies there is executed."""
     try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
+        base = (
+            Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
+        )
         base.mkdir(parents=True, exist_ok=True)
         if os.name == "posix":  # elsewhere a user's own folders are closed to others
             if base.stat().st_uid != os.getuid():

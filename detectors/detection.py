@@ -14,7 +14,15 @@ from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
 from detectors.record import LoopRecord
 from detectors.report.report import Report, choose_methods, judge_files
-from detectors.sources import About, AboutFile, Methods, RecordSignals, as_plugin, as_record, named_methods
+from detectors.sources import (
+    About,
+    AboutFile,
+    Methods,
+    RecordSignals,
+    as_plugin,
+    as_record,
+    named_methods,
+)
 
 if TYPE_CHECKING:
     from detectors.sources import Source
@@ -113,13 +121,28 @@ def detect(
     with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
         if isinstance(source, (str, Path)) and op is None and pv is None:
             given: dict[str, Any] = {**about, **({} if Ts is None else {"Ts": Ts})}
-            return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **given)
+            return judge_files(
+                source,
+                asked,
+                raw=raw,
+                front_end=front_end,
+                plugins=plugins,
+                thresholds=thresholds,
+                **given,
+            )
         return _judged(
-            as_record(source, op=op, pv=pv, sp=sp, mv=mv, Ts=Ts, **about), asked, raw, front_end, plugins, thresholds
+            as_record(source, op=op, pv=pv, sp=sp, mv=mv, Ts=Ts, **about),
+            asked,
+            raw,
+            front_end,
+            plugins,
+            thresholds,
         )
 
 
-def _judged(record: LoopRecord, asked: list[str], raw: bool, front_end: str, plugins: Any, thresholds: Any) -> Report:
+def _judged(
+    record: LoopRecord, asked: list[str], raw: bool, front_end: str, plugins: Any, thresholds: Any
+) -> Report:
     with registry.hosted(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]

@@ -83,7 +83,9 @@ _SECRETS = re.compile(
 
 def masked(text: object) -> str:
     """Return a text with user, password and keys of every URL in it replaced by `***`."""
-    return _SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
+    return _SECRETS.sub(
+        lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text)
+    )
 
 
 def printable(text: object) -> str:
@@ -92,7 +94,10 @@ def printable(text: object) -> str:
     >>> printable("FIC\x1b[31m\u202e")
     'FIC\\x1b[31m\\u202e'
     """
-    return "".join(c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1] for c in str(text))
+    return "".join(
+        c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1]
+        for c in str(text)
+    )
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

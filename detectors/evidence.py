@@ -51,4 +51,7 @@ WITNESSES = {
     True: ("he", "rossi_scali", "srinivasan"),
 }
 # Who votes where the procedure counts heads, as its source does: the detectors it names for either process type.
-VOTERS = {False: ("horch", "he", "rossi_scali", "singhal_salsbury"), True: ("horch_histogram", "he", "hammerstein")}
+VOTERS = {
+    False: ("horch", "he", "rossi_scali", "singhal_salsbury"),
+    True: ("horch_histogram", "he", "hammerstein"),
+}

@@ -56,13 +56,38 @@ def example_loop(
         op[k], mv[k] = u, valve
         late = k - delay
         x = pole * x + (gain * (mv[late] - 50.0 + load[late]) if late >= 0 else 0.0)
-    return LoopRecord(op=op, pv=pv, mv=mv, Ts=Ts, process=process, kind=kind, op_span=(0.0, 100.0), tag="plain loop")
+    return LoopRecord(
+        op=op,
+        pv=pv,
+        mv=mv,
+        Ts=Ts,
+        process=process,
+        kind=kind,
+        op_span=(0.0, 100.0),
+        tag="plain loop",
+    )
 
 
 # OP a triangle, PV a rounded square, the two together close to an ellipse; a level: PV a triangle
 _OBVIOUS = {
-    "self-regulating": {"T": 6.0, "Td": 6.0, "Kc": 0.25, "Ti": 5.0, "noise": 0.1, "n": 2500, "kind": "flow"},
-    "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "noise": 0.05, "n": 2000},
+    "self-regulating": {
+        "T": 6.0,
+        "Td": 6.0,
+        "Kc": 0.25,
+        "Ti": 5.0,
+        "noise": 0.1,
+        "n": 2500,
+        "kind": "flow",
+    },
+    "integrating": {
+        "process": "integrating",
+        "K": 0.1,
+        "Td": 1.0,
+        "Kc": 1.5,
+        "Ti": 30.0,
+        "noise": 0.05,
+        "n": 2000,
+    },
 }
 CASES = {
     "stiction": "a sticky valve cycling in plain sight",
@@ -77,11 +102,16 @@ CASES = {
 @cache
 def example_record(case: str, process: str) -> LoopRecord:
     """Return one of six records about whose valve nobody can be in doubt."""
-    rng, about = np.random.default_rng(3), {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
+    rng, about = (
+        np.random.default_rng(3),
+        {"process": process, "kind": "flow" if process == "self-regulating" else "level"},
+    )
     if case == "stiction":
         return example_loop(**_OBVIOUS[process])
     if case == "dense":
-        return example_loop(**{**_OBVIOUS[process], "Ts": 0.125, "n": 8 * int(_OBVIOUS[process]["n"])})
+        return example_loop(
+            **{**_OBVIOUS[process], "Ts": 0.125, "n": 8 * int(_OBVIOUS[process]["n"])}
+        )
     if case == "short":
         return example_loop(**_OBVIOUS[process]).window(0, 20)
     if case == "healthy":
@@ -93,4 +123,6 @@ def example_record(case: str, process: str) -> LoopRecord:
     if case == "noise":
         op, pv, mv = 50.0 + rng.standard_normal((3, 2000))
         return LoopRecord(op=op, pv=pv, mv=mv, Ts=1.0, **about)
-    return LoopRecord(op=np.full(2000, 50.0), pv=np.full(2000, 3.0), mv=np.full(2000, 50.0), Ts=1.0, **about)
+    return LoopRecord(
+        op=np.full(2000, 50.0), pv=np.full(2000, 3.0), mv=np.full(2000, 50.0), Ts=1.0, **about
+    )

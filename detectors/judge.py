@@ -54,7 +54,9 @@ def judge(
     verdicts = []
     for name in methods:
         method = registry.load(name).METHOD
-        prepared = blind.seen_by(method, sighted if method.needs_mv or method.takes_mv else sighted.without_mv())
+        prepared = blind.seen_by(
+            method, sighted if method.needs_mv or method.takes_mv else sighted.without_mv()
+        )
         chosen = check_thresholds(name, method, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
@@ -79,24 +81,38 @@ def answers(
         return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
 
 
-def _asked(name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
+def _asked(
+    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
+) -> list[Verdict]:
     host = registry.host_of(name)
     if host is not None:
         return _hosted(host, name, prepared, modes, thresholds)
     return [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
 
 
-def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
+def _hosted(
+    host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
+) -> list[Verdict]:
     """Ask the worker of a plug-in."""
     bare = replace(prepared, shared={})
-    bare.__dict__.update({key: prepared.__dict__[key] for key in ("oscillation", "flags") if key in prepared.__dict__})
-    answer = host.call(_judge_there, name, bare, modes, thresholds, seconds=host.seconds * len(modes))
+    bare.__dict__.update(
+        {
+            key: prepared.__dict__[key]
+            for key in ("oscillation", "flags")
+            if key in prepared.__dict__
+        }
+    )
+    answer = host.call(
+        _judge_there, name, bare, modes, thresholds, seconds=host.seconds * len(modes)
+    )
     if not isinstance(answer, list) or len(answer) != len(modes):
         raise PluginError("answered with something that is no verdict")
     return [_taken(name, verdict) for verdict in answer]
 
 
-def _judge_there(name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
+def _judge_there(
+    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
+) -> list[Verdict]:
     """Judge a record where this runs, in the plug-in's worker."""
     for signal in ("op", "pv", "sp", "mv"):
         if (values := getattr(prepared.record, signal)) is not None:
@@ -116,7 +132,10 @@ def _taken(name: str, verdict: Verdict) -> Verdict:
         indices={cleaned(key): float(value) for key, value in verdict.indices.items()},
         S_unit=cleaned(str(verdict.S_unit)),
         reason=cleaned(verdict.reason),
-        **{key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x) for key, x in ends.items()},
+        **{
+            key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x)
+            for key, x in ends.items()
+        },
     )
 
 
@@ -150,15 +169,21 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
             values[key] = float(value)
             continue
         if key not in values:
-            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *_CUTS))}")
+            raise ParameterError(
+                f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *_CUTS))}"
+            )
         rule = method.thresholds[key]
         if not rule.low <= value <= rule.high:
-            raise ParameterError(f"method {name!r}: {key} = {value} {rule.unit}; allowed: {rule.low} to {rule.high}")
+            raise ParameterError(
+                f"method {name!r}: {key} = {value} {rule.unit}; allowed: {rule.low} to {rule.high}"
+            )
         values[key] = float(value)
     return values
 
 
-def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]) -> Verdict:
+def judge_one(
+    name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]
+) -> Verdict:
     """Judge a prepared record by one method, with everything that comes before the method itself."""
     method: Method = module.METHOD
     record = prepared.record
@@ -178,21 +203,31 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     applicable: bool | None = True
     notes = []
     if record.op_span is None:
-        notes.append("OP taken as 0..100 %" if record.op_percent is not None else _unknown_unit(record))
+        notes.append(
+            "OP taken as 0..100 %" if record.op_percent is not None else _unknown_unit(record)
+        )
     if prepared.part is not None:
-        notes.append(f"judged on samples {prepared.part[0]} to {prepared.part[1] - 1}, which oscillate")
+        notes.append(
+            f"judged on samples {prepared.part[0]} to {prepared.part[1] - 1}, which oscillate"
+        )
     if record.process is None:
         applicable = None
         notes.append("process type unknown, judged as self-regulating")
     elif record.process not in method.process:
         made_for = " and ".join(method.process)
-        return finished(answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False))
+        return finished(
+            answer(
+                NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False
+            )
+        )
     if record.n * prepared.step < method.min_samples:
         reason = f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are needed"
         return finished(answer(NO_DECISION, reason))
     for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:
-            return finished(answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})"))
+            return finished(
+                answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})")
+            )
     if method.needs_mv:
         signal, fits, note = prepared.valve_position()
         if signal is None:
@@ -203,20 +238,28 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     # the procedure asks the same methods about the same record
     key = ("verdict", name, record.mv is None, *thresholds.items())
     stopped = _front_end(method, prepared, raw, answer)
-    verdict = stopped or prepared.share(key, lambda: _valid(name, module.detect(prepared, **thresholds)))
+    verdict = stopped or prepared.share(
+        key, lambda: _valid(name, module.detect(prepared, **thresholds))
+    )
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
         verdict = verdict.but(indices={**verdict.indices, **found})
     # a record that does not oscillate has no score to cut
-    return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
+    return finished(
+        _cut(verdict, **cuts)
+        if cuts and stopped is None and np.isfinite(verdict.score)
+        else verdict
+    )
 
 
 def _valid(name: str, answer: Any) -> Verdict:
     """Return a detector's answer where it is a verdict; AnswerError for another type, ValueError for wrong contents."""
     if not isinstance(answer, Verdict):
         form = f'return Verdict("{name}", "stiction", score=0.7, reason="why")'
-        raise AnswerError(f"answers {answer!r:.60}; a detectors.verdict.Verdict is needed, for example: {form}")
+        raise AnswerError(
+            f"answers {answer!r:.60}; a detectors.verdict.Verdict is needed, for example: {form}"
+        )
     for wrong in wrong_types(answer):
         raise ValueError(wrong)
     return answer
@@ -228,12 +271,20 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         return verdict
     record = prepared.record
     op, pv = prepared.share("resolution", lambda: resolution(record, prepared.flags))
-    percent = 1.0 if record.op_percent is None or record.op_span is None else 100.0 / (record.op_span[1] - record.op_span[0])
+    percent = (
+        1.0
+        if record.op_percent is None or record.op_span is None
+        else 100.0 / (record.op_span[1] - record.op_span[0])
+    )
     lines = "compressed" in prepared.flags and isinstance(verdict.S, (int, float))
     if op == 0.0 and pv == 0.0 and not lines:
         return verdict
     changes: dict[str, Level] = {}
-    said = "an archive drew straight lines between the values it kept: no size is stated" if lines else ""
+    said = (
+        "an archive drew straight lines between the values it kept: no size is stated"
+        if lines
+        else ""
+    )
     for key in ("S", "J"):
         value = getattr(verdict, key)
         if value is None:
@@ -255,9 +306,17 @@ def _unknown_unit(record: LoopRecord) -> str:
     return "unit of OP unknown, S and J in OP units"
 
 
-def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None) -> Verdict:
+def _cut(
+    verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None
+) -> Verdict:
     low = stiction_above if no_stiction_below is None else no_stiction_below
-    said = STICTION if verdict.score > stiction_above else NO_STICTION if verdict.score <= low else NO_DECISION
+    said = (
+        STICTION
+        if verdict.score > stiction_above
+        else NO_STICTION
+        if verdict.score <= low
+        else NO_DECISION
+    )
     reason = f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and {stiction_above:.3g}"
     return verdict.but(verdict=said, reason=reason)
 
@@ -270,9 +329,16 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
         verdict = answer(NO_STICTION, f"no sustained oscillation ({oscillation.evidence})")
         # below every score: scales differ between methods, some go below 0
         return verdict.but(score=-np.inf)
-    periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0
+    periods = (
+        prepared.record.duration / oscillation.period_s
+        if np.isfinite(oscillation.period_s)
+        else 0.0
+    )
     if periods < method.min_periods:
         if raw and not np.isfinite(oscillation.period_s):
             return answer(NO_DECISION, "no period found in OP or PV")
-        return answer(NO_DECISION, f"too short: {periods:.1f} periods; at least {method.min_periods:g} are needed")
+        return answer(
+            NO_DECISION,
+            f"too short: {periods:.1f} periods; at least {method.min_periods:g} are needed",
+        )
     return None

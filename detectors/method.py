@@ -30,8 +30,13 @@ class Method:
 
     title: str  # what the method looks for, in a few words
     source: str  # author, year, equation
-    process: tuple[str, ...] = ("self-regulating", "integrating")  # process types the method was made for
-    needs_mv: bool = False  # whether it judges OP against the valve position (MV, or PV of a flow loop)
+    process: tuple[str, ...] = (
+        "self-regulating",
+        "integrating",
+    )  # process types the method was made for
+    needs_mv: bool = (
+        False  # whether it judges OP against the valve position (MV, or PV of a flow loop)
+    )
     # {"stiction", "nonlinearity", "quantification"}: nonlinearity tests are left out of the stiction ranking
     role: str = "stiction"
     budget: str = "fast"  # {"fast", "full"}: whether it belongs to the quick set of methods
@@ -46,7 +51,9 @@ class Method:
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     # cases of the contract test that do not apply to the method, each with the reason
     exempt: dict[str, str] = field(default_factory=dict)
-    fitted_on: tuple[str, ...] = ()  # grids whose loops, of other seeds, the method's constants were fitted to
+    fitted_on: tuple[
+        str, ...
+    ] = ()  # grids whose loops, of other seeds, the method's constants were fitted to
     # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any other interval is what fits
     # the record, without a level
     stated: tuple[str, ...] = ()
@@ -70,7 +77,9 @@ class Method:
         where = "in the chapter" if chapter else "as published"
         whole = self.whole or not chapter
         title = f"{self.title}, {where}"
-        return replace(self, title=title, whole=whole, thresholds=at, fitted_on=(), published={}, chapter={})
+        return replace(
+            self, title=title, whole=whole, thresholds=at, fitted_on=(), published={}, chapter={}
+        )
 
 
 def wrong_fields(method: Any) -> Iterator[str]:
@@ -96,6 +105,8 @@ def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
     except TypeError:
         form = ", ".join([first, *(["*"] * bool(method.thresholds)), *method.thresholds])
         own = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
-        raise AnswerError(f"{own} cannot be called with one record; the right form is: def detect({form})") from None
+        raise AnswerError(
+            f"{own} cannot be called with one record; the right form is: def detect({form})"
+        ) from None
     except ValueError:  # a function of C, which does not tell
         pass

@@ -12,7 +12,14 @@ from detectors.method import Method
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
 from detectors.signal.autocorrelation import acf, detrend
-from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
+from detectors.signal.conditioning import (
+    clear_harmonics,
+    drift,
+    loop_sign,
+    mirrored_spectrum,
+    smooth,
+    snapped,
+)
 from detectors.signal.half_cycles import midline, split
 from detectors.signal.load_disturbances import oscillation_by_loads
 from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
@@ -30,13 +37,17 @@ class Prepared:
     """A record made ready for judging."""
 
     record: LoopRecord  # the record, blinded unless the method needs MV
-    front_end: str = "acf"  # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
+    front_end: str = (
+        "acf"  # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
+    )
     # intermediate results that methods on the same record share, by name; `share` fills it
     shared: dict = field(default_factory=dict)
     # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them
     part: tuple[int, int] | None = None
     step: int = 1  # samples of the record that was given to one of `record`
-    views: dict = field(default_factory=dict)  # the same record as other methods are given it; `seen_by` fills it
+    views: dict = field(
+        default_factory=dict
+    )  # the same record as other methods are given it; `seen_by` fills it
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -66,17 +77,27 @@ class Prepared:
         if record.mv is not None:
             return record.mv, True, "MV"
         if record.process == "integrating":
-            return None, False, "no MV recorded, and PV of an integrating process is no measure of the valve's position"
+            return (
+                None,
+                False,
+                "no MV recorded, and PV of an integrating process is no measure of the valve's position",
+            )
         if record.kind == "flow":
             return self._turned_pv(), True, "PV of a flow loop as MV"
         if record.kind is None:
             return self._turned_pv(), None, "PV as MV, kind of loop unknown"
         loop = f"{'an' if record.kind[0] in 'aeiou' else 'a'} {record.kind} loop"
-        return None, False, f"no MV recorded, and PV of {loop} is no measure of the valve's position"
+        return (
+            None,
+            False,
+            f"no MV recorded, and PV of {loop} is no measure of the valve's position",
+        )
 
     def clean(self, name: str) -> np.ndarray:
         """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""
-        return self.share(f"clean {name}", lambda: self.band(name, self.period / self.clear_harmonics(name)))
+        return self.share(
+            f"clean {name}", lambda: self.band(name, self.period / self.clear_harmonics(name))
+        )
 
     @property
     def period(self) -> float:
@@ -103,26 +124,39 @@ class Prepared:
         if name == "pv":
             pv = self.record.pv
             low, high = float(pv.min()), float(pv.max())
-            return self.share("searchable pv", lambda: turn * snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)))
+            return self.share(
+                "searchable pv",
+                lambda: turn * snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)),
+            )
         if self.record.op_percent is None:
             return turn * self.record.op
         travel = self.signal("travel")
-        return self.share("searchable travel", lambda: snapped(travel if turn > 0.0 else 100.0 - travel, 2.0**-20))
+        return self.share(
+            "searchable travel", lambda: snapped(travel if turn > 0.0 else 100.0 - travel, 2.0**-20)
+        )
 
     def clear_harmonics(self, name: str) -> float:
         """Return up to which harmonic a signal stands above its noise, see `detectors.signal.conditioning`."""
-        return self.share(f"harmonics {name}", lambda: clear_harmonics(self.signal(name), self.period))
+        return self.share(
+            f"harmonics {name}", lambda: clear_harmonics(self.signal(name), self.period)
+        )
 
     def band(self, name: str, shortest: float) -> np.ndarray:
         """Return the oscillation in a signal, shape (n,), without drift and without periods below `shortest` samples."""
         if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
             name = "op"  # the same numbers
         level = self.share(f"level {name}", lambda: self._level(name))
-        return smooth(level, shortest, lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)))
+        return smooth(
+            level,
+            shortest,
+            lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)),
+        )
 
     def _level(self, name: str) -> np.ndarray:
         x = self.signal(name)
-        if self.oscillation.swings:  # a mean over one period would take part of the longer cycles away
+        if (
+            self.oscillation.swings
+        ):  # a mean over one period would take part of the longer cycles away
             at = wandering(self.record.op)
             level = -self.record.e if name == "pv" or at is None else x - midline(x, at)
         else:
@@ -133,11 +167,15 @@ class Prepared:
 
     def smooth_op(self) -> np.ndarray:
         """Return OP without noise beyond its clear harmonics, shape (n,)."""
-        return self.share("smooth op", lambda: smooth(self.record.op, self.period / self.clear_harmonics("op")))
+        return self.share(
+            "smooth op", lambda: smooth(self.record.op, self.period / self.clear_harmonics("op"))
+        )
 
     def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
-        return self.share(f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period))
+        return self.share(
+            f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period)
+        )
 
     def half_cycles(self, name: str, cleaned: bool = True) -> np.ndarray:
         """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
@@ -151,7 +189,9 @@ class Prepared:
             return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
         edge, longest = (0, np.inf) if self.oscillation.swings else (round(period / 2), 1.0)
         inner = slice(edge, self.record.n - edge)
-        return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period, longest=longest))
+        return self.share(
+            f"half cycles {name}", lambda: split(self.clean(name)[inner], period, longest=longest)
+        )
 
     def with_mv(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
@@ -200,7 +240,11 @@ def thinned(record: LoopRecord, step: int) -> LoopRecord:
     if step == 1:
         return record
     signals = {name: getattr(record, name) for name in ("op", "pv", "sp", "mv")}
-    return replace(record, Ts=record.Ts * step, **{k: None if x is None else x[::step] for k, x in signals.items()})
+    return replace(
+        record,
+        Ts=record.Ts * step,
+        **{k: None if x is None else x[::step] for k, x in signals.items()},
+    )
 
 
 def _pace(op: np.ndarray) -> float:
@@ -209,7 +253,9 @@ def _pace(op: np.ndarray) -> float:
     return 4.0 * float(np.argmax(acf(flat) < 0.0)) if flat.any() else 0.0
 
 
-def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0) -> Prepared:
+def _at_density(
+    record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0
+) -> Prepared:
     """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of those
     a factor of two apart, makes no difference. Where it does not oscillate it is looked at more coarsely, down to `_COARSEST`
     samples of a period `pace`."""
@@ -231,7 +277,9 @@ def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None
         late = -part[0] % step
         record, part = record.window(late, record.n), (part[0] + late, part[1])
     thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
-    if coarse > step:  # else it is asked itself: a finer record may oscillate by chance, and this one is judged
+    if (
+        coarse > step
+    ):  # else it is asked itself: a finer record may oscillate by chance, and this one is judged
         thin.__dict__["oscillation"] = found
     # what oscillates in neither way is left as it came: its valve may be seen all the same
     return thin if thin.oscillation.sustained or found.sustained else dense
@@ -246,7 +294,9 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     fast as in a whole record, and no faster. Every second, fourth, ... sample where a period has more than 250.
     """
     whole = _at_density(record, front_end)
-    if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
+    if (
+        whole.oscillation.sustained or front_end == "hagglund"
+    ):  # whose memory forgets by itself what is long past
         return whole
     pace, step = _pace(record.op), 1
     while pace > _COARSEST * step:

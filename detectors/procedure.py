@@ -27,8 +27,12 @@ if TYPE_CHECKING:
 # log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of the
 # loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
-FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
-_QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
+FOLLOW_MIN = (
+    0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
+)
+_QUIET = (
+    -3.0
+)  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
 _PER_FOLLOW = 8.0  # log-odds per unit of the score of `valve_follow` above its bound
 _S_SMALL = 0.5  # % of travel, chapter section 11.1
 
@@ -41,7 +45,10 @@ FLOW: dict[str, tuple[str, dict[str, str]]] = {
         {"yes": "level", "no": "quiet", "cannot tell": "quiet"},
     ),
     "saturation": ("Does OP run into a limit?", {"no": "nonlinearity", "yes": "saturated"}),
-    "nonlinearity": ("Is there a nonlinearity in the loop?", {"yes": "stiction", "not seen": "stiction", "no": "linear"}),
+    "nonlinearity": (
+        "Is there a nonlinearity in the loop?",
+        {"yes": "stiction", "not seen": "stiction", "no": "linear"},
+    ),
     "stiction": (
         "What do the stiction detectors say together?",
         {"stiction": "level", "no stiction": "linear", "undecided": "open"},
@@ -54,14 +61,23 @@ FLOW: dict[str, tuple[str, dict[str, str]]] = {
 
 # conclusion -> (verdict, what to do next)
 CONCLUSIONS: dict[str, tuple[str, str]] = {
-    "unfit": (NO_DECISION, "record the loop again: in automatic mode, uncompressed, 20 to 60 samples per oscillation"),
+    "unfit": (
+        NO_DECISION,
+        "record the loop again: in automatic mode, uncompressed, 20 to 60 samples per oscillation",
+    ),
     "quiet": (NO_STICTION, "none"),
-    "saturated": (NO_DECISION, "free OP from its limit (valve size, operating point, tuning), then record again"),
+    "saturated": (
+        NO_DECISION,
+        "free OP from its limit (valve size, operating point, tuning), then record again",
+    ),
     "linear": (
         NO_STICTION,
         "controller-gain change: an oscillation that keeps its period comes from outside; one that dies out was tuning",
     ),
-    "open": (NO_DECISION, "controller-gain change of 30 to 50 %: the period moves by more than 10 % if the valve sticks"),
+    "open": (
+        NO_DECISION,
+        "controller-gain change of 30 to 50 %: the period moves by more than 10 % if the valve sticks",
+    ),
     "sticky": (
         STICTION,
         "controller-gain change of 30 to 50 % (the period should move by more than 10 %), then valve travel test in "
@@ -97,13 +113,23 @@ class Diagnosis:
     S_unit: str  # "% of travel" or "OP units"
     steps: tuple[_Step, ...]  # the path taken
     verdicts: tuple[Verdict, ...]  # of the detectors that were asked
-    indices: dict[str, float] = field(default_factory=dict)  # numbers of the procedure itself: log_odds, follow, ngi, nli
+    indices: dict[str, float] = field(
+        default_factory=dict
+    )  # numbers of the procedure itself: log_odds, follow, ngi, nli
 
     @property
     def reason(self) -> str:
         """The last answers in one sentence."""
-        told = [s for s in self.steps if s.step in ("quality", "oscillation", "valve", "saturation", "stiction")]
-        return told[-1].evidence if told[-1].step != "valve" else f"{told[-2].evidence}; {told[-1].evidence}"
+        told = [
+            s
+            for s in self.steps
+            if s.step in ("quality", "oscillation", "valve", "saturation", "stiction")
+        ]
+        return (
+            told[-1].evidence
+            if told[-1].step != "valve"
+            else f"{told[-2].evidence}; {told[-1].evidence}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
@@ -129,7 +155,13 @@ class Diagnosis:
         for i, s in enumerate(self.steps, 1):
             lines += [f"{i}. {s.question} {s.answer.capitalize()}.", f"   {s.evidence}. {s.reason}"]
         word = self.verdict.replace("_", " ")
-        return "\n".join([*lines, f"Verdict of the procedure: {word}.", f"Next test of the procedure: {self.next_test}."])
+        return "\n".join(
+            [
+                *lines,
+                f"Verdict of the procedure: {word}.",
+                f"Next test of the procedure: {self.next_test}.",
+            ]
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the path taken."""
@@ -138,7 +170,10 @@ class Diagnosis:
         return pd.DataFrame([vars(s) for s in self.steps])
 
     def _repr_html_(self) -> str:
-        return page_part(f"{self.verdict.replace('_', ' ')}; next: {self.next_test}", self.to_frame().drop(columns="step"))
+        return page_part(
+            f"{self.verdict.replace('_', ' ')}; next: {self.next_test}",
+            self.to_frame().drop(columns="step"),
+        )
 
 
 def diagnose(
@@ -214,22 +249,38 @@ class _Course:
         if bad:
             return "no", "; ".join(bad), "Such a record says nothing about its valve."
         other = [f.evidence for name, f in flags.items() if name not in UNFIT]
-        return "yes", "; ".join(other) or "no flag raised", "Go on; methods that cannot cope with a flag abstain."
+        return (
+            "yes",
+            "; ".join(other) or "no flag raised",
+            "Go on; methods that cannot cope with a flag abstain.",
+        )
 
     def oscillation(self) -> tuple[str, str, str]:
         o = self.prepared.oscillation
         self.indices |= {"regularity": o.regularity, "period_s": o.period_s}
         if not o.sustained:
             self.score = _QUIET
-            return "no", f"no sustained oscillation ({o.evidence})", "Look at the valve itself, where it is seen."
+            return (
+                "no",
+                f"no sustained oscillation ({o.evidence})",
+                "Look at the valve itself, where it is seen.",
+            )
         part = self.prepared.part
         where = f", in samples {part[0]} to {part[1] - 1}" if part else ""
-        return "yes", f"period {o.period_s:.4g} s, r = {o.regularity:.1f}{where}", "Its most likely origin is the valve; go on."
+        return (
+            "yes",
+            f"period {o.period_s:.4g} s, r = {o.regularity:.1f}{where}",
+            "Its most likely origin is the valve; go on.",
+        )
 
     def valve(self) -> tuple[str, str, str]:
         position, fits, note = self.prepared.valve_position()
         if position is None or not fits:
-            return "cannot tell", note, "Without an oscillation and without sight of the valve there is nothing to find."
+            return (
+                "cannot tell",
+                note,
+                "Without an oscillation and without sight of the valve there is nothing to find.",
+            )
         op, limits = _travel(self.prepared.record)
         found: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = found.score
@@ -239,7 +290,11 @@ class _Course:
         if found.score < self.rules.follow_min:
             return "no", numbers, "The valve follows OP, or OP gave it too little to do."
         self.S, self.J = found.S, (0.0, found.S)
-        return "yes", numbers, "A valve that does this makes the loop cycle as soon as it is left alone."
+        return (
+            "yes",
+            numbers,
+            "A valve that does this makes the loop cycle as soon as it is left alone.",
+        )
 
     def saturation(self) -> tuple[str, str, str]:
         flag = self.prepared.flags.get("saturated")
@@ -252,7 +307,11 @@ class _Course:
         period = self.prepared.oscillation.period_s / record.Ts
         found = self.prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
         if found is None:
-            return "not seen", "too short for the bicoherence", "Go on: the detectors look at the waves themselves."
+            return (
+                "not seen",
+                "too short for the bicoherence",
+                "Go on: the detectors look at the waves themselves.",
+            )
         self.indices |= {"ngi": found.ngi, "nli": found.nli}
         numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its bound)"
         if found.nonlinear():
@@ -260,7 +319,11 @@ class _Course:
         if self.rules.veto:
             self.score = _QUIET
             return "no", numbers, "A linear loop oscillates by its tuning or from outside."
-        return "not seen", numbers, "This rules nothing out: a symmetric cycle hides from the bicoherence."
+        return (
+            "not seen",
+            numbers,
+            "This rules nothing out: a symmetric cycle hides from the bicoherence.",
+        )
 
     def stiction(self) -> tuple[str, str, str]:
         return self._weigh() if self.rules.weighted else self._vote()
@@ -298,12 +361,20 @@ class _Course:
         if odds >= self.rules.odds_high:
             return "stiction", numbers, "The waves are those of a sticky valve."
         if odds <= self.rules.odds_low:
-            return "no stiction", numbers, "The waves are those of tuning or of a disturbance from outside."
+            return (
+                "no stiction",
+                numbers,
+                "The waves are those of tuning or of a disturbance from outside.",
+            )
         return "undecided", numbers, "The evidence is too even."
 
     def level(self) -> tuple[str, str, str]:
         if self.S is None or self.prepared.record.op_percent is None:
-            return "cannot tell", "S is not known in % of travel", "Confirm before any work on the valve."
+            return (
+                "cannot tell",
+                "S is not known in % of travel",
+                "Confirm before any work on the valve.",
+            )
         lo, hi = self.S if isinstance(self.S, tuple) else (self.S, self.S)
         said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
         if hi < _S_SMALL:

@@ -40,7 +40,9 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     Own rules; their limits stand at the head of the file. What a flag is worth depends on the method: `detectors.judge.UNFIT`
     names those under which all methods abstain.
     """
-    oscillation = find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
+    oscillation = (
+        find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
+    )
     return {flag.name: flag for flag in _findings(record, oscillation)}
 
 
@@ -52,11 +54,16 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag(f"dead_{name}", f"{name.upper()} never changes")
     for name in ("op", "pv"):
         if (share := record.outside(name)) > MOST_OUTSIDE:
-            yield Flag("outside_span", f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples")
+            yield Flag(
+                "outside_span",
+                f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples",
+            )
     for note in record.notes:
         if note.startswith("gaps"):
             periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
-            yield Flag("gaps", f"{note}; {periods:.0f} periods of the loop are left" if periods else note)
+            yield Flag(
+                "gaps", f"{note}; {periods:.0f} periods of the loop are left" if periods else note
+            )
         if note.startswith("mode") and "never in automatic" in note:
             yield Flag("manual", note)
     if alive["op"]:
@@ -74,9 +81,14 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
         often = np.count_nonzero(same[1:] & ~same[:-1]) > n / 50.0
         # a loop that comes to rest creeps by its last digit; a historian that stores changes only moves by visible ones
         if same.mean() > _HELD and often and np.median(step[step > 0.0]) > 0.01 * record.pv.std():
-            yield Flag("held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples")
+            yield Flag(
+                "held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples"
+            )
     if oscillation.sustained and oscillation.period_s < _UNDERSAMPLED * record.Ts:
-        yield Flag("undersampled", f"{oscillation.period_s / record.Ts:.1f} samples per period of the oscillation")
+        yield Flag(
+            "undersampled",
+            f"{oscillation.period_s / record.Ts:.1f} samples per period of the oscillation",
+        )
 
 
 def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
@@ -88,7 +100,9 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
     # an integrating process draws two straight lines per cycle by itself
     compressed = share > _COLLINEAR and lines > max(4.0 * periods, n / 50.0)
     if compressed:
-        yield Flag("compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others")
+        yield Flag(
+            "compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others"
+        )
     runs = holds(pv)
     k = int(runs.argmax())
     longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
@@ -96,14 +110,22 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         start = int(runs[:k].sum())
         # at rest OP stands still as well
         if record.op[start : start + longest].std() > 0.1 * record.op.std():
-            yield Flag("frozen", f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at most")
+            yield Flag(
+                "frozen",
+                f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at most",
+            )
     if record.sp is not None:
         changed = int(np.count_nonzero(np.diff(record.sp)))
         if np.ptp(record.sp) > 0.1 * std:
-            yield Flag("moving_sp", f"SP moves in {changed} of {n} samples, by {np.ptp(record.sp) / std:.1f} std of PV")
+            yield Flag(
+                "moving_sp",
+                f"SP moves in {changed} of {n} samples, by {np.ptp(record.sp) / std:.1f} std of PV",
+            )
         off, spread = abs(float(record.e.mean())), float(record.e.std())
         if off > 3.0 * spread:
-            yield Flag("off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only")
+            yield Flag(
+                "off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only"
+            )
     # the samples that an archive kept stand off the lines it drew
     outliers = 0 if compressed else isolated(pv, step)[0].size
     if outliers > _SPIKES * n and not heavy_tails(off_line(pv)[0]):
@@ -113,7 +135,10 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
 def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
     # fewer levels may be the positions of a valve that knows no others
     if step > _STEPS * x.std() and np.unique(x).size >= _FEWEST:
-        yield Flag(f"quantised_{name}", f"{name.upper()} moves in steps of {step:.3g}, {step / x.std():.0%} of its std")
+        yield Flag(
+            f"quantised_{name}",
+            f"{name.upper()} moves in steps of {step:.3g}, {step / x.std():.0%} of its std",
+        )
 
 
 def steps(x: np.ndarray, other: np.ndarray) -> float:
@@ -135,13 +160,17 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
         if any(note.startswith(f"archive: {name.upper()} holds") for note in record.notes):
             changes = np.abs(np.diff(x))
             # what is stored has moved by more than the deviation: the smallest changes come nearest to it
-            hidden[name] = float(np.quantile(changes[changes > 0.0], 0.1)) if np.any(changes > 0.0) else 0.0
+            hidden[name] = (
+                float(np.quantile(changes[changes > 0.0], 0.1)) if np.any(changes > 0.0) else 0.0
+            )
         if f"quantised_{name}" in flags:
             hidden[name] = max(hidden[name], steps(x, record.pv if name == "op" else record.op))
     return hidden["op"], hidden["pv"] / (float(np.ptp(record.pv)) or 1.0)
 
 
-def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
+def saturation(
+    op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
+) -> tuple[float, float]:
     """Return how much of the time OP stands at a limit, and at which.
 
     Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three times as
@@ -162,6 +191,8 @@ def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
         if share <= best[0]:
             continue
         again = stays.size > 1 or share > 0.25
-        if certain or (again and stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()):
+        if certain or (
+            again and stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()
+        ):
             best = (float(share), float(extreme))
     return best

@@ -102,9 +102,13 @@ class LoopRecord:
             raise RecordError(f"{where}: {n} samples; at least 3 are needed")
         Ts = float(self.Ts)
         if not (np.isfinite(Ts) and Ts > 0):
-            raise RecordError(f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0")
+            raise RecordError(
+                f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0"
+            )
         if not _FASTEST <= Ts <= _SLOWEST:
-            raise RecordError(f"{where}: Ts = {Ts:g} s; a sampling period is {_FASTEST:g} to {_SLOWEST:g} s")
+            raise RecordError(
+                f"{where}: Ts = {Ts:g} s; a sampling period is {_FASTEST:g} to {_SLOWEST:g} s"
+            )
         object.__setattr__(self, "Ts", Ts)
         object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
         object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
@@ -191,7 +195,9 @@ class LoopRecord:
         import pandas as pd
 
         columns = {"t_s": self.t, "sp": self.sp, "op": self.op, "pv": self.pv, "mv": self.mv}
-        return pd.DataFrame({name: signal for name, signal in columns.items() if signal is not None})
+        return pd.DataFrame(
+            {name: signal for name, signal in columns.items() if signal is not None}
+        )
 
     def plot(self, **options: Any) -> Any:
         """Draw PV with SP above OP with MV, over time.
@@ -222,7 +228,14 @@ class LoopRecord:
     def _repr_html_(self) -> str:
         from detectors.views import page_part
 
-        facts = [f"{self.n} samples", f"Ts = {self.Ts:g} s", f"{self.duration:g} s", self.kind, self.process, *self.notes]
+        facts = [
+            f"{self.n} samples",
+            f"Ts = {self.Ts:g} s",
+            f"{self.duration:g} s",
+            self.kind,
+            self.process,
+            *self.notes,
+        ]
         about = ", ".join(fact for fact in facts if fact)
         frame = self.to_frame().drop(columns="t_s").describe().T[["min", "mean", "max", "std"]]
         return page_part(f"{self.tag or 'record'}: {about}", frame.reset_index(names="signal"))
@@ -293,7 +306,9 @@ class LoopRecord:
         columns = {str(c).strip().lower(): c for c in frame.columns}
         for name in ("op", "pv"):
             if name not in columns:
-                raise RecordError(f"no {name.upper()} column; columns are: {', '.join(map(str, frame.columns))}")
+                raise RecordError(
+                    f"no {name.upper()} column; columns are: {', '.join(map(str, frame.columns))}"
+                )
         time = columns.get("t_s", columns.get("t"))
         if Ts is None:
             if time is None:
@@ -301,7 +316,11 @@ class LoopRecord:
             if len(frame) < 3:
                 raise RecordError(f"{len(frame)} samples; at least 3 are needed")
             Ts = float(np.median(np.diff(frame[time].to_numpy(dtype=float))))
-        signals = {s: frame[columns[s]].to_numpy(dtype=float) for s in ("op", "pv", "sp", "mv") if s in columns}
+        signals = {
+            s: frame[columns[s]].to_numpy(dtype=float)
+            for s in ("op", "pv", "sp", "mv")
+            if s in columns
+        }
         return cls(Ts=Ts, **signals, **about)
 
 
@@ -311,12 +330,16 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     except (TypeError, ValueError):
         raise RecordError(f"{where}: {name.upper()} holds something that is no number") from None
     if array.ndim != 1:
-        raise RecordError(f"{where}: {name.upper()} has shape {array.shape}; one dimension is needed")
+        raise RecordError(
+            f"{where}: {name.upper()} has shape {array.shape}; one dimension is needed"
+        )
     if array.size != n:
         raise RecordError(f"{where}: {name.upper()} has {array.size} samples, PV has {n}")
     if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
-        raise RecordError(f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed")
+        raise RecordError(
+            f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed"
+        )
     largest = float(np.abs(array).max(initial=0.0))
     if largest > LARGEST or 0.0 < largest < _SMALLEST:
         allowed = f"0, or sizes from {_SMALLEST:g} to {LARGEST:g}, are needed"
@@ -325,7 +348,9 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     return array
 
 
-def _word(value: str | None, name: str, allowed: tuple[str, ...], aliases: dict[str, str], where: str) -> str | None:
+def _word(
+    value: str | None, name: str, allowed: tuple[str, ...], aliases: dict[str, str], where: str
+) -> str | None:
     if value is None or value == "":
         return None
     word = str(value).strip().lower().replace("_", "-").replace(" ", "-")

@@ -103,25 +103,36 @@ def as_record(
             raise RecordError(f"no {' and no '.join(missing)} given; a record is needed, {_HINT}")
         return LoopRecord(Ts=Ts, **signals, **about)
     if signals:
-        raise RecordError(f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed, {_HINT}")
+        raise RecordError(
+            f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed, {_HINT}"
+        )
     if isinstance(source, (str, Path)):
         return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
     if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "index")):
         return _of_table(source, Ts, about.pop("columns", None) or {}, about)
     record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
     if not isinstance(record, LoopRecord):
-        raise RecordError(f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is needed, {_HINT}")
+        raise RecordError(
+            f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is needed, {_HINT}"
+        )
     changes = about if Ts is None else {**about, "Ts": Ts}
     return replace(record, **changes) if changes else record
 
 
-def _of_table(table: Any, Ts: float | None, columns: Mapping[str, str], about: dict[str, Any]) -> LoopRecord:
+def _of_table(
+    table: Any, Ts: float | None, columns: Mapping[str, str], about: dict[str, Any]
+) -> LoopRecord:
     """Return the record in the columns of a DataFrame, or in the arrays of a mapping."""
-    names = {str(name).strip().lower(): name for name in (table.keys() if isinstance(table, Mapping) else table.columns)}
+    names = {
+        str(name).strip().lower(): name
+        for name in (table.keys() if isinstance(table, Mapping) else table.columns)
+    }
     names |= {role.lower(): name for role, name in columns.items()}
     for name in ("op", "pv"):
         if name not in names:
-            raise RecordError(f"no {name.upper()} column; columns are: {', '.join(map(str, table))}; {_HINT}")
+            raise RecordError(
+                f"no {name.upper()} column; columns are: {', '.join(map(str, table))}; {_HINT}"
+            )
     time = next((table[names[t]] for t in _TIMES if t in names), None)
     index = getattr(table, "index", None)
     if time is None and np.asarray(index).dtype.kind == "M":
@@ -133,7 +144,11 @@ def _of_table(table: Any, Ts: float | None, columns: Mapping[str, str], about: d
         if t.size < 3:
             raise RecordError(f"{t.size} samples; at least 3 are needed")
         steps = np.diff(t)
-        Ts = float(np.median(steps / np.timedelta64(1, "s") if t.dtype.kind == "M" else steps.astype(float)))
+        Ts = float(
+            np.median(
+                steps / np.timedelta64(1, "s") if t.dtype.kind == "M" else steps.astype(float)
+            )
+        )
     try:
         signals = {s: np.asarray(table[names[s]], dtype=float) for s in _SIGNALS if s in names}
     except (KeyError, TypeError, ValueError) as error:
@@ -152,19 +167,29 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
             continue
         name = _name_of(method)
         if name in own:
-            raise ParameterError(f"two detectors are called {name!r}; a name of its own is needed for each (attribute `name`)")
+            raise ParameterError(
+                f"two detectors are called {name!r}; a name of its own is needed for each (attribute `name`)"
+            )
         own[name] = method
         names.append(name)
     return names, own
 
 
 def _name_of(detector: Any) -> str:
-    if isinstance(detector, type) or not (callable(detector) or callable(getattr(detector, "detect", None))):
+    if isinstance(detector, type) or not (
+        callable(detector) or callable(getattr(detector, "detect", None))
+    ):
         form = "a method id, a function of a record, or an object with detect(record) is needed"
-        raise ParameterError(f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch', my_function])")
-    name = str(getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)).lower()
+        raise ParameterError(
+            f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch', my_function])"
+        )
+    name = str(
+        getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)
+    ).lower()
     if not name.isidentifier():
-        raise ParameterError(f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function, no lambda")
+        raise ParameterError(
+            f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function, no lambda"
+        )
     return name
 
 
@@ -196,12 +221,18 @@ def _verdict(name: str, answer: Any) -> Verdict:
     if isinstance(answer, Verdict):
         return answer.but(method=name)
     word, score = (
-        answer if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2 else (answer, None)
+        answer
+        if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2
+        else (answer, None)
     )
     word = bool(word) if isinstance(word, np.bool_) else word
     said = _WORDS.get(word) if word is None or isinstance(word, bool) else word
     if said not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a score, is needed"
-        raise AnswerError(f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5")
+        raise AnswerError(
+            f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5"
+        )
     certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(said), math.nan)
-    return Verdict(name, str(said), float(certain if score is None else score), reason=f"{name} says {said}")
+    return Verdict(
+        name, str(said), float(certain if score is None else score), reason=f"{name} says {said}"
+    )

@@ -16,7 +16,9 @@ from pathlib import Path
 from detectors.errors import UserError, masked, printable
 from detectors.records.roles import column_pairs
 
-LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+LOG = (
+    "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+)
 RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
 LOGS = 20  # kept there, the newest
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
@@ -24,7 +26,9 @@ TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
 _LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
 
-def exit_code(work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()) -> int:
+def exit_code(
+    work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()
+) -> int:
     """Run a command and return its exit code; a refusal that options would help ends with the command that has them."""
     # a daemon may have closed them
     for name in ("stdout", "stderr"):
@@ -37,7 +41,9 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception], command: 
             return int(work() or 0)
     except (UserError, *known) as error:
         cure = getattr(error, "cure", "")
-        return complain(f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error))
+        return complain(
+            f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error)
+        )
     except MemoryError:
         return complain("not enough memory for this; ask for fewer samples or scenarios")
     except BrokenPipeError:
@@ -45,11 +51,18 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception], command: 
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        kind = {NotADirectoryError: "; a folder is needed", IsADirectoryError: "; a file is needed"}.get(type(error), "")
-        return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}")
+        kind = {
+            NotADirectoryError: "; a folder is needed",
+            IsADirectoryError: "; a file is needed",
+        }.get(type(error), "")
+        return complain(
+            f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}"
+        )
     except RuntimeError as error:
         loop = str(error).startswith("Symlink loop")
-        return complain(f"{error}; a path that leads to a file or folder is needed" if loop else _fault(error))
+        return complain(
+            f"{error}; a path that leads to a file or folder is needed" if loop else _fault(error)
+        )
     except KeyboardInterrupt as error:
         print(masked(error) or "interrupted", file=sys.stderr)
         return 130
@@ -99,7 +112,10 @@ def cured(command: Sequence[str], cure: str) -> str:
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
     said = printable(masked(" ".join(sentence.split())))
-    print(f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
+    print(
+        f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}",
+        file=sys.stderr,
+    )
     return 2
 
 

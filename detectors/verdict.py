@@ -64,7 +64,9 @@ class Verdict:
     def __post_init__(self) -> None:
         """Refuse a verdict that is no known word, or one without a reason."""
         if self.verdict not in VERDICTS:
-            raise ValueError(f"{self.method}: verdict {self.verdict!r}; allowed: {', '.join(VERDICTS)}")
+            raise ValueError(
+                f"{self.method}: verdict {self.verdict!r}; allowed: {', '.join(VERDICTS)}"
+            )
         if not self.reason:
             raise ValueError(f"{self.method}: a verdict without a reason")
 
@@ -118,11 +120,15 @@ def wrong_types(v: Any) -> Iterator[str]:
         yield f"gives no reason for {v.verdict!r}"
     if not _number(v.score):
         yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
-    if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
+    if not isinstance(v.indices, dict) or not all(
+        isinstance(k, str) and _number(x) for k, x in v.indices.items()
+    ):
         yield f"gives the indices {v.indices!r}, names with numbers are needed"
     for key, level in (("S", v.S), ("J", v.J)):
         ends = level if isinstance(level, tuple) else (level,)
-        if level is not None and (len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)):
+        if level is not None and (
+            len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)
+        ):
             yield f"gives {key} = {level!r}, a finite number, (lo, hi) or None is needed"
     if v.applicable not in (True, False, None):
         yield f"gives applicable = {v.applicable!r}; true, false or None is needed"

@@ -16,5 +16,7 @@ def page_part(sentence: str, frame: pd.DataFrame) -> str:
     >>> page_part("S < 5", pd.DataFrame({"S": [1.23456]})).split("</p>")[0]
     '<p>S &lt; 5'
     """
-    table = frame.to_html(index=False, border=0, na_rep="", float_format=lambda x: f"{x:.3g}", max_rows=60)
+    table = frame.to_html(
+        index=False, border=0, na_rep="", float_format=lambda x: f"{x:.3g}", max_rows=60
+    )
     return f"<p>{escape(sentence)}</p>{table}"

@@ -60,7 +60,13 @@ class Rules:
     noise_ratio: float | None = None  # noise std over the twin's PV std
     w_Ti: float | None = None  # wanted 2 pi Ti / period
     warm_up: float | None = None  # periods simulated before the record
-    FIELDS: ClassVar[tuple[str, ...]] = ("samples_per_period", "periods", "noise_ratio", "w_Ti", "warm_up")
+    FIELDS: ClassVar[tuple[str, ...]] = (
+        "samples_per_period",
+        "periods",
+        "noise_ratio",
+        "w_Ti",
+        "warm_up",
+    )
 
     @property
     def empty(self) -> bool:
@@ -91,7 +97,9 @@ class WantedOscillation:
     """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or its own tuning."""
 
     period: float  # over that of the cycle that a sticky valve would cause in this loop
-    load: dict[str, Any] | None = None  # table of the load without amplitude, times in periods of this oscillation
+    load: dict[str, Any] | None = (
+        None  # table of the load without amplitude, times in periods of this oscillation
+    )
     wander: float = 0.0  # std of a slow load at the input over that of the oscillation in OP
 
 
@@ -131,15 +139,31 @@ def cell_group(
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
     twin_valve = _valve("choudhury", settings, where)
     twin = overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
-    names = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
+    names = (
+        "Td_over_T",
+        "Td_over_Ti",
+        "S_over_2J",
+        "noise_ratio",
+        "disturbance",
+        "tuning",
+        "samples_per_period",
+    )
     drafts = []
     for name, own, loads in members:
         tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
-            raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
+            raise SpecError(
+                f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
+            )
         mine = {**settings, **own, "tuning": settings["tuning"]}
-        valve, swing, own_rules = _valve(own["valve"].name, mine, where), own.get("oscillation"), _rules(mine)
-        loop = overridden(Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides)
+        valve, swing, own_rules = (
+            _valve(own["valve"].name, mine, where),
+            own.get("oscillation"),
+            _rules(mine),
+        )
+        loop = overridden(
+            Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides
+        )
         scale = CycleScale(*(float(mine[key]) / float(settings[key]) for key in ("S", "K", "T")))
         found = {key: own.get(key) for key in names}
         found.update(
@@ -154,11 +178,26 @@ def cell_group(
             S=0.0 if valve["model"] == "ideal" else mine["S"],
         )
         if "oscillation" in own:
-            cause = "none" if swing is None else BY_TUNING if swing.load is None else str(swing.load["type"])
+            cause = (
+                "none"
+                if swing is None
+                else BY_TUNING
+                if swing.load is None
+                else str(swing.load["type"])
+            )
             found.update(oscillation=cause, tuning="marginal" if cause == BY_TUNING else tuning)
         told = {**tags, **found}
-        more = (own["valve"], mine["effects"], float(mine.get("mv_noise", 0.0)), mine["sp_moves"], swing, scale)
-        drafts.append(Draft(loop, told, own_rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more))
+        more = (
+            own["valve"],
+            mine["effects"],
+            float(mine.get("mv_noise", 0.0)),
+            mine["sp_moves"],
+            swing,
+            scale,
+        )
+        drafts.append(
+            Draft(loop, told, own_rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more)
+        )
     return twin, rules, tuple(drafts)
 
 
@@ -199,14 +238,29 @@ def ultimate_gain(Td_over_T: float) -> float:
 
 
 def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
-    for key in ("K", "T", "S", "S_over_2J", "Td_over_T" if s["process"] == "foptd" else "Td_over_Ti"):
+    for key in (
+        "K",
+        "T",
+        "S",
+        "S_over_2J",
+        "Td_over_T" if s["process"] == "foptd" else "Td_over_Ti",
+    ):
         if key not in s:
             raise SpecError(f"{where}: {key} is needed, as axis or draw ({SETTINGS[key]})")
     if s["tuning"] not in FOPTD_LAG:
-        raise SpecError(f"{where}: tuning {s['tuning']!r} of the sticky twin, {suggestion(str(s['tuning']), FOPTD_LAG)}")
+        raise SpecError(
+            f"{where}: tuning {s['tuning']!r} of the sticky twin, {suggestion(str(s['tuning']), FOPTD_LAG)}"
+        )
     if s["excitation"] not in EXCITATIONS:
-        raise SpecError(f"{where}: excitation {s['excitation']!r}, {suggestion(str(s['excitation']), EXCITATIONS)}")
-    K, T, speed, rest = float(s["K"]), float(s["T"]), float(s["speed"]), float(s.get("pv_rest", _REST))
+        raise SpecError(
+            f"{where}: excitation {s['excitation']!r}, {suggestion(str(s['excitation']), EXCITATIONS)}"
+        )
+    K, T, speed, rest = (
+        float(s["K"]),
+        float(s["T"]),
+        float(s["speed"]),
+        float(s.get("pv_rest", _REST)),
+    )
     if s["process"] == "foptd":
         ratio = float(s["Td_over_T"])
         Td = ratio * T
@@ -222,8 +276,12 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         Kc = _INTEGRATING_GAIN[s["tuning"]] * speed * 4.0 / K
         size = s["S"] / Kc
     else:
-        raise SpecError(f"{where}: process {s['process']!r}, {suggestion(str(s['process']), ('foptd', 'integrating'))}")
-    controller = {"type": s["controller"], "Kc": Kc} | ({"Ti": Ti} if s["controller"] == "PI" else {})
+        raise SpecError(
+            f"{where}: process {s['process']!r}, {suggestion(str(s['process']), ('foptd', 'integrating'))}"
+        )
+    controller = {"type": s["controller"], "Kc": Kc} | (
+        {"Ti": Ti} if s["controller"] == "PI" else {}
+    )
     table: dict[str, Any] = {
         "plant": plant,
         "controller": controller,
@@ -238,7 +296,14 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         table["setpoint"]["steps"] = [[0.0, rest + step * size]]
     if s["excitation"] != "setpoint":
         # a load that is there from the first sample on: a ramp that takes no time
-        table["disturbance"] = [{"type": "ramp", "amplitude": abs(s["step"]) * s["S"], "period": 1e-3 * T, "at": "input"}]
+        table["disturbance"] = [
+            {
+                "type": "ramp",
+                "amplitude": abs(s["step"]) * s["S"],
+                "period": 1e-3 * T,
+                "at": "input",
+            }
+        ]
     return table
 
 
@@ -247,9 +312,15 @@ def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
         return {"model": "ideal"}
     S, ratio = float(s["S"]), float(s["S_over_2J"])
     if not ratio > 0:
-        raise SpecError(f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf")
+        raise SpecError(
+            f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf"
+        )
     if math.isinf(ratio):
-        return {"model": "deadband", "S": S} if model == "choudhury" else {"model": model, "S": S, "J": 0.0}
+        return (
+            {"model": "deadband", "S": S}
+            if model == "choudhury"
+            else {"model": model, "S": S, "J": 0.0}
+        )
     return {"model": model, "S": S, "J": S / (2.0 * ratio)}
 
 
@@ -257,4 +328,10 @@ def overridden(loop: Loop, overrides: Mapping[str, Value]) -> Loop:
     """Return a member's loop with the keys that have the last word."""
     # a healthy sibling has no S to set
     healthy = loop.valve.name == "ideal"
-    return loop.with_all({key: value for key, value in overrides.items() if not (healthy and key.partition(".")[0] == "valve")})
+    return loop.with_all(
+        {
+            key: value
+            for key, value in overrides.items()
+            if not (healthy and key.partition(".")[0] == "valve")
+        }
+    )

@@ -13,6 +13,10 @@ class SpecError(ValueError):
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Say which known words come nearest to a wrong one."""
     names = sorted(known)
-    close = get_close_matches(word, names, n=2, cutoff=0.5) or get_close_matches(word.lower(), [k.lower() for k in names], 1)
+    close = get_close_matches(word, names, n=2, cutoff=0.5) or get_close_matches(
+        word.lower(), [k.lower() for k in names], 1
+    )
     close = [k for k in names if k in close or k.lower() in close]
-    return f"did you mean {' or '.join(map(repr, close))}?" if close else f"known: {', '.join(names)}"
+    return (
+        f"did you mean {' or '.join(map(repr, close))}?" if close else f"known: {', '.join(names)}"
+    )

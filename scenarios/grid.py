@@ -14,7 +14,16 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
-from scenarios.cell import BY_TUNING, SETTINGS, Draft, Rules, Scaled, WantedOscillation, cell_group, loop_axes
+from scenarios.cell import (
+    BY_TUNING,
+    SETTINGS,
+    Draft,
+    Rules,
+    Scaled,
+    WantedOscillation,
+    cell_group,
+    loop_axes,
+)
 from scenarios.errors import SpecError, suggestion
 from scenarios.grid_check import MOST_CELLS, refuse_mistakes
 from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
@@ -36,13 +45,31 @@ _JITTER = {"none": (2.2, 11.0), "periodic": (0.8, 8.0), "changing": (1.0, 3.0)}
 _WANDER_POWER = 0.6  # of the noise ratio
 _FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardly less steady
 # settings of each member by itself where healthy loops are matched with sticky ones; K and T are its units of PV and time
-_OF_A_MEMBER = ("K", "T", "pv_rest", "op_rest", "mv_noise", "move", "moves", "periods", "samples_per_period", "warm_up")
-_PERIODIC, _BEAT = ("sine", "propagated"), 0.3  # loads with a period; logarithm of two periods that are kept apart
-_NOISE_SCATTER = 0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+_OF_A_MEMBER = (
+    "K",
+    "T",
+    "pv_rest",
+    "op_rest",
+    "mv_noise",
+    "move",
+    "moves",
+    "periods",
+    "samples_per_period",
+    "warm_up",
+)
+_PERIODIC, _BEAT = (
+    ("sine", "propagated"),
+    0.3,
+)  # loads with a period; logarithm of two periods that are kept apart
+_NOISE_SCATTER = (
+    0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
+)
 # Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky loops swing wider
 # under much noise, and kinks of their waves pass for noise where there is little: of a ratio of .02 .023 is seen, of .3 .26.
 _SAME_NOISE, _NOISE_POWER = 0.06, -0.12
-_PERIOD_SCATTER = 0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
+_PERIOD_SCATTER = (
+    0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
+)
 
 
 class Disturbance(_Table):
@@ -69,7 +96,9 @@ class More(_Table):
     def _known(self) -> Self:
         for key in self.scale:
             if key not in self.parameters:
-                raise ValueError(f"scale asks for {key!r}, which is none of the parameters, {suggestion(key, self.parameters)}")
+                raise ValueError(
+                    f"scale asks for {key!r}, which is none of the parameters, {suggestion(key, self.parameters)}"
+                )
         return self
 
     def drawn(self, name: str, rng: np.random.Generator) -> Scaled:
@@ -136,12 +165,16 @@ class GridFile(_Table):
         for block in self.block:
             for key in (*self.draw, *block.axes, *block.draw):
                 if key not in SETTINGS and not _of_loop(key):
-                    raise ValueError(f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
+                    raise ValueError(
+                        f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}"
+                    )
             for member in block.member:
                 for key in member.where:
                     if key not in block.axes:
                         none = f"where asks for {key!r}, which is none of its axes"
-                        raise ValueError(f"block {block.name!r}: {none}, {suggestion(key, block.axes)}")
+                        raise ValueError(
+                            f"block {block.name!r}: {none}, {suggestion(key, block.axes)}"
+                        )
         return self
 
 
@@ -154,7 +187,9 @@ class Group:
     """
 
     index: int  # place in the grid
-    twin: Loop  # the cell's sticky loop without noise and disturbance; its sampling is a first guess
+    twin: (
+        Loop  # the cell's sticky loop without noise and disturbance; its sampling is a first guess
+    )
     rules: Rules  # what is settled by running the twin
     drafts: tuple[Draft, ...]  # the members
 
@@ -221,7 +256,10 @@ class Grid:
             return self.cells
         # by counting what each member takes of each axis: a grid of a million cells is not listed for it
         return sum(
-            math.prod(sum(v in member.where.get(key, values) for v in values) for key, values in block.axes.items())
+            math.prod(
+                sum(v in member.where.get(key, values) for v in values)
+                for key, values in block.axes.items()
+            )
             for block in self.content.block
             for member in block.member
         )
@@ -236,7 +274,11 @@ class Grid:
 
     def samples(self, most: int = 200) -> list[int]:
         """Return a few groups that show every kind of cell: the first of each block, or most cells of a single loop."""
-        return [first for first, _ in self._cells] if self.content.block else list(range(min(self.cells, most)))
+        return (
+            [first for first, _ in self._cells]
+            if self.content.block
+            else list(range(min(self.cells, most)))
+        )
 
     def groups(self, start: int = 0, stop: int | None = None) -> Iterator[Group]:
         """Yield groups start..stop-1; repeats come last, so more of them only append."""
@@ -258,9 +300,15 @@ class Grid:
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
         # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
-        shared = np.random.default_rng([self.content.seed, repeat, number, *self._without(number, values, "disturbance")])
+        shared = np.random.default_rng(
+            [self.content.seed, repeat, number, *self._without(number, values, "disturbance")]
+        )
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
-        tags: dict[str, float | int | str | None] = {"grid": self.name, "cell": cell, "repeat": repeat}
+        tags: dict[str, float | int | str | None] = {
+            "grid": self.name,
+            "cell": cell,
+            "repeat": repeat,
+        }
         if self.content.loop is not None:
             return self._plain(index, values, rng, tags)
         block = self.content.block[number]
@@ -272,20 +320,31 @@ class Grid:
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
         settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
-        settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
+        settings["step"] = float(settings.get("step", 0.0)) * (
+            1.0 if shared.random() < 0.5 else -1.0
+        )
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
         settings["sp_moves"] = _moves(settings, shared)
         settings["seed"] = int(rng.integers(2**63))
         free = {key: ranges[key] for key in sorted(ranges) if key not in values}
         # a plant or valve set as a whole is the same in all; S is one for all sticky members, and not in another cell
-        whole = any(key.startswith(("plant", "controller.", "valve")) for key in (*settings, *self.overrides))
+        whole = any(
+            key.startswith(("plant", "controller.", "valve"))
+            for key in (*settings, *self.overrides)
+        )
         S = settings["S"] if whole or "S" not in free else draw(free["S"], each)
         members = []
         for member in self._present(number, values):
             own = dict(settings, valve=_pick(member.valve, rng))
             if self._matched:
-                own.update(self._apart(settings, {k: v for k, v in free.items() if not (whole and k in ("K", "T"))}, rng))
+                own.update(
+                    self._apart(
+                        settings,
+                        {k: v for k, v in free.items() if not (whole and k in ("K", "T"))},
+                        rng,
+                    )
+                )
                 own["S"] = S
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
@@ -294,8 +353,12 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.oscillation is not None:
-                own["noise_scatter"] *= (max(float(own.get("noise_ratio", 0.0)), 1e-6) / _SAME_NOISE) ** _NOISE_POWER
-                own["oscillation"] = self._oscillation(_pick(member.oscillation, rng), own, loads, rng)
+                own["noise_scatter"] *= (
+                    max(float(own.get("noise_ratio", 0.0)), 1e-6) / _SAME_NOISE
+                ) ** _NOISE_POWER
+                own["oscillation"] = self._oscillation(
+                    _pick(member.oscillation, rng), own, loads, rng
+                )
                 if own["oscillation"] is not None:
                     own["S"] = draw(ranges.get("S", S), rng)
             members.append((member.name, own, loads))
@@ -304,23 +367,36 @@ class Grid:
         keys = {key: settings.pop(key) for key in list(settings) if _of_loop(key)}
         overrides = {**keys, **self.overrides}
         tags.update({key: _told(value) for key, value in keys.items()})
-        twin, rules, drafts = cell_group(settings, members, tags, overrides, f"{self.name}, block {block.name!r}")
+        twin, rules, drafts = cell_group(
+            settings, members, tags, overrides, f"{self.name}, block {block.name!r}"
+        )
         return Group(index, twin, rules, drafts)
 
     @cached_property
     def _matched(self) -> bool:
-        return any(member.oscillation is not None for block in self.content.block for member in block.member)
+        return any(
+            member.oscillation is not None
+            for block in self.content.block
+            for member in block.member
+        )
 
-    def _apart(self, settings: Mapping[str, Any], free: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    def _apart(
+        self, settings: Mapping[str, Any], free: Mapping[str, Any], rng: np.random.Generator
+    ) -> dict[str, Any]:
         """Draw what one member has of its own, so that no number in a record tells which others are of its cell."""
         own = {key: draw(free[key], rng) for key in _OF_A_MEMBER if key in free}
         # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
-        own.update(seed=int(rng.integers(2**63)), noise_scatter=float(np.exp(_NOISE_SCATTER * rng.standard_normal())))
+        own.update(
+            seed=int(rng.integers(2**63)),
+            noise_scatter=float(np.exp(_NOISE_SCATTER * rng.standard_normal())),
+        )
         own["effects"] = self._effects(settings.get("effect", "none"), rng)
         own["sp_moves"] = _moves({**settings, **own}, rng)
         return own
 
-    def _plain(self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict) -> Group:
+    def _plain(
+        self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict
+    ) -> Group:
         assert self.content.loop is not None
         loop = Loop.from_table(self.content.loop, self.name)
         rules: dict[str, Any] = {}
@@ -339,16 +415,32 @@ class Grid:
             return ()
         d = self._named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
+        return (
+            {
+                "type": d.type,
+                "at": d.at,
+                "amplitude": draw(d.amplitude, rng),
+                "period": draw(d.period, rng),
+                **more,
+            },
+        )
 
     def _oscillation(
-        self, name: str, own: Mapping[str, Any], loads: Sequence[Mapping[str, Any]], rng: np.random.Generator
+        self,
+        name: str,
+        own: Mapping[str, Any],
+        loads: Sequence[Mapping[str, Any]],
+        rng: np.random.Generator,
     ) -> WantedOscillation | None:
         if name == "none":
             return None
         kinds = {load["type"] for load in loads}
         others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
-        noise = 1.0 if others == "changing" else min(float(own.get("noise_ratio", 0.0)) * own["noise_scatter"], _FULL_NOISE)
+        noise = (
+            1.0
+            if others == "changing"
+            else min(float(own.get("noise_ratio", 0.0)) * own["noise_scatter"], _FULL_NOISE)
+        )
         wander = noise**_WANDER_POWER * float(draw(_WANDER[others], rng))
         period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
         # no beat of two loads of nearly one period: a sticky loop follows such a load
@@ -363,11 +455,17 @@ class Grid:
         return WantedOscillation(period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
-        return () if name == "none" else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)
+        return (
+            ()
+            if name == "none"
+            else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)
+        )
 
     def _named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
         if name not in parts:
-            raise SpecError(f"{self.name}: {kind} {name!r} is unknown, {suggestion(str(name), ('none', *parts))}")
+            raise SpecError(
+                f"{self.name}: {kind} {name!r} is unknown, {suggestion(str(name), ('none', *parts))}"
+            )
         return parts[str(name)]
 
     def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
@@ -380,14 +478,20 @@ class Grid:
 
     def _without(self, number: int, values: Mapping[str, Value], left_out: str) -> list[int]:
         # a key of the loop file that has one value is no choice: it shifts no draw
-        axes = {key: choices for key, choices in self._axes[number].items() if not _of_loop(key) or len(choices) > 1}
+        axes = {
+            key: choices
+            for key, choices in self._axes[number].items()
+            if not _of_loop(key) or len(choices) > 1
+        }
         return [choices.index(values[key]) for key, choices in axes.items() if key != left_out]
 
     def _present(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
         if not self.content.block:
             return [Member(name="loop", valve="")]
         members = self.content.block[number].member
-        return [m for m in members if all(values[key] in allowed for key, allowed in m.where.items())]
+        return [
+            m for m in members if all(values[key] in allowed for key, allowed in m.where.items())
+        ]
 
 
 def draw(allowed: _Range | _Names, rng: np.random.Generator) -> float | str:
@@ -414,23 +518,39 @@ def _told(value: Any) -> float | int | str:
     """Return an axis value as a tag: a table by the name of its part, or written out like a list."""
     if not isinstance(value, (dict, list, tuple)):
         return value
-    names = [str(value[k]) for k in ("model", "type", "name") if isinstance(value, dict) and k in value]
-    more = {k: v for k, v in value.items() if k not in ("model", "type", "name")} if names else value
-    return " ".join([*names, json.dumps(more, separators=(",", ":"))] if more or not names else names)
+    names = [
+        str(value[k]) for k in ("model", "type", "name") if isinstance(value, dict) and k in value
+    ]
+    more = (
+        {k: v for k, v in value.items() if k not in ("model", "type", "name")} if names else value
+    )
+    return " ".join(
+        [*names, json.dumps(more, separators=(",", ":"))] if more or not names else names
+    )
 
 
-def _moves(settings: Mapping[str, Any], rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
+def _moves(
+    settings: Mapping[str, Any], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
     """Draw (time in periods, level in PV std) of the set-point steps, spread evenly over the record."""
     count = round(float(settings.get("moves", 0.0)))
     if count == 0:
         return ()
     times = np.sort(rng.uniform(0.0, float(settings["periods"]), count))
-    return tuple(zip(times.tolist(), (float(settings["move"]) * rng.uniform(-1.0, 1.0, count)).tolist(), strict=True))
+    return tuple(
+        zip(
+            times.tolist(),
+            (float(settings["move"]) * rng.uniform(-1.0, 1.0, count)).tolist(),
+            strict=True,
+        )
+    )
 
 
 def grid_names() -> list[str]:
     """Return the names of the grids that come with the package."""
-    return sorted(f.name[:-5] for f in (files("scenarios") / "grids").iterdir() if f.name.endswith(".toml"))
+    return sorted(
+        f.name[:-5] for f in (files("scenarios") / "grids").iterdir() if f.name.endswith(".toml")
+    )
 
 
 def load_grid(
@@ -441,7 +561,10 @@ def load_grid(
 ) -> Grid:
     """Read a grid by name or from a file; one with more cells is refused."""
     if str(name) in grid_names():
-        label, table = str(name), read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml")))
+        label, table = (
+            str(name),
+            read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml"))),
+        )
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label, table = Path(name).stem, read_toml(name)
     else:
@@ -450,7 +573,9 @@ def load_grid(
         return make_grid(table, label, sets, axes, most_cells)
     except SpecError as error:
         if label == str(name):  # one of the house: what was asked of it is wrong
-            raise SpecError(f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3") from None
+            raise SpecError(
+                f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3"
+            ) from None
         raise SpecError(f"{error}; {_smallest(table)}") from None
 
 
@@ -478,7 +603,9 @@ def make_grid(
     """Build a grid from the table that its TOML file would give; arguments and errors as `load_grid`."""
     table = dict(table)
     overrides: dict[str, Value] = {}
-    changed: dict[str, tuple[Value, ...]] = {key: tuple(values) for key, values in (axes or {}).items()}
+    changed: dict[str, tuple[Value, ...]] = {
+        key: tuple(values) for key, values in (axes or {}).items()
+    }
     for key, value in (sets or {}).items():
         if key in _GRID_KEYS:
             table[key] = int(value) if isinstance(value, float) and value.is_integer() else value
@@ -487,26 +614,45 @@ def make_grid(
         elif "." in key or "loop" in table:
             overrides[key] = value
         else:
-            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}")
+            raise SpecError(
+                f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}"
+            )
     blocks = table["block"] if isinstance(table.get("block"), list) else []
     for axes_of in [part.get("axes") for part in (table, *blocks) if isinstance(part, dict)]:
         for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
             if isinstance(values, list) and len(values) > _MOST_VALUES:
-                raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed")
+                raise SpecError(
+                    f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed"
+                )
     content = checked(GridFile, table, name)
     # an axis replaced from outside may leave a member no value; a file that allows none is mistaken
-    for block, member, key in [(b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v]:
-        raise SpecError(f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one is needed")
+    for block, member, key in [
+        (b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v
+    ]:
+        raise SpecError(
+            f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one is needed"
+        )
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:
-        if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
-            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}")
+        if key not in Rules.FIELDS and (
+            key.partition(".")[0] not in Loop.model_fields or "." not in key
+        ):
+            raise SpecError(
+                f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}"
+            )
     grid = Grid(name, content, overrides)
     refuse_mistakes(grid, most_cells)
     untouched = not changed and not overrides
-    per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
-    if untouched and content.expected is not None and "repeats" not in (sets or {}) and len(grid) != per_repeat:
+    per_repeat = content.expected and content.expected * content.repeats // int(
+        table.get("repeats", 1)
+    )
+    if (
+        untouched
+        and content.expected is not None
+        and "repeats" not in (sets or {})
+        and len(grid) != per_repeat
+    ):
         said = f"{len(grid)} scenarios, but expected = {content.expected}"
         raise SpecError(f"{name}: {said}; the number it has is needed, or no such key")
     return grid
@@ -524,18 +670,29 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     for block in content.block:
         # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs its own of the two
         processes = axes.get("process", block.axes.get("process", (block.process,)))
-        needed = {"Td_over_Ti" if process == "integrating" else "Td_over_T" for process in processes}
+        needed = {
+            "Td_over_Ti" if process == "integrating" else "Td_over_T" for process in processes
+        }
         alien = {"Td_over_T", "Td_over_Ti"} - needed
         own = {*block.axes, *block.draw, *content.draw, *needed}
         fitting = {k: v for k, v in axes.items() if k not in alien and (k in own or k not in known)}
-        members = tuple(m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member)
-        blocks.append(block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members}))
+        members = tuple(
+            m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member
+        )
+        blocks.append(
+            block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members})
+        )
     return content.model_copy(update={"block": tuple(blocks)})
 
 
-def _narrowed(where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Value, ...]]) -> dict[str, tuple[Value, ...]]:
+def _narrowed(
+    where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Value, ...]]
+) -> dict[str, tuple[Value, ...]]:
     # a member kept to a few values of an axis stays with those that the new axis still has
-    return {key: tuple(v for v in allowed if key not in axes or v in axes[key]) for key, allowed in where.items()}
+    return {
+        key: tuple(v for v in allowed if key not in axes or v in axes[key])
+        for key, allowed in where.items()
+    }
 
 
 def chunks(grid: Grid) -> Iterator[tuple[int, int]]:

@@ -20,7 +20,9 @@ SETTING_LIMITS = {
     "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "warm_up": (0.0, 1e3), "op_rest": (0.0, 100.0),
     "moves": (0.0, 1e4), "move": (0.0, 1e3),
 }  # fmt: skip
-_PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")  # of a grid, in a mistake's sentence
+_PLACE = re.compile(
+    r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)"
+)  # of a grid, in a mistake's sentence
 _ATS = ("input", "output")
 
 
@@ -37,7 +39,10 @@ def say(name: str, mistakes: list[str]) -> None:
     places: dict[str, list[str]] = {}
     for mistake in mistakes:
         places.setdefault(_PLACE.sub("", mistake), []).append(mistake)
-    told = [f"{many[0]} (the same in {len(many) - 1} more)" if many[1:] else many[0] for many in places.values()]
+    told = [
+        f"{many[0]} (the same in {len(many) - 1} more)" if many[1:] else many[0]
+        for many in places.values()
+    ]
     if told:
         more = f"; and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
         raise SpecError(f"{name}: {'; '.join(told[:_SHOWN])}{more}")
@@ -57,7 +62,11 @@ def _mistakes(content: Any) -> Iterator[str]:
         where = f"disturbance {name!r}"
         if load.at not in _ATS:
             yield f"{where}: at = {load.at!r} is unknown, {suggestion(load.at, _ATS)}"
-        for key, value in (("amplitude", load.amplitude), ("period", load.period), *load.parameters.items()):
+        for key, value in (
+            ("amplitude", load.amplitude),
+            ("period", load.period),
+            *load.parameters.items(),
+        ):
             yield from _range(f"{where}: {key}", value)
     for kind, parts in (("valve", content.valves), ("effect", content.effects)):
         for name, part in parts.items():
@@ -137,7 +146,11 @@ def _settings(where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple])
     for key, value in ranges.items():
         place = f"{where} {key}"
         if key in TAG_WORDS:
-            yield from _names(place, value, known.get(key)) if _is_words(value) else [f"{place} = {value!r}; words are needed"]
+            yield from (
+                _names(place, value, known.get(key))
+                if _is_words(value)
+                else [f"{place} = {value!r}; words are needed"]
+            )
         elif key in SETTINGS and (isinstance(value, str) or _is_words(value)):
             yield f"{place} = {value!r}; a number, or [lo, hi], is needed"
         else:
@@ -148,7 +161,9 @@ def _settings(where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple])
 
 
 def _is_words(value: Any) -> bool:
-    return isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
+    return isinstance(value, str) or (
+        isinstance(value, tuple) and all(isinstance(v, str) for v in value)
+    )
 
 
 def _range(where: str, value: Any) -> Iterator[str]:

@@ -21,7 +21,9 @@ class _Stratum(NamedTuple):
     member: Member
     first: int  # cell of the block
     sizes: tuple[int, ...]  # number of values of each axis
-    allowed: tuple[tuple[int, ...], ...]  # places of the values that the member takes, for each axis
+    allowed: tuple[
+        tuple[int, ...], ...
+    ]  # places of the values that the member takes, for each axis
     repeats: int
 
     @property
@@ -54,7 +56,9 @@ class Sample(Grid):
     def of(cls, grid: Grid, points: int) -> Sample:
         """Return a sample of a grid; SpecError where it has fewer scenarios, or less than one is asked for."""
         if not 1 <= points <= len(grid):
-            raise SpecError(f"{grid.name}: {points} points; 1 to {len(grid)} are allowed, as it has so many scenarios")
+            raise SpecError(
+                f"{grid.name}: {points} points; 1 to {len(grid)} are allowed, as it has so many scenarios"
+            )
         return cls(grid.name, grid.content, grid.overrides, points)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -106,7 +110,9 @@ class Sample(Grid):
             return list(range(min(self.group_count, most)))
         cells = np.array(self._numbers) % self.cells
         starts = [first for first, _ in self._cells]
-        return np.unique(np.searchsorted(starts, cells, side="right"), return_index=True)[1].tolist()
+        return np.unique(np.searchsorted(starts, cells, side="right"), return_index=True)[
+            1
+        ].tolist()
 
     def group(self, index: int) -> Group:
         """Build the group that stands at a place of the sample, with the members that were drawn."""
@@ -134,5 +140,9 @@ class Sample(Grid):
         for part in range(self.points):
             lo, hi = part * total // self.points, (part + 1) * total // self.points
             # parts are whole numbers long: by this rounding the longer ones get their share
-            count = math.floor(start + hi * self.points / total) - math.floor(start + lo * self.points / total)
-            yield from sorted(lo + i for i in rng.choice(hi - lo, min(count, hi - lo), replace=False).tolist())
+            count = math.floor(start + hi * self.points / total) - math.floor(
+                start + lo * self.points / total
+            )
+            yield from sorted(
+                lo + i for i in rng.choice(hi - lo, min(count, hi - lo), replace=False).tolist()
+            )

@@ -11,7 +11,15 @@ from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from scenarios.errors import SpecError, suggestion
 from scenarios.polynomials import checked_polynomials
@@ -73,16 +81,23 @@ class Plant(_Table):
             raise ValueError("K = 0; the valve must act on PV")
         for name in ("num", "den"):
             if self.type in ("foptd", "integrating") and getattr(self, name) is not None:
-                raise ValueError(f"{name} belongs to a plant of type 'tf'; {self.type} needs K{', T' * (self.type == 'foptd')}")
+                raise ValueError(
+                    f"{name} belongs to a plant of type 'tf'; {self.type} needs K{', T' * (self.type == 'foptd')}"
+                )
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
         if self.type == "integrating" and self.T is not None:
-            raise ValueError(f"T = {self.T}; an integrating plant has no time constant, no T is needed")
+            raise ValueError(
+                f"T = {self.T}; an integrating plant has no time constant, no T is needed"
+            )
         return self
 
     @model_serializer(mode="wrap")
     def _written(self, handler: Any) -> dict[str, Any]:
-        return _flat(handler(self), {"tf": ("K", "T")}.get(self.type, ()) if self.parameters is None else ("K", "T"))
+        return _flat(
+            handler(self),
+            {"tf": ("K", "T")}.get(self.type, ()) if self.parameters is None else ("K", "T"),
+        )
 
     @property
     def integrating(self) -> bool:
@@ -120,7 +135,11 @@ class Controller(_Table):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, table: Any) -> Any:
-        if not isinstance(table, dict) or not isinstance(table.get("type"), str) or table["type"] in CONTROLLER_TYPES:
+        if (
+            not isinstance(table, dict)
+            or not isinstance(table.get("type"), str)
+            or table["type"] in CONTROLLER_TYPES
+        ):
             return table
         _refuse_misspelt(table["type"], CONTROLLER_TYPES)
         return _read_plugin(table, ("type", "direction"), {"Kc": 1.0})
@@ -128,17 +147,23 @@ class Controller(_Table):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if self.type in ("PI", "PID") and self.Ti is None:
-            raise ValueError(f"Ti is missing; a {self.type} controller needs an integral time above 0 s")
+            raise ValueError(
+                f"Ti is missing; a {self.type} controller needs an integral time above 0 s"
+            )
         if self.type == "P" and self.Ti is not None:
             raise ValueError(f"Ti = {self.Ti}; a P controller has none, no Ti is needed")
         for name in _OF_PID if self.type in ("P", "PI") else ():
             if getattr(self, name) is not None:
-                raise ValueError(f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID' is needed")
+                raise ValueError(
+                    f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID' is needed"
+                )
         points = [x for x, _ in self.schedule or ()]
         if self.schedule is not None and (not points or points != sorted(set(points))):
             raise ValueError("schedule needs [[value, factor], ...] with rising values")
         if self.schedule_on is not None and self.schedule is None:
-            raise ValueError(f"schedule_on = {self.schedule_on!r} without a schedule; [[value, factor], ...] is needed")
+            raise ValueError(
+                f"schedule_on = {self.schedule_on!r} without a schedule; [[value, factor], ...] is needed"
+            )
         return self
 
     @model_serializer(mode="wrap")
@@ -166,10 +191,14 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     """Return a table of num and den with the K, and of a first-order plant the T, that follow from them."""
     given = [name for name in ("K", "T") if table.get(name) is not None]
     if given:
-        raise ValueError(f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td")
+        raise ValueError(
+            f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td"
+        )
     for name in ("num", "den"):
         if table.get(name) is None:
-            raise ValueError(f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling powers of s")
+            raise ValueError(
+                f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling powers of s"
+            )
     num, den = checked_polynomials(table["num"], table["den"])
     order, integrating = den.size - 1, den[-1] == 0.0
     K = float(num[-1] / den[-2 if integrating else -1])
@@ -177,12 +206,18 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
 
 
-def _read_plugin(table: dict[str, Any], common: tuple[str, ...], default: dict[str, float]) -> dict[str, Any]:
+def _read_plugin(
+    table: dict[str, Any], common: tuple[str, ...], default: dict[str, float]
+) -> dict[str, Any]:
     """Return the table of a plug-in with its own parameters apart; what they share with the built-in parts counts as theirs."""
     own = {k: v for k, v in table.items() if k not in (*common, "parameters")}
     own.update(table.get("parameters") or {})
     wanted = ("K", "T") if "K" in default else ("Kc", "Ti")
-    known = {k: own[k] for k in wanted if isinstance(own.get(k), (int, float)) and not isinstance(own[k], bool) and own[k]}
+    known = {
+        k: own[k]
+        for k in wanted
+        if isinstance(own.get(k), (int, float)) and not isinstance(own[k], bool) and own[k]
+    }
     return {**{k: table[k] for k in common if k in table}, **default, **known, "parameters": own}
 
 
@@ -242,9 +277,13 @@ class Outer(_Table):
             kinds = f"plants {', '.join(PLANT_TYPES)} and controllers {', '.join(CONTROLLER_TYPES)}"
             raise ValueError(f"an outer loop takes no plug-in; {kinds} are allowed")
         if not self.sp_span[0] < self.sp_span[1]:
-            raise ValueError(f"sp_span = {list(self.sp_span)}; the set points at 0 and 100 % are needed, rising")
+            raise ValueError(
+                f"sp_span = {list(self.sp_span)}; the set points at 0 and 100 % are needed, rising"
+            )
         if self.controller.sign * self.plant.K < 0:
-            raise ValueError(f"positive feedback: outer plant K = {self.plant.K} under direction {self.controller.direction!r}")
+            raise ValueError(
+                f"positive feedback: outer plant K = {self.plant.K} under direction {self.controller.direction!r}"
+            )
         return self
 
 
@@ -303,10 +342,14 @@ class Loop(_Table):
         if self.outer is None:
             return self
         if self.setpoint.steps:
-            raise ValueError("setpoint.steps: the set point of an inner loop is the outer OP; steps belong to [outer.setpoint]")
+            raise ValueError(
+                "setpoint.steps: the set point of an inner loop is the outer OP; steps belong to [outer.setpoint]"
+            )
         lo, hi = self.outer.sp_span
         if not lo <= self.pv0 <= hi:
-            raise ValueError(f"PV rests at {self.pv0:g}, which the outer OP cannot ask for: sp_span = [{lo:g}, {hi:g}]")
+            raise ValueError(
+                f"PV rests at {self.pv0:g}, which the outer OP cannot ask for: sp_span = [{lo:g}, {hi:g}]"
+            )
         return self
 
     @model_validator(mode="after")
@@ -322,7 +365,9 @@ class Loop(_Table):
     def _delay_that_fits(self) -> Self:
         Td, Ts = self.plant.Td, self.sampling.Ts
         if Td > MAX_SAMPLES * Ts:
-            raise ValueError(f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES} are simulated")
+            raise ValueError(
+                f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES} are simulated"
+            )
         return self
 
     @property
@@ -433,9 +478,15 @@ class Loop(_Table):
         table = self.to_table()
         for key, value in sorted(changes.items(), key=lambda change: "." in change[0]):
             section, dot, name = key.partition(".")
-            if section not in Loop.model_fields or (dot and not name) or not (name or isinstance(value, (dict, list, tuple))):
+            if (
+                section not in Loop.model_fields
+                or (dot and not name)
+                or not (name or isinstance(value, (dict, list, tuple)))
+            ):
                 known = suggestion(section, Loop.model_fields)
-                raise SpecError(f"key {key!r} is not section.name, nor a section with a table for its value: {known}")
+                raise SpecError(
+                    f"key {key!r} is not section.name, nor a section with a table for its value: {known}"
+                )
             if not name:
                 table[section] = value
                 continue
@@ -444,7 +495,9 @@ class Loop(_Table):
                     f"key {key!r}: [[{section}]] is a list and cannot be set by name; {section} = [...] sets it whole"
                 )
             table[section] = {**table.get(section, {}), name: value}
-        return type(self).from_table(table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}")
+        return type(self).from_table(
+            table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}"
+        )
 
 
 class Scenario(_Table):
@@ -492,7 +545,9 @@ def load_loop(path: str | Path) -> Loop:
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file or say in one sentence why not."""
-    if (file := Path(path)).exists() and not file.is_file() and not file.is_dir():  # a pipe would be waited for
+    if (
+        (file := Path(path)).exists() and not file.is_file() and not file.is_dir()
+    ):  # a pipe would be waited for
         raise SpecError(f"{path} is no file; a TOML file is needed")
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -505,11 +560,17 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise SpecError(f"{path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"{path} is no valid TOML: {error}; lines of NAME = VALUE and [SECTION] are needed") from None
+        raise SpecError(
+            f"{path} is no valid TOML: {error}; lines of NAME = VALUE and [SECTION] are needed"
+        ) from None
     except RecursionError:
-        raise SpecError(f"{path} cannot be read: its values are nested too deeply; some ten levels are allowed") from None
+        raise SpecError(
+            f"{path} cannot be read: its values are nested too deeply; some ten levels are allowed"
+        ) from None
     except ValueError:  # Python's own limit on whole numbers
-        raise SpecError(f"{path} cannot be read: it holds a number of more than 4300 digits; shorter ones are needed") from None
+        raise SpecError(
+            f"{path} cannot be read: it holds a number of more than 4300 digits; shorter ones are needed"
+        ) from None
 
 
 def checked(model: type[M], table: dict[str, Any], where: str) -> M:
@@ -519,7 +580,9 @@ def checked(model: type[M], table: dict[str, Any], where: str) -> M:
     except ValidationError as error:
         raise SpecError(f"{where}: {_sentences(model, error.errors(), table)}") from None
     except RecursionError:
-        raise SpecError(f"{where}: its values are nested too deeply; some ten levels are allowed") from None
+        raise SpecError(
+            f"{where}: its values are nested too deeply; some ten levels are allowed"
+        ) from None
 
 
 def content_hash(content: Any) -> str:
@@ -581,8 +644,12 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
             value = table
             for step in key:
                 value = value[step]
-            clauses.append(f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are needed")
-    return "; ".join(clauses[:_MOST_CLAUSES]) + ("; and more" if len(clauses) > _MOST_CLAUSES else "")
+            clauses.append(
+                f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are needed"
+            )
+    return "; ".join(clauses[:_MOST_CLAUSES]) + (
+        "; and more" if len(clauses) > _MOST_CLAUSES else ""
+    )
 
 
 def _key(loc: tuple, table: Any, missing: bool) -> tuple:
@@ -614,7 +681,9 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     if kind == "value_error":
         return f"[{place}] {message}" if place else message
     if kind == "literal_error":
-        allowed = [w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")]
+        allowed = [
+            w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")
+        ]
         return f"{place} = {_short(value)} is unknown; {suggestion(str(value), allowed)}"
     return f"{place} = {_short(value)}; {message[0].lower()}{message[1:]}"
 
@@ -630,6 +699,10 @@ def _short(value: Any) -> str:
 def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:
     for step in path:
         field = model.model_fields.get(str(step))
-        if field is not None and isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+        if (
+            field is not None
+            and isinstance(field.annotation, type)
+            and issubclass(field.annotation, BaseModel)
+        ):
             model = field.annotation
     return list(model.model_fields)

@@ -23,7 +23,9 @@ def catalogue(what: str) -> list[dict[str, str]]:
     if what == "grids":
         from scenarios.grid import grid_names, load_grid
 
-        return [{"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()]
+        return [
+            {"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()
+        ]
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
     for name in sorted({*folder.names(), *folder.lent}):

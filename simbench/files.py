@@ -19,7 +19,17 @@ from detectors.record import LoopRecord
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
+_READ = (
+    ".csv",
+    ".json",
+    ".mat",
+    ".parquet",
+    ".pq",
+    ".toml",
+    ".txt",
+    ".xls",
+    ".xlsx",
+)  # what commands read of a folder
 # `Path` makes one slash of two; a single letter is a drive
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
@@ -39,7 +49,9 @@ _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslas
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
 _STARTS = r"[=@]|[+-](?![\d.,e+\- ]*(?:$|[;\t]))"
-_FORMULA = re.compile(rf"(^|[;\t])(\s*)(?={_STARTS})")  # a spreadsheet of many countries splits at semicolons, too
+_FORMULA = re.compile(
+    rf"(^|[;\t])(\s*)(?={_STARTS})"
+)  # a spreadsheet of many countries splits at semicolons, too
 
 
 class FileError(UserError, OSError):
@@ -63,7 +75,9 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         if not special:
             temporary.replace(path)
     except OSError as error:
-        raise FileError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}") from error
+        raise FileError(
+            f"{path} cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from error
     finally:
         if not special:
             with contextlib.suppress(OSError):
@@ -73,7 +87,9 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
 def remove_stale_temporaries(place: Path) -> None:
     """Remove what killed processes of this machine left half-written in a folder."""
     for file in place.glob(f".*.{HOST}.*"):
-        with contextlib.suppress(OSError, ValueError):  # an open file of another process cannot be removed on Windows
+        with contextlib.suppress(
+            OSError, ValueError
+        ):  # an open file of another process cannot be removed on Windows
             if os.name != "posix" or not _lives(int(file.suffix[1:])):
                 file.unlink()
 
@@ -91,7 +107,9 @@ def _lives(process: int) -> bool:
 def _local(path: str | Path) -> Path:
     url = URL.match(str(path))
     if url is not None:
-        raise FileError(f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
+        raise FileError(
+            f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine"
+        )
     return Path(path)
 
 
@@ -103,21 +121,31 @@ def picture_kind(path: str | Path) -> str:
     return kind
 
 
-def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:
+def refuse_own_input(
+    outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]
+) -> None:
     """Refuse, before any work, to write over what is read, two things into one file, or where nothing can stand."""
     wanted = [Path(p) for p in outputs if p is not None]
     if not wanted:
         return
     read: set[Path] = set()
     for path in (Path(p) for p in inputs if p is not None):
-        inside = [f for f in path.rglob("*") if f.suffix.lower() in _READ] if path.is_dir() else [path]
+        inside = (
+            [f for f in path.rglob("*") if f.suffix.lower() in _READ] if path.is_dir() else [path]
+        )
         read |= {_real(f) for f in inside}
     for path in map(_local, wanted):
         if _real(path) in read:
-            raise FileError(f"{path} is read by this command; it is not written over, name another file")
+            raise FileError(
+                f"{path} is read by this command; it is not written over, name another file"
+            )
         if path.is_symlink() and _real(path).is_symlink():
-            raise FileError(f"{path} cannot be written: it is a link that leads back to itself; name another file")
-        if [_real(p) for p in wanted].count(_real(path)) > 1 and (path.is_file() or not path.exists()):
+            raise FileError(
+                f"{path} cannot be written: it is a link that leads back to itself; name another file"
+            )
+        if [_real(p) for p in wanted].count(_real(path)) > 1 and (
+            path.is_file() or not path.exists()
+        ):
             raise FileError(f"{path} is named for two outputs; each needs a file of its own")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
@@ -140,7 +168,9 @@ def folder(path: str | Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}") from None
+        raise FileError(
+            f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}"
+        ) from None
     if not _writable(path):
         raise FileError(f"folder {path} cannot be written: permission denied")
     return path
@@ -169,7 +199,11 @@ def plain_cell(value: Any) -> Any:
 def csv_text(table: DataFrame, **how: Any) -> str:
     """Return a table as CSV without its index, its texts and names by `plain_cell`."""
     texts = {name: table[name].map(plain_cell) for name in table.select_dtypes(exclude="number")}
-    return table.assign(**texts).rename(columns=plain_cell).to_csv(index=False, lineterminator="\n", **how)
+    return (
+        table.assign(**texts)
+        .rename(columns=plain_cell)
+        .to_csv(index=False, lineterminator="\n", **how)
+    )
 
 
 def write_table(table: DataFrame, path: str | Path, **how: Any) -> None:

@@ -39,7 +39,9 @@ def matches(content: bytes, commitment: str) -> bool:
 def refuse_key_inside(what: str, key: Path, place: Path) -> None:
     """Raise ParameterError when a key would be handed out with the folder that it opens; `what` begins the sentence."""
     if place.resolve() in (key.resolve(), *key.resolve().parents):
-        raise ParameterError(f"{what}: the key {key} would lie inside {place}; another folder is needed")
+        raise ParameterError(
+            f"{what}: the key {key} would lie inside {place}; another folder is needed"
+        )
 
 
 def refuse_unwritable_key(key: Path) -> None:
@@ -70,7 +72,11 @@ def read_key(what: str, key: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def ask_in_processes(
-    ask: Callable[..., Any], questions: Mapping[str, tuple], jobs: int, begin: Callable[..., None] | None = None, *given: Any
+    ask: Callable[..., Any],
+    questions: Mapping[str, tuple],
+    jobs: int,
+    begin: Callable[..., None] | None = None,
+    *given: Any,
 ) -> Iterator[tuple[str, Any]]:
     """Yield the name of each question with what `ask` returns, in the order in which answers come.
 
@@ -82,13 +88,17 @@ def ask_in_processes(
         return
     workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(begin, given))
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, initializer=_begin, initargs=(begin, given)
+    )
     try:
         asked = {pool.submit(ask, *question): name for name, question in questions.items()}
         for done in as_completed(asked):
             yield asked[done], done.result()
     except BrokenProcessPool:
-        raise UserError("a worker process died; fewer jobs may leave each more memory: resume the same command") from None
+        raise UserError(
+            "a worker process died; fewer jobs may leave each more memory: resume the same command"
+        ) from None
     finally:
         pool.shutdown(cancel_futures=True)
 

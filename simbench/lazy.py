@@ -9,11 +9,19 @@ from pathlib import Path
 from typing import Any
 
 
-def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def attach(
+    package: str, file: str
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub."""
     # A wrong name raises AttributeError that says the nearest right one.
     lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
-    homes = {a.name: str(line.module) for line in lines if isinstance(line, ast.ImportFrom) for a in line.names if a.asname}
+    homes = {
+        a.name: str(line.module)
+        for line in lines
+        if isinstance(line, ast.ImportFrom)
+        for a in line.names
+        if a.asname
+    }
     names = sorted(homes)
 
     def load(name: str) -> Any:
@@ -24,9 +32,17 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         if name not in homes:
             raise AttributeError(_unknown(package, name, names))
         home = homes[name]
-        return import_module(f"{home}.{name}") if home == package else getattr(import_module(home), name)
+        return (
+            import_module(f"{home}.{name}")
+            if home == package
+            else getattr(import_module(home), name)
+        )
 
-    return load, lambda: [*names, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"], names
+    return (
+        load,
+        lambda: [*names, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"],
+        names,
+    )
 
 
 def _unknown(package: str, name: str, names: list[str]) -> str:

@@ -24,7 +24,11 @@ class Progress(tqdm):
         """Draw the bar, or write its line."""
         if not self._lines:
             return super().display(msg, pos)
-        print(self.format_meter(**{**self.format_dict, "ncols": None, "bar_format": _LINE}), file=sys.stderr, flush=True)
+        print(
+            self.format_meter(**{**self.format_dict, "ncols": None, "bar_format": _LINE}),
+            file=sys.stderr,
+            flush=True,
+        )
         return True
 
     def close(self) -> None:

@@ -117,7 +117,9 @@ class Loop(spec.Loop):
 
     def __init__(self, **sections: Unpack[_Sections]) -> None:
         table: dict[str, Any] = dict(sections)
-        if not isinstance(table.get("plant", {}), (Mapping, spec.Plant)) and hasattr(table["plant"], "ninputs"):
+        if not isinstance(table.get("plant", {}), (Mapping, spec.Plant)) and hasattr(
+            table["plant"], "ninputs"
+        ):
             table["plant"] = table_of(table["plant"])
         checked = spec.Loop.from_table(table, "Loop")
         super().__init__(**dict(checked))  # pyright: ignore[reportCallIssue]
@@ -188,12 +190,16 @@ class Loop(spec.Loop):
         rows = []
         for section, content in self.to_table().items():
             for part in content if isinstance(content, list) else [content]:
-                rows += [{"section": section, "key": key, "value": value} for key, value in part.items()]
+                rows += [
+                    {"section": section, "key": key, "value": value} for key, value in part.items()
+                ]
         return pd.DataFrame(rows)
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()
-        return page_part(f"loop with valve model {self.valve.name}", frame.assign(value=frame["value"].map(str)))
+        return page_part(
+            f"loop with valve model {self.valve.name}", frame.assign(value=frame["value"].map(str))
+        )
 
 
 def load_loop(path: str | Path) -> Loop:

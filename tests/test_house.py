@@ -15,7 +15,9 @@ import simbench
 from simbench.loop.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
-FILES = sorted(p for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py"))
+FILES = sorted(
+    p for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py")
+)
 NAMES = [str(p.relative_to(ROOT)) for p in FILES]
 
 
@@ -26,8 +28,22 @@ def test_imported_package_is_ours_and_not_a_namesake_from_pypi(package):
 
 def test_importing_detectors_loads_nothing_heavy():
     code = "import sys, detectors, detectors.judge; print(','.join(sys.modules))"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
-    for heavy in ("numba", "pandas", "matplotlib", "scipy.stats", "scipy.signal", "control", "joblib", "simbench", "scenarios"):
+    loaded = (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        .stdout.strip()
+        .split(",")
+    )
+    for heavy in (
+        "numba",
+        "pandas",
+        "matplotlib",
+        "scipy.stats",
+        "scipy.signal",
+        "control",
+        "joblib",
+        "simbench",
+        "scenarios",
+    ):
         assert heavy not in loaded
 
 
@@ -49,7 +65,9 @@ def test_public_functions_describe_their_parameters(path):
         doc = ast.get_docstring(node) or ""
         assert doc, f"{node.name} has no docstring"
         if "Parameters\n" in doc:
-            section = doc.split("Parameters\n", 1)[1].split("\n\n", 1)[0] if "Returns" not in doc else doc
+            section = (
+                doc.split("Parameters\n", 1)[1].split("\n\n", 1)[0] if "Returns" not in doc else doc
+            )
             arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
             missing = [a.arg for a in arguments if a.arg not in section]
             assert not missing, f"{node.name}: the docstring does not speak of {missing}"
@@ -68,7 +86,11 @@ def test_plugins_never_import_their_siblings(folder):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            siblings = [n for n in names if n.startswith(package + ".") and not n.removeprefix(package + ".").startswith("_")]
+            siblings = [
+                n
+                for n in names
+                if n.startswith(package + ".") and not n.removeprefix(package + ".").startswith("_")
+            ]
             assert not siblings, f"{path.name} imports {siblings}"
 
 
@@ -79,7 +101,9 @@ def test_a_class_has_a_name_of_its_own():
         if "simbench/blind/worlds/" not in name:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 # `class Loop(spec.Loop)` says whose it extends
-                own = isinstance(node, ast.ClassDef) and not any(getattr(b, "attr", "") == node.name for b in node.bases)
+                own = isinstance(node, ast.ClassDef) and not any(
+                    getattr(b, "attr", "") == node.name for b in node.bases
+                )
                 if isinstance(node, ast.ClassDef) and own:
                     homes.setdefault(node.name, []).append(name)
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
@@ -87,12 +111,30 @@ def test_a_class_has_a_name_of_its_own():
 
 def test_a_constant_that_others_read_has_one_meaning():
     # a plug-in is asked by these words: they belong to its file
-    own = (*PLUGINS, "simbench/blind/worlds", "simbench/gap/stiction/method.py", "simbench/loop/laws/curve.py")
+    own = (
+        *PLUGINS,
+        "simbench/blind/worlds",
+        "simbench/gap/stiction/method.py",
+        "simbench/loop/laws/curve.py",
+    )
     homes: dict[str, set[str]] = {}
     for path, name in zip(FILES, NAMES):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body if not name.startswith(own) else ():
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-            for word in (n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name) and n.id.isupper()):
+        for node in (
+            ast.parse(path.read_text(encoding="utf-8")).body if not name.startswith(own) else ()
+        ):
+            targets = (
+                node.targets
+                if isinstance(node, ast.Assign)
+                else [node.target]
+                if isinstance(node, ast.AnnAssign)
+                else []
+            )
+            for word in (
+                n.id
+                for t in targets
+                for n in ast.walk(t)
+                if isinstance(n, ast.Name) and n.id.isupper()
+            ):
                 if not word.startswith("_") and word not in ("SOURCE", "PLUGINS", "TITLE"):
                     homes.setdefault(word, set()).add(name)
     assert len(homes) > 100
@@ -105,6 +147,8 @@ def test_what_is_known_of_an_effect_stands_in_its_own_files():
     for path, name in zip(FILES, NAMES):
         if name.startswith("simbench/") and not name.startswith(own):
             tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            found += [f"{name}: {n.value}" for n in tree if isinstance(n, ast.Constant) and n.value in ids]
+            found += [
+                f"{name}: {n.value}" for n in tree if isinstance(n, ast.Constant) and n.value in ids
+            ]
     # most of these are a detector's verdict, a section of the loop file or a valve model of the same name
     assert len(found) <= 70, found

@@ -38,7 +38,9 @@ def test_folders_named_in_contributing_exist():
 
 
 def test_typed_markers_and_stubs_go_into_the_wheel():
-    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["package-data"]
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]["package-data"]
     for package in ("simbench", "detectors", "scenarios"):
         assert (ROOT / package / "py.typed").exists()
         assert "py.typed" in data[package]
@@ -49,6 +51,8 @@ def test_the_review_of_scientific_python_passes_and_what_it_skips_has_a_reason()
     found = process(ROOT).results
     assert sum(bool(check.result) for check in found) >= 20
     assert [f"{check.name}: {check.description}" for check in found if check.result is False] == []
-    reasons = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["repo-review"]["ignore"]
+    reasons = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "repo-review"
+    ]["ignore"]
     assert all(len(reason) > 15 for reason in reasons.values())
     assert {check.name for check in found if check.skip_reason} == set(reasons)

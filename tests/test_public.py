@@ -39,10 +39,17 @@ def run():
 
 def test_importing_brings_in_next_to_nothing():
     code = "import sys; import simbench; print(*sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
     assert not {"numpy", "pandas", "numba", "detectors"} & set(out)
     # what Python brings itself, and a handful
-    bare = subprocess.run([sys.executable, "-c", "import sys; print(*sys.modules)"], capture_output=True, text=True, check=True)
+    bare = subprocess.run(
+        [sys.executable, "-c", "import sys; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert len(set(out) - set(bare.stdout.split())) < 60
 
 
@@ -57,7 +64,17 @@ def test_every_public_name_is_there_and_completed(name):
 
 def test_completion_lists_the_public_names_and_nothing_of_the_machinery():
     assert {n for n in dir(sb) if not n.startswith("_")} == set(sb.__all__)
-    assert set(sb.__all__) >= {"Loop", "load_loop", "read_record", "detect", "diagnose", "predict", "run", "score", "gap"}
+    assert set(sb.__all__) >= {
+        "Loop",
+        "load_loop",
+        "read_record",
+        "detect",
+        "diagnose",
+        "predict",
+        "run",
+        "score",
+        "gap",
+    }
 
 
 NEAR = [(sb, "sweeep", "sweep"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
@@ -79,13 +96,20 @@ def public_objects():
             yield f"{thing.__module__}.{thing.__qualname__}"
             for member, value in vars(thing).items() if inspect.isclass(thing) else ():
                 value = value.fget if isinstance(value, property) else value
-                if not member.startswith("_") and getattr(value, "__module__", "").split(".")[0] in OURS:
+                if (
+                    not member.startswith("_")
+                    and getattr(value, "__module__", "").split(".")[0] in OURS
+                ):
                     yield f"{thing.__module__}.{thing.__qualname__}.{member}"
 
 
 @pytest.mark.parametrize("name", sorted(set(public_objects())))
 def test_docstrings_name_every_parameter_and_what_comes_back(name):
-    found = [f"{code}: {says}" for code, says in validate(name)["errors"] if code in ("PR01", "RT01", "GL08")]
+    found = [
+        f"{code}: {says}"
+        for code, says in validate(name)["errors"]
+        if code in ("PR01", "RT01", "GL08")
+    ]
     assert found == []
 
 
@@ -151,14 +175,32 @@ def test_strict_type_checking_passes_right_names_and_reports_wrong_ones(tmp_path
     (tmp_path / "right.py").write_text(f"# pyright: strict\n{STRICT}")
     lines = "\n".join(WRONG)
     (tmp_path / "wrong.py").write_text(f"import simbench as sb\n\n{lines}\n")
-    settings = {"include": ["."], "extraPaths": [str(Path(__file__).parents[1])], "pythonVersion": "3.11"}
+    settings = {
+        "include": ["."],
+        "extraPaths": [str(Path(__file__).parents[1])],
+        "pythonVersion": "3.11",
+    }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
-    command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", "-p", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "pyright",
+        "--pythonpath",
+        sys.executable,
+        "--outputjson",
+        "-p",
+        str(tmp_path),
+    ]
     out = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
-    found = [(Path(d["file"]).name, d["range"]["start"]["line"], d["message"]) for d in json.loads(out)["generalDiagnostics"]]
+    found = [
+        (Path(d["file"]).name, d["range"]["start"]["line"], d["message"])
+        for d in json.loads(out)["generalDiagnostics"]
+    ]
     assert [f for f in found if f[0] == "right.py"] == []
     for line, word in enumerate(WRONG.values(), 2):
-        assert any(name == "wrong.py" and at == line and word in message for name, at, message in found), (line, found)
+        assert any(
+            name == "wrong.py" and at == line and word in message for name, at, message in found
+        ), (line, found)
 
 
 def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):
@@ -188,7 +230,10 @@ def test_a_wrong_loop_is_one_sentence(change, sentence):
 def test_a_record_a_run_and_a_file_are_judged_alike(tmp_path, run):
     run.to_frame().to_csv(tmp_path / "a.csv", index=False)
     about = {"process": "self-regulating", "op_span": (0, 100)}
-    answers = [sb.detect(s, ["horch", "he"], **about).as_json() for s in (run, run.record, tmp_path / "a.csv")]
+    answers = [
+        sb.detect(s, ["horch", "he"], **about).as_json()
+        for s in (run, run.record, tmp_path / "a.csv")
+    ]
     assert answers[0] == answers[1] == answers[2]
     assert sb.diagnose(run).as_json() == sb.diagnose(run.record).as_json()
     with pytest.raises(UnknownName, match="did you mean 'horch'"):
@@ -211,7 +256,12 @@ def test_results_become_tables_pictures_and_notebook_cells(run):
     pv, op = (axes.get_lines()[0] for axes in run.plot())
     assert np.array_equal(pv.get_ydata(), run.record.pv)
     assert np.array_equal(op.get_ydata(), run.record.op)
-    things = {"self-regulating": run, "choudhury": sb.Loop(**TABLES), "kano_a": report, "next": sb.diagnose(run)}
+    things = {
+        "self-regulating": run,
+        "choudhury": sb.Loop(**TABLES),
+        "kano_a": report,
+        "next": sb.diagnose(run),
+    }
     for word, thing in things.items():
         html = thing._repr_html_()
         assert "<table" in html
@@ -221,6 +271,9 @@ def test_results_become_tables_pictures_and_notebook_cells(run):
 def test_reasons_are_given_on_request():
     shown = sb.detect(sb.Loop(**TABLES).simulate(1).record, ["he", "horch"])
     text = shown.as_text()
-    assert text.splitlines()[1] == "Methods: 2 of 2 methods say stiction, 0 no stiction, 0 no decision."
+    assert (
+        text.splitlines()[1]
+        == "Methods: 2 of 2 methods say stiction, 0 no stiction, 0 no decision."
+    )
     assert "OP is triangular" not in text
     assert "OP is triangular" in shown.as_text(why=True)

@@ -32,7 +32,11 @@ def block(language: str, containing: str) -> str:
     return found
 
 
-OWN = {"detector": ("fullness", "METHOD = Method("), "valve": ("leap", "def mapped_SJ"), "effect": ("hum", "def apply")}
+OWN = {
+    "detector": ("fullness", "METHOD = Method("),
+    "valve": ("leap", "def mapped_SJ"),
+    "effect": ("hum", "def apply"),
+}
 
 
 @pytest.fixture
@@ -55,7 +59,9 @@ def own_detector(own):
 
 def test_the_loop_file_is_the_tutorials_and_its_model_lacks_the_stiction_alone():
     text = (EXAMPLE / "loop.toml").read_text(encoding="utf-8")
-    assert f"%%writefile loop.toml\n{text}```" in (ROOT / "docs/site/tutorials/simulate.md").read_text(encoding="utf-8")
+    assert f"%%writefile loop.toml\n{text}```" in (
+        ROOT / "docs/site/tutorials/simulate.md"
+    ).read_text(encoding="utf-8")
     sticky = tomllib.loads(text)
     assert Loop.from_table(sticky).valve.name == "choudhury"
     healthy = tomllib.loads((EXAMPLE / "model.toml").read_text(encoding="utf-8"))
@@ -66,7 +72,12 @@ def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detect
     record, run = tmp_path / "rec.csv", tmp_path / "run"
     assert main(["simulate", str(EXAMPLE / "loop.toml"), "-o", str(record)]) == 0
     capsys.readouterr()
-    assert main(["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]) == 0
+    assert (
+        main(
+            ["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]
+        )
+        == 0
+    )
     (verdict,) = json.loads(capsys.readouterr().out)
     assert verdict["method"] == "fullness"
     assert verdict["verdict"] == "stiction"
@@ -122,7 +133,12 @@ def steps(text):
             yield None, [sys.executable, "-c", body]
         elif not language:
             for line in body.splitlines():
-                yield None, ["bash", "-c", line] if not line.startswith("make ") else line.split("#")[0].split()
+                yield (
+                    None,
+                    ["bash", "-c", line]
+                    if not line.startswith("make ")
+                    else line.split("#")[0].split(),
+                )
 
 
 @pytest.mark.slow
@@ -130,7 +146,10 @@ def steps(text):
 def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_alone(tmp_path):
     shutil.copytree(EXAMPLE, tmp_path / "docs" / "example")
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    path = {**os.environ, "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
+    path = {
+        **os.environ,
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+    }
     done = []
     for name, what in steps(README):
         if name:
@@ -142,7 +161,17 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
             assert run.returncode == 0, (what, run.stderr)
             done.append(what)
     assert len(done) > 12
-    written = {"verdict.html", "trust.html", "plant.html", "w.xlsx", "gap.html", "gap.svg", "fixed.toml", "again.csv", "law.py"}
+    written = {
+        "verdict.html",
+        "trust.html",
+        "plant.html",
+        "w.xlsx",
+        "gap.html",
+        "gap.svg",
+        "fixed.toml",
+        "again.csv",
+        "law.py",
+    }
     assert written <= {p.name for p in tmp_path.iterdir()}
 
 
@@ -154,7 +183,10 @@ def test_the_ci_recipe_works_as_printed_baseline_included(place, capsys):
     update = "simbench check run --against my_baseline --update"
     assert f"`{update}`" in README
     for words in (steps[0], update.split(), steps[1]):  # on the smallest grid
-        assert main([w if w != "ci" else "smoke" for w in words[1:]]) == 0, (words, capsys.readouterr().err)
+        assert main([w if w != "ci" else "smoke" for w in words[1:]]) == 0, (
+            words,
+            capsys.readouterr().err,
+        )
 
 
 def test_the_python_block_gives_tables_and_pictures(place):
@@ -169,7 +201,9 @@ def test_the_python_block_gives_tables_and_pictures(place):
 def test_the_table_of_real_loops_is_the_one_in_results():
     text = (Path(__file__).parents[1] / "results" / "real_records.txt").read_text(encoding="utf-8")
     rows = {line.split()[0]: line.split()[1:] for line in text.split("\n\n")[-1].splitlines()}
-    shown = re.findall(r"^\| (\w+) \| (\d+) of (\d+) \| (\d+) of (\d+) \| (\d+) \|$", README, re.MULTILINE)
+    shown = re.findall(
+        r"^\| (\w+) \| (\d+) of (\d+) \| (\d+) of (\d+) \| (\d+) \|$", README, re.MULTILINE
+    )
     # all that see OP and PV alone, not the best of them
     about = {name: methods.load(name).METHOD for name in methods.names()}
     own = {n for n, m in about.items() if m.role != "nonlinearity" and not m.needs_mv}

@@ -24,7 +24,10 @@ from simbench.loop.parameters import VALVES
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "docs" / "site"
 TUTORIALS = sorted(p.stem for p in SOURCE.glob("tutorials/*.md"))
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # the tutorials run: about a minute of CPU, more on a busy machine
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(1800),
+]  # the tutorials run: about a minute of CPU, more on a busy machine
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +35,27 @@ def site(tmp_path_factory):
     base = tmp_path_factory.getbasetemp()
     out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "the-site"
     out.mkdir(exist_ok=True)
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(out / "doctrees")]
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-d",
+        str(out / "doctrees"),
+    ]
     with open(out / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # two workers may hold tests of this file: the first builds, the other waits
+        fcntl.flock(
+            lock, fcntl.LOCK_EX
+        )  # two workers may hold tests of this file: the first builds, the other waits
         if not (out / "built").exists():
-            done = subprocess.run([*command, str(SOURCE), str(out / "html")], capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [*command, str(SOURCE), str(out / "html")],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             assert done.returncode == 0, done.stderr
             (out / "built").touch()
     return out / "html"
@@ -54,8 +73,14 @@ def test_every_public_name_has_a_page(site):
         module = importlib.import_module(package)
         for name in set(module.__all__) - {"gap"}:
             thing = getattr(module, name)
-            pages = [site / f"generated/api/{p}.{name}.html" for p in ("simbench", "simbench.gap", "detectors", "scenarios")]
-            if not any(p.exists() and re.search(rf'id="[\w.]*\b{name}"', p.read_text(encoding="utf-8")) for p in pages):
+            pages = [
+                site / f"generated/api/{p}.{name}.html"
+                for p in ("simbench", "simbench.gap", "detectors", "scenarios")
+            ]
+            if not any(
+                p.exists() and re.search(rf'id="[\w.]*\b{name}"', p.read_text(encoding="utf-8"))
+                for p in pages
+            ):
                 missing.append(f"{package}.{name} ({thing!r})")
     assert missing == []
 
@@ -76,12 +101,23 @@ def test_every_detector_says_what_it_needs_and_what_was_measured_of_it(site):
 
 def test_every_key_of_loop_and_grid_file_is_explained(site):
     loop, grid = text_of(site / "generated/loop.html"), text_of(site / "generated/grid.html")
-    sections = [f.annotation for f in Loop.model_fields.values() if hasattr(f.annotation, "model_fields")]
+    sections = [
+        f.annotation for f in Loop.model_fields.values() if hasattr(f.annotation, "model_fields")
+    ]
     keys = {key for section in sections for key in section.model_fields} - {"parameters"}
-    keys |= {p for folder in (VALVES, EFFECTS) for name in folder.names() for p in folder.load(name).PARAMETERS}
+    keys |= {
+        p
+        for folder in (VALVES, EFFECTS)
+        for name in folder.names()
+        for p in folder.load(name).PARAMETERS
+    }
     assert [key for key in keys if not re.search(rf"\b{key}\b", loop)] == []
-    assert [name for folder in (VALVES, EFFECTS) for name in folder.names() if name not in loop] == []
-    assert [key for key in (*SETTINGS, *GridFile.model_fields) if not re.search(rf"\b{key}\b", grid)] == []
+    assert [
+        name for folder in (VALVES, EFFECTS) for name in folder.names() if name not in loop
+    ] == []
+    assert [
+        key for key in (*SETTINGS, *GridFile.model_fields) if not re.search(rf"\b{key}\b", grid)
+    ] == []
 
 
 def test_every_command_is_there_with_its_help(site):
@@ -92,7 +128,13 @@ def test_every_command_is_there_with_its_help(site):
 
 @pytest.mark.parametrize("name", TUTORIALS)
 def test_every_cell_of_a_tutorial_ran(site, name):
-    cells = len(re.findall(r"^```\{code-cell\}", (SOURCE / f"tutorials/{name}.md").read_text(encoding="utf-8"), re.MULTILINE))
+    cells = len(
+        re.findall(
+            r"^```\{code-cell\}",
+            (SOURCE / f"tutorials/{name}.md").read_text(encoding="utf-8"),
+            re.MULTILINE,
+        )
+    )
     page = (site / f"tutorials/{name}.html").read_text(encoding="utf-8")
     assert cells >= 3
     assert len(re.findall(r'class="cell [^"]*docutils', page)) == cells
@@ -103,7 +145,8 @@ def test_every_cell_of_a_tutorial_ran(site, name):
 def test_the_tutorials_say_what_their_outputs_show(site):
     """Where a text claims what a cell printed, it printed that."""
     gap, valve, detector, effect, cluster = (
-        text_of(site / f"tutorials/{name}.html") for name in ("gap", "own_valve", "own_detector", "own_effect", "cluster")
+        text_of(site / f"tutorials/{name}.html")
+        for name in ("gap", "own_valve", "own_detector", "own_effect", "cluster")
     )
     assert "The simulation lacks stiction" in gap
     assert "No unmodelled effect is needed" in gap
@@ -117,16 +160,27 @@ def test_the_tutorials_say_what_their_outputs_show(site):
 
 def test_no_page_loads_anything_from_outside(site):
     for page in site.rglob("*.html"):
-        loaded = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text(encoding="utf-8"))
+        loaded = re.findall(
+            r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text(encoding="utf-8")
+        )
         assert loaded == [], page.name
     for sheet in site.rglob("*.css"):
-        assert re.findall(r"(?:@import|url\()\s*[\"']?https?:", sheet.read_text(encoding="utf-8")) == [], sheet.name
+        assert (
+            re.findall(r"(?:@import|url\()\s*[\"']?https?:", sheet.read_text(encoding="utf-8"))
+            == []
+        ), sheet.name
 
 
 def test_the_code_on_the_front_page_runs(tmp_path, monkeypatch, capsys):
-    code = re.search(r"```python\n(.*?)```", (SOURCE / "index.md").read_text(encoding="utf-8"), re.DOTALL)
+    code = re.search(
+        r"```python\n(.*?)```", (SOURCE / "index.md").read_text(encoding="utf-8"), re.DOTALL
+    )
     assert code is not None
-    loop = {"plant": {"type": "integrating", "K": 0.1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1, "n": 300}}
+    loop = {
+        "plant": {"type": "integrating", "K": 0.1},
+        "controller": {"type": "P", "Kc": 1},
+        "sampling": {"Ts": 1, "n": 300},
+    }
     simbench.Loop(**loop).simulate(0).to_frame().to_csv(tmp_path / "rec.csv", index=False)
     monkeypatch.chdir(tmp_path)
     exec(code.group(1), {})

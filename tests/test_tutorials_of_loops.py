@@ -19,7 +19,10 @@ CELL = re.compile(r"```\{code-cell\} ipython3\n(.*?)```", re.DOTALL)
 
 def cells(page):
     """Return the code of a page's cells without their tags."""
-    return [re.sub(r"^:tags:.*\n\n", "", body) for body in CELL.findall((PAGES / page).read_text(encoding="utf-8"))]
+    return [
+        re.sub(r"^:tags:.*\n\n", "", body)
+        for body in CELL.findall((PAGES / page).read_text(encoding="utf-8"))
+    ]
 
 
 def written(cell):
@@ -48,7 +51,9 @@ def test_from_a_second_order_plant_to_a_score_of_200_loops_it_is_forty_lines():
 
 def test_the_pages_loops_are_simulated_and_predicted():
     scope = {"sb": sb}
-    predicted, cascade = (c for c in cells("own_loop.md") if c.startswith(("loop = sb.Loop", "cascade")))
+    predicted, cascade = (
+        c for c in cells("own_loop.md") if c.startswith(("loop = sb.Loop", "cascade"))
+    )
     exec(predicted, scope)
     assert scope["loop"].predict()["exact"]["period"] > 0.0
     exec(cascade, scope)
@@ -62,7 +67,9 @@ def test_a_grid_is_built_step_by_step():
         written(cell) if cell.startswith("%%writefile") else exec(cell, scope)
     assert scope["grid"].group_count == 12
     assert len(load_grid("step.toml")) == 12
-    blocks = next(cell for cell in steps if "blocks.toml" in cell and cell.startswith("%%writefile"))
+    blocks = next(
+        cell for cell in steps if "blocks.toml" in cell and cell.startswith("%%writefile")
+    )
     written(blocks)
     assert len(load_grid("blocks.toml")) == 16
 
@@ -74,7 +81,9 @@ def test_a_grid_of_a_million_cells_is_mapped(capsys):
     (line,) = command.strip().splitlines()[1:]
     assert main(shlex.split(line.replace("--points 30", "--points 12"))[1:]) == 0
     assert "12 of the 1000000 scenarios of grid million were simulated." in capsys.readouterr().out
-    assert {"map.json", "map.parquet", "horch.svg", "hammerstein.svg", "run"} == {f.name for f in Path("map").iterdir()}
+    assert {"map.json", "map.parquet", "horch.svg", "hammerstein.svg", "run"} == {
+        f.name for f in Path("map").iterdir()
+    }
 
 
 def test_a_program_without_simbench_answers_an_exam(capsys):
@@ -90,5 +99,8 @@ def test_a_program_without_simbench_answers_an_exam(capsys):
                 elif program == "python":
                     runpy.run_path(words[0])
             told = capsys.readouterr().out
-    assert {(r["method"], r["n"]) for r in json.loads(told)["rows"] if r["truth"] == "sticky"} >= {("squarer", 12), ("he", 12)}
+    assert {(r["method"], r["n"]) for r in json.loads(told)["rows"] if r["truth"] == "sticky"} >= {
+        ("squarer", 12),
+        ("he", 12),
+    }
     assert len(pd.read_csv("labels.csv")) == 12

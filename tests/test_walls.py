@@ -29,7 +29,9 @@ LOOP = "a loop's plug-ins know nothing of the run they take part in"
 
 @pytest.fixture(scope="module")
 def house():
-    return grimp.build_graph("simbench", "detectors", "scenarios", include_external_packages=True, cache_dir=None)
+    return grimp.build_graph(
+        "simbench", "detectors", "scenarios", include_external_packages=True, cache_dir=None
+    )
 
 
 def broken(graph):
@@ -37,7 +39,9 @@ def broken(graph):
     out = set()
     for options in OPTIONS.contracts_options:
         kind = import_module(f"importlinter.contracts.{options['type']}")
-        contract = getattr(kind, CLASSES[options["type"]])(options["name"], OPTIONS.session_options, options)
+        contract = getattr(kind, CLASSES[options["type"]])(
+            options["name"], OPTIONS.session_options, options
+        )
         if not contract.check(graph=deepcopy(graph), verbose=False).kept:
             out.add(options["name"])
     return out
@@ -52,7 +56,11 @@ def test_the_house_as_it_stands_breaks_no_wall(house):
     [
         ("simbench.gap.sensor.samples", "simbench.gap.decide.assess", ROOMS),
         ("simbench.gap.likelihood.engine", "simbench.gap.situation", ROOMS),
-        ("simbench.gap.likelihood.model", "simbench.gap.likelihood.engine", "no circle in the whole house"),
+        (
+            "simbench.gap.likelihood.model",
+            "simbench.gap.likelihood.engine",
+            "no circle in the whole house",
+        ),
         ("simbench.loop.disturbance", "simbench.loop.simulate", "no circle in the whole house"),
         (
             "simbench.loop.effects.stiction",
@@ -60,11 +68,27 @@ def test_the_house_as_it_stands_breaks_no_wall(house):
             "a loop's plug-ins know nothing of the run they take part in",
         ),
         ("simbench.loop.setup", "simbench.gap.situation", "rooms stand above what they use"),
-        ("simbench.blind.worlds.own.loops", "simbench.loop.valves.choudhury", "rooms stand above what they use"),
+        (
+            "simbench.blind.worlds.own.loops",
+            "simbench.loop.valves.choudhury",
+            "rooms stand above what they use",
+        ),
         ("simbench.blind.score", "simbench.gap.report.result", "rooms stand above what they use"),
-        ("simbench.blind.claims", "detectors.signal.oscillation", "the blind check asks no detector"),
-        ("simbench.gap.decide.assess", "simbench.blind.score", "only the command line and the contract know the blind check"),
-        ("simbench.bench.execute.run", "simbench.blind.making", "only the command line and the contract know the blind check"),
+        (
+            "simbench.blind.claims",
+            "detectors.signal.oscillation",
+            "the blind check asks no detector",
+        ),
+        (
+            "simbench.gap.decide.assess",
+            "simbench.blind.score",
+            "only the command line and the contract know the blind check",
+        ),
+        (
+            "simbench.bench.execute.run",
+            "simbench.blind.making",
+            "only the command line and the contract know the blind check",
+        ),
         ("detectors.quality", "simbench.loop.plant", "detectors is usable alone"),
     ],
 )
@@ -93,7 +117,9 @@ def doors(graph):
     """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host process runs."""
     found = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
     for folder in PLUGINS:
-        found |= {m for m in graph.find_children(folder) if not m.rpartition(".")[2].startswith("_")}
+        found |= {
+            m for m in graph.find_children(folder) if not m.rpartition(".")[2].startswith("_")
+        }
     for stub in (ROOT / "simbench").rglob("*.pyi"):
         for node in ast.walk(ast.parse(stub.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):
@@ -109,7 +135,9 @@ def unreached(graph):
         if module not in reached:
             reached.add(module)
             ahead += graph.find_modules_directly_imported_by(module)
-    ours = {m for m in graph.modules if m.partition(".")[0] in ("simbench", "detectors", "scenarios")}
+    ours = {
+        m for m in graph.modules if m.partition(".")[0] in ("simbench", "detectors", "scenarios")
+    }
     return {m for m in ours - reached if not graph.find_children(m)}
 
 
@@ -126,6 +154,10 @@ def test_a_module_that_only_imports_is_not_reached(house, study):
 
 
 def test_no_room_has_more_than_twenty_files_but_those_of_plugins():
-    rooms = {p.parent for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py")}
+    rooms = {
+        p.parent
+        for name in ("simbench", "detectors", "scenarios")
+        for p in (ROOT / name).rglob("*.py")
+    }
     plugins = {ROOT / folder.replace(".", "/") for folder in PLUGINS}
     assert {str(r): n for r in rooms - plugins if (n := len(list(r.glob("*.py")))) > 20} == {}

@@ -56,9 +56,19 @@ class Contract:
 
     def as_text(self) -> str:
         """Return the findings, one line each."""
-        said = "keeps its contract" if self.kept else f"breaks its contract in {len(self.broken)} places"
+        said = (
+            "keeps its contract"
+            if self.kept
+            else f"breaks its contract in {len(self.broken)} places"
+        )
         lines = [f"{self.kind} {self.name}: {said}".replace("in 1 places", "in one place")]
-        return "\n".join([*lines, *(f"  broken: {b}" for b in self.broken), *(f"  note: {n}" for n in self.notes)])
+        return "\n".join(
+            [
+                *lines,
+                *(f"  broken: {b}" for b in self.broken),
+                *(f"  note: {n}" for n in self.notes),
+            ]
+        )
 
 
 def check_detector(name: str) -> Contract:
@@ -94,7 +104,9 @@ def check_detector(name: str) -> Contract:
     return Contract("detector", name, tuple(dict.fromkeys(broken)))
 
 
-def check_added(folder: PluginFolder, check: Callable[[str], Contract], path: str | Path) -> Contract:
+def check_added(
+    folder: PluginFolder, check: Callable[[str], Contract], path: str | Path
+) -> Contract:
     """Import a file as a plug-in of a folder and check it; what it does besides is broken too."""
     name = Path(path).stem
     added = call_guarded(lambda: folder.add_file(path))
@@ -104,7 +116,9 @@ def check_added(folder: PluginFolder, check: Callable[[str], Contract], path: st
         found = check(name)
     finally:
         folder.forget(name)
-    return replace(found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken))
+    return replace(
+        found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken)
+    )
 
 
 def _description(module: ModuleType) -> Iterator[str]:
@@ -119,7 +133,11 @@ def _description(module: ModuleType) -> Iterator[str]:
             yield f"METHOD.{word} is empty"
     for words, allowed, of in ((method.process, PROCESSES, "process"), ((method.role,), _ROLES, "role"),
                                ((method.budget,), _BUDGETS, "budget"), (method.exempt, CASES, "exempt")):  # fmt: skip
-        if isinstance(words, str) or any(w not in allowed for w in words) or (of == "process" and not words):
+        if (
+            isinstance(words, str)
+            or any(w not in allowed for w in words)
+            or (of == "process" and not words)
+        ):
             yield f"METHOD.{of} = {words!r}, allowed: {', '.join(allowed)}"
     for case, reason in method.exempt.items():
         if len(reason) <= 20:
@@ -150,7 +168,9 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
     first, best = _judged(name, module, example_record("stiction", process)), math.inf
     for case in CASES:
         on = f"the record {case!r} ({CASES[case]}; {process})"
-        found = first if case == "stiction" else _judged(name, module, example_record(case, process))
+        found = (
+            first if case == "stiction" else _judged(name, module, example_record(case, process))
+        )
         if found.faults:
             yield from (f"{fault}, on {on}" for fault in found.faults)
             continue
@@ -191,7 +211,10 @@ def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = example_record(case, process)
         seen = {s: getattr(record, s) for s in ("op", "pv")}
-        noisy = replace(record, **{s: x + _FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
+        noisy = replace(
+            record,
+            **{s: x + _FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()},
+        )
         asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
         if asked != moved:
             what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
@@ -216,7 +239,10 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
         asked = _word(_judged(name, module, record))
-        others = {"the sign of OP and PV": turned(record), "the unit of time": replace(record, Ts=record.Ts / 3600.0)}
+        others = {
+            "the sign of OP and PV": turned(record),
+            "the unit of time": replace(record, Ts=record.Ts / 3600.0),
+        }
         if module.METHOD.reversible:
             others["the direction of time, which it claims not to"] = backwards(record)
         for what, other in others.items():
@@ -243,7 +269,11 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
                 yield f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} PV + {b:g}"
                 break
         for a, b in _OP_UNITS if record.mv is None else ():
-            moved = _word(_judged(name, module, replace(record, op=a * record.op + b, op_span=(b, 100.0 * a + b))))
+            moved = _word(
+                _judged(
+                    name, module, replace(record, op=a * record.op + b, op_span=(b, 100.0 * a + b))
+                )
+            )
             if moved != asked:
                 yield f"follows OP's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} OP + {b:g}"
                 break
@@ -265,12 +295,16 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
 
 def _dead(module: ModuleType, process: str) -> Iterator[str]:
     for case in _DEAD:
-        prepared = Prepared(replace(example_record("noise" if case == "no period" else case, process)))
+        prepared = Prepared(
+            replace(example_record("noise" if case == "no period" else case, process))
+        )
         if case == "no period":
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
         found = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
         faults = found.faults or ([] if found.refusal else list(wrong_types(found.value)))
-        yield from (f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults)
+        yield from (
+            f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults
+        )
 
 
 def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
@@ -283,7 +317,9 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
 
     seen = record if module.METHOD.needs_mv else record.without_mv()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = call_guarded(lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults()))
+    found = call_guarded(
+        lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults())
+    )
     if found.refusal:
         found.faults.append(f"refuses ({found.refusal}) where an answer is due")
     if own:

@@ -24,7 +24,11 @@ class Guarded:
 def call_guarded(work: Callable[[], Any]) -> Guarded:
     """Call a plug-in and note what no plug-in may do: raise, warn or print."""
     found, said = Guarded(), io.StringIO()
-    with warnings.catch_warnings(record=True) as warned, redirect_stdout(said), redirect_stderr(said):
+    with (
+        warnings.catch_warnings(record=True) as warned,
+        redirect_stdout(said),
+        redirect_stderr(said),
+    ):
         warnings.simplefilter("always")
         try:
             found.value = work()
@@ -34,7 +38,9 @@ def call_guarded(work: Callable[[], Any]) -> Guarded:
             text = str(error)
             written = "read-only" in text
             found.faults.append(
-                f"writes into what it was given ({text})" if written else f"raises {type(error).__name__} ({text})"
+                f"writes into what it was given ({text})"
+                if written
+                else f"raises {type(error).__name__} ({text})"
             )
     if said.getvalue().strip():
         found.faults.append(f"prints {said.getvalue().strip().splitlines()[0]!r}")

@@ -27,7 +27,9 @@ METHOD = Method(
         "ngi_low": Threshold(NGI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: non-Gaussian"),
         "nli_low": Threshold(NLI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: a pair stands out"),
     },
-    exempt={"stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"},
+    exempt={
+        "stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"
+    },
 )
 
 
@@ -61,10 +63,20 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     period = prepared.oscillation.period_s / record.Ts
     found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if found is None:
-        return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
+        return Verdict(
+            "bicoherence",
+            NO_DECISION,
+            reason="too short: fewer than twelve cycles of the oscillation",
+        )
     nonlinear = found.nonlinear(ngi_low, nli_low)
-    numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
-    said = "nonlinear" if nonlinear else "no nonlinearity seen, which a symmetric cycle would not show either"
+    numbers = (
+        f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
+    )
+    said = (
+        "nonlinear"
+        if nonlinear
+        else "no nonlinearity seen, which a symmetric cycle would not show either"
+    )
     return Verdict(
         "bicoherence",
         STICTION if nonlinear else NO_STICTION,

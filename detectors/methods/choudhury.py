@@ -25,26 +25,52 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence, resampling_step
+from detectors.signal.bicoherence import (
+    NGI_LOW,
+    NLI_LOW,
+    boundaries,
+    error_bicoherence,
+    resampling_step,
+)
 from detectors.signal.conditioning import band_pass, drift, means
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import oscillations_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-_WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
+_WIDE = (
+    25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
+)
 
 METHOD = Method(
     title="nonlinearity, then an ellipse of PV over OP",
     source="Choudhury et al. 2006, Procedure 11.3",
     min_samples=256,
     thresholds={
-        "surrogate": Threshold(0.0, "-", 0.0, 1.0, "Jelali 2013, step 1", "1: surrogates; 0: bicoherence"),
+        "surrogate": Threshold(
+            0.0, "-", 0.0, 1.0, "Jelali 2013, step 1", "1: surrogates; 0: bicoherence"
+        ),
         "ngi_low": Threshold(NGI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: non-Gaussian"),
         "nli_low": Threshold(NLI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: a pair stands out"),
-        "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
-        "low": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "lower boundary by hand; 0: from the peak"),
-        "high": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "upper boundary by hand; 0: from the peak"),
+        "fitness_low": Threshold(
+            0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"
+        ),
+        "low": Threshold(
+            0.0,
+            "1/sample",
+            0.0,
+            0.5,
+            "Procedure 11.3, step 2",
+            "lower boundary by hand; 0: from the peak",
+        ),
+        "high": Threshold(
+            0.0,
+            "1/sample",
+            0.0,
+            0.5,
+            "Procedure 11.3, step 2",
+            "upper boundary by hand; 0: from the peak",
+        ),
     },
     exempt={"stiction": "step 1 is blind to a symmetric cycle, which has no even harmonics"},
 )
@@ -105,24 +131,39 @@ def detect(
     period = prepared.oscillation.period_s / record.Ts
     higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if higher is None:
-        return Verdict("choudhury", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
+        return Verdict(
+            "choudhury",
+            NO_DECISION,
+            reason="too short: fewer than twelve cycles of the oscillation",
+        )
     if not np.isfinite(period):
-        return Verdict("choudhury", NO_DECISION, reason="no period found in OP or PV: no cycle whose ellipse could be fitted")
+        return Verdict(
+            "choudhury",
+            NO_DECISION,
+            reason="no period found in OP or PV: no cycle whose ellipse could be fitted",
+        )
     if surrogate > 0.5:
         if period < 7 or record.n < 12 * period:
-            return Verdict("choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples")
+            return Verdict(
+                "choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples"
+            )
         npi = nonlinearity_index(record.e - drift(record.e, period), period).npi
         bent, clear, indices, told = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
     else:
         bent, clear = higher.nonlinear(ngi_low, nli_low), higher.height
-        indices, told = {"ngi": higher.ngi, "nli": higher.nli}, f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}"
+        indices, told = (
+            {"ngi": higher.ngi, "nli": higher.nli},
+            f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}",
+        )
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)
     op, pv = (means(x, step) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
-    low, high = (given or found for given, found in zip((low, high), boundaries(around), strict=True))
+    low, high = (
+        given or found for given, found in zip((low, high), boundaries(around), strict=True)
+    )
     op, pv = band_pass(op, low, high), band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
     found = fit_ellipse(op[cut], pv[cut])

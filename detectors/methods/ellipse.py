@@ -29,8 +29,17 @@ METHOD = Method(
     source="Choudhury et al. 2006, Eq 11.15",
     reversible=True,
     thresholds={
-        "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
-        "harmonics": Threshold(3.0, "-", 0.0, 1e3, "own; 0 in Procedure 11.3, step 2", "kept of OP and PV; 0: about the peak"),
+        "fitness_low": Threshold(
+            0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"
+        ),
+        "harmonics": Threshold(
+            3.0,
+            "-",
+            0.0,
+            1e3,
+            "own; 0 in Procedure 11.3, step 2",
+            "kept of OP and PV; 0: about the peak",
+        ),
     },
     published={"harmonics": 0.0},
 )
@@ -64,20 +73,37 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     if harmonics <= 0.0:
         higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
         if higher is None:
-            return Verdict("ellipse", NO_DECISION, reason="too short: fewer than twelve cycles of the oscillation")
-        op, pv = (band_pass(prepared.signal(name), *boundaries(higher.peak)) for name in ("travel", "pv"))
+            return Verdict(
+                "ellipse",
+                NO_DECISION,
+                reason="too short: fewer than twelve cycles of the oscillation",
+            )
+        op, pv = (
+            band_pass(prepared.signal(name), *boundaries(higher.peak)) for name in ("travel", "pv")
+        )
     else:
         op, pv = (prepared.band(name, period / harmonics) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
     # of an oscillation that has died out rounding is left, and that depends on the unit
-    moves = all(np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name)) for name, x in (("op", op), ("pv", pv)))
+    moves = all(
+        np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name))
+        for name, x in (("op", op), ("pv", pv))
+    )
     found = fit_ellipse(op[cut], pv[cut]) if moves else None
     if found is None:
-        return Verdict("ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse")
+        return Verdict(
+            "ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse"
+        )
     fitness = found.fitness(op[cut], pv[cut])
     S = found.apparent_stiction
     indices = {"fitness": fitness, "S_apparent": S}
     if fitness >= fitness_low:
         reason = f"{fitness:.0%} of the points lie on an ellipse; apparent stiction {S:.2g} {record.S_unit}"
         return Verdict("ellipse", STICTION, fitness, indices, S=S, reason=reason)
-    return Verdict("ellipse", NO_STICTION, fitness, indices, reason=f"no clear ellipse: {fitness:.0%} of the points lie on it")
+    return Verdict(
+        "ellipse",
+        NO_STICTION,
+        fitness,
+        indices,
+        reason=f"no clear ellipse: {fitness:.0%} of the points lie on it",
+    )

@@ -28,10 +28,21 @@ METHOD = Method(
     min_samples=100,
     reversible=True,
     thresholds={
-        "ratio_low": Threshold(0.3, "-", 0.0, 1.0, "open implementations of F.2: severe", "above: stiction"),
-        "line_low": Threshold(0.0, "-", 0.0, 1.0, "F.2; 0.5 in a later implementation", "below: no long axis, no decision"),
+        "ratio_low": Threshold(
+            0.3, "-", 0.0, 1.0, "open implementations of F.2: severe", "above: stiction"
+        ),
+        "line_low": Threshold(
+            0.0,
+            "-",
+            0.0,
+            1.0,
+            "F.2; 0.5 in a later implementation",
+            "below: no long axis, no decision",
+        ),
     },
-    exempt={"stiction": "behind an integrator PV and OP keep so near one phase that the ellipse stays below the bound"},
+    exempt={
+        "stiction": "behind an integrator PV and OP keep so near one phase that the ellipse stays below the bound"
+    },
 )
 
 
@@ -72,7 +83,13 @@ def detect(prepared: Prepared, *, ratio_low: float, line_low: float) -> Verdict:
     indices = {"axis_ratio": ratio, "line_fit": fit}
     told = f"short over long axis {ratio:.2f}, squared correlation of PV and OP {fit:.2f}"
     if fit < line_low:
-        return Verdict("gbt44693", NO_DECISION, ratio, indices, reason=f"PV over OP has no long axis: {told}")
+        return Verdict(
+            "gbt44693", NO_DECISION, ratio, indices, reason=f"PV over OP has no long axis: {told}"
+        )
     if ratio > ratio_low:
-        return Verdict("gbt44693", STICTION, ratio, indices, reason=f"PV over OP draws an open ellipse: {told}")
-    return Verdict("gbt44693", NO_STICTION, ratio, indices, reason=f"PV over OP is close to a line: {told}")
+        return Verdict(
+            "gbt44693", STICTION, ratio, indices, reason=f"PV over OP draws an open ellipse: {told}"
+        )
+    return Verdict(
+        "gbt44693", NO_STICTION, ratio, indices, reason=f"PV over OP is close to a line: {told}"
+    )

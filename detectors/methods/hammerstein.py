@@ -27,7 +27,10 @@ from detectors.signal.stiction_map import valve_position
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging, of the one-step fit
-_SHARES, _JUMPS = np.arange(1, 11) / 10.0, np.arange(7) / 4.0  # of S in OP's swing and of J in S, tried by it
+_SHARES, _JUMPS = (
+    np.arange(1, 11) / 10.0,
+    np.arange(7) / 4.0,
+)  # of S in OP's swing and of J in S, tried by it
 _BEYOND = 1.3  # times what fits S is looked for, so that it holds in nine of ten loops (`results/families.txt`)
 
 METHOD = Method(
@@ -35,10 +38,28 @@ METHOD = Method(
     source="Srinivasan et al. 2005b, Jelali 2008",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.13, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
-        "score_high": Threshold(0.13, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
-        "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
-        "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
+        "score_low": Threshold(
+            0.13,
+            "-",
+            0.0,
+            1.0,
+            "own; 0 in Jelali 2008: S decides",
+            "at or below: a straight one will do",
+        ),
+        "score_high": Threshold(
+            0.13,
+            "-",
+            0.0,
+            1.0,
+            "own; 0 in Jelali 2008: S decides",
+            "at or above: a sticky one is needed",
+        ),
+        "S_low": Threshold(
+            0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"
+        ),
+        "output_error": Threshold(
+            1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"
+        ),
     },
     fitted_on=("chapter", "plant", "families"),
     stated=("S",),
@@ -51,20 +72,37 @@ def interval(best: float, span: tuple[float, float], width: float) -> Level:
     return best if span[1] - span[0] <= width else span
 
 
-def _one_step(op: np.ndarray, pv: np.ndarray, period: float, usual: float) -> tuple[dict[str, float], str]:
+def _one_step(
+    op: np.ndarray, pv: np.ndarray, period: float, usual: float
+) -> tuple[dict[str, float], str]:
     """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b v(k-1-nd) + c, on a grid."""
     q = max(1, int(period / _SAMPLES))
     n = op.size // q
     u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     delays = range(max(2, round(0.5 * period / q)))
     tried = [(0.0, 0.0), *((s * usual, s * j * usual) for s in _SHARES for j in _JUMPS)]
-    error, S, J = min((fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J) for S, J in tried)
+    error, S, J = min(
+        (fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J)
+        for S, J in tried
+    )
     straight = fit_plant(u, y, delays)[4]
     gain = max(1.0 - error / straight, 0.0) if straight > 0.0 else 0.0
-    return {"gain": gain, "share": (S + J) / usual, "S_hat": S, "J_hat": J}, f"S = {S:.2g}, J = {J:.2g} leave the least errors"
+    return {
+        "gain": gain,
+        "share": (S + J) / usual,
+        "S_hat": S,
+        "J_hat": J,
+    }, f"S = {S:.2g}, J = {J:.2g} leave the least errors"
 
 
-def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: float, output_error: float = 1.0) -> Verdict:
+def detect(
+    prepared: Prepared,
+    *,
+    score_low: float,
+    score_high: float,
+    S_low: float,
+    output_error: float = 1.0,
+) -> Verdict:
     """Judge a record by whether a sticky valve explains PV better than a straight one.
 
     Parameters
@@ -95,7 +133,11 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     record = prepared.record
     period = prepared.period
     if period < 8:
-        return Verdict("hammerstein", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+        return Verdict(
+            "hammerstein",
+            NO_DECISION,
+            reason=f"{period:.1f} samples per cycle; at least 8 are needed",
+        )
     op, pv = prepared.searchable("travel"), prepared.searchable("pv")
     limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     usual = swing(op, period)
@@ -105,22 +147,53 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
         indices, fit = _one_step(op, pv, period, usual)
         S, score = indices["S_hat"], indices["gain"] * min(indices["share"], 1.0)
         sticks = S >= (S_low if record.op_percent is not None else 1e-9) and score >= score_high
-        return Verdict("hammerstein", STICTION if sticks else NO_STICTION, score, indices, S=S if sticks else None, reason=fit)
-    found = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
-    gain = max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0) if found.error_linear > 1e-6 else 0.0
+        return Verdict(
+            "hammerstein",
+            STICTION if sticks else NO_STICTION,
+            score,
+            indices,
+            S=S if sticks else None,
+            reason=fit,
+        )
+    found = prepared.share(
+        "hammerstein",
+        lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
+    )
+    gain = (
+        max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0)
+        if found.error_linear > 1e-6
+        else 0.0
+    )
     share = (found.S + found.J) / usual
     score = gain * min(share, 1.0)
-    indices = {"gain": gain, "share": share, "error": found.error, "S_hat": found.S, "J_hat": found.J}
+    indices = {
+        "gain": gain,
+        "share": share,
+        "error": found.error,
+        "S_hat": found.S,
+        "J_hat": found.J,
+    }
     indices |= {"T_s": found.T_s, "Td_s": found.Td_s}
     if found.error > 0.5:
-        reason = f"valve and plant explain only {1 - found.error:.0%} of PV: it is moved from outside"
+        reason = (
+            f"valve and plant explain only {1 - found.error:.0%} of PV: it is moved from outside"
+        )
         return Verdict("hammerstein", NO_DECISION, score, indices, reason=reason)
     fit = f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of OP's swing"
     if record.op_percent is not None and found.S < S_low:
-        return Verdict("hammerstein", NO_STICTION, score, indices, reason=f"S = {found.S:.2g} % is negligible; {fit}")
+        return Verdict(
+            "hammerstein",
+            NO_STICTION,
+            score,
+            indices,
+            reason=f"S = {found.S:.2g} % is negligible; {fit}",
+        )
     if score >= score_high:
         lowest, highest = found.S_range
-        S, J = (lowest / _BEYOND, highest * _BEYOND), interval(found.J, found.J_range, 0.3 * found.S)
+        S, J = (
+            (lowest / _BEYOND, highest * _BEYOND),
+            interval(found.J, found.J_range, 0.3 * found.S),
+        )
         return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)
     verdict = NO_STICTION if score <= score_low else NO_DECISION
     return Verdict("hammerstein", verdict, score, indices, reason=fit)

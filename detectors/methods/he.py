@@ -30,8 +30,22 @@ METHOD = Method(
     thresholds={
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
-        "two_line": Threshold(0.0, "-", 0.0, 1.0, "He 2007; the chapter has 1, Eq 11.11", "1: two free lines; 0: a free apex"),
-        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in He 2007, Procedure 11.2", "1: drift and noise are taken off first"),
+        "two_line": Threshold(
+            0.0,
+            "-",
+            0.0,
+            1.0,
+            "He 2007; the chapter has 1, Eq 11.11",
+            "1: two free lines; 0: a free apex",
+        ),
+        "cleaned": Threshold(
+            1.0,
+            "-",
+            0.0,
+            1.0,
+            "own; 0 in He 2007, Procedure 11.2",
+            "1: drift and noise are taken off first",
+        ),
     },
     published={"cleaned": 0.0},
     chapter={"two_line": 1.0},
@@ -47,7 +61,14 @@ def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     return eta, two_line
 
 
-def detect(prepared: Prepared, *, eta_low: float, eta_high: float, two_line: float = 0.0, cleaned: float = 1.0) -> Verdict:
+def detect(
+    prepared: Prepared,
+    *,
+    eta_low: float,
+    eta_high: float,
+    two_line: float = 0.0,
+    cleaned: float = 1.0,
+) -> Verdict:
     """Judge a record by the shape of OP (self-regulating) or PV (integrating).
 
     Parameters
@@ -76,7 +97,9 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float, two_line: flo
     name = "PV" if prepared.integrating else "OP"
     humps = prepared.half_cycles(name.lower(), cleaned > 0.5)
     if len(humps) < 4:
-        return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
+        return Verdict(
+            "he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed"
+        )
     free_apex, lines = triangle_indices(humps)
     eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:

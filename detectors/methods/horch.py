@@ -27,10 +27,18 @@ METHOD = Method(
     reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
-        "dtau_low": Threshold(1 / 3, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"),
-        "dtau_high": Threshold(2 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"),
-        "drho_low": Threshold(0.0718, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"),
-        "drho_high": Threshold(1 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"),
+        "dtau_low": Threshold(
+            1 / 3, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"
+        ),
+        "dtau_high": Threshold(
+            2 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"
+        ),
+        "drho_low": Threshold(
+            0.0718, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"
+        ),
+        "drho_high": Threshold(
+            1 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"
+        ),
     },
 )
 
@@ -39,7 +47,9 @@ def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
     """Return dtau and drho of Eqs 11.6 and 11.7; NaN where the cross-correlation never crosses zero, as with drift."""
     n = pv.size
     size = 1 << (2 * n).bit_length()
-    phi = np.fft.irfft(np.fft.rfft(pv - pv.mean(), size) * np.conj(np.fft.rfft(op - op.mean(), size)), size)
+    phi = np.fft.irfft(
+        np.fft.rfft(pv - pv.mean(), size) * np.conj(np.fft.rfft(op - op.mean(), size)), size
+    )
     right, left = phi[: n // 2], np.concatenate([phi[:1], phi[: -(n // 2) : -1]])
     tau_r, tau_l = _first_crossing(right), _first_crossing(left)
     if not np.isfinite(tau_l + tau_r):
@@ -49,7 +59,9 @@ def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
     return float(abs(tau_l - tau_r) / (tau_l + tau_r)), float((top - now) / (top + now))
 
 
-def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: float, drho_high: float) -> Verdict:
+def detect(
+    prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: float, drho_high: float
+) -> Verdict:
     """Judge a record by the symmetry of its cross-correlation.
 
     Parameters
@@ -73,7 +85,9 @@ def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: f
     """
     dtau, drho = correlation_indices(prepared.record.op, prepared.record.pv)
     if not np.isfinite(dtau):
-        return Verdict("horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero")
+        return Verdict(
+            "horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero"
+        )
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)
     score = 0.5 * (dtau + 2.0 / np.pi * float(np.arccos((1.0 - drho) / (1.0 + drho))))
     if dtau >= dtau_high and drho >= drho_high:

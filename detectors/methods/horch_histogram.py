@@ -31,8 +31,12 @@ METHOD = Method(
     reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
-        "bound": Threshold(0.5, "-", 0.0, 1.0, "Horch 2006", "above: Gaussian, stiction; else camel, none"),
-        "least_A": Threshold(1.0, "std", 0.0, 1.5, "own; 0 in Horch 2006", "a camel's humps lie at least so far out"),
+        "bound": Threshold(
+            0.5, "-", 0.0, 1.0, "Horch 2006", "above: Gaussian, stiction; else camel, none"
+        ),
+        "least_A": Threshold(
+            1.0, "std", 0.0, 1.5, "own; 0 in Horch 2006", "a camel's humps lie at least so far out"
+        ),
     },
     published={"least_A": 0.0},
 )
@@ -45,7 +49,9 @@ def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     z = (d - d.mean()) / d.std()
     found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities(least_A)
-    camel, gauss = (float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians))
+    camel, gauss = (
+        float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
+    )
     return camel, gauss
 
 
@@ -79,16 +85,22 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     # the highest harmonic at which differenced noise still is a tenth of what a differenced sine has
     power = 2 * order + 1
     clear = 0.05 * power * period * float(pv.var()) / max(noise_variance(pv), 1e-300)
-    d = np.diff(prepared.band("pv", period / float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order)
+    d = np.diff(
+        prepared.band("pv", period / float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order
+    )
     edge = round(period / 2)
     d = d[edge:-edge]
     if d.size < 60 or d.std() == 0.0:
-        return Verdict("horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed")
+        return Verdict(
+            "horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed"
+        )
     camel, gauss = density_errors(d, least_A)
     score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
     verdict, said = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
     reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
-    return Verdict("horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason)
+    return Verdict(
+        "horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason
+    )
 
 
 @lru_cache(maxsize=4)
@@ -99,8 +111,13 @@ def _densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
     width = BINS[1] - BINS[0]
     gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 59)[:, None]), axis=1) / width
     phase = (np.arange(60) + 0.5) * (np.pi / 60)
-    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 19)))
-    camels = np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
+    A, sigma = (
+        g.reshape(-1, 1, 1)
+        for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 19))
+    )
+    camels = (
+        np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
+    )
     return gaussians, camels
 
 

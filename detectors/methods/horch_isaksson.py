@@ -35,15 +35,26 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.41, "-", 0.0, 1.0, "own; 0.5 in the source", "at or below: a following valve fits as well"),
-        "score_high": Threshold(0.41, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"),
+        "score_low": Threshold(
+            0.41,
+            "-",
+            0.0,
+            1.0,
+            "own; 0.5 in the source",
+            "at or below: a following valve fits as well",
+        ),
+        "score_high": Threshold(
+            0.41, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"
+        ),
     },
     fitted_on=("chapter", "plant"),
     published={"score_low": 0.5, "score_high": 0.5},
 )
 
 
-def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY) -> tuple[np.ndarray, float]:
+def two_models(
+    u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY
+) -> tuple[np.ndarray, float]:
     """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1) = a z(k) + b v(k) measured
     as `y`.
 
@@ -51,7 +62,9 @@ def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, s
     a start in "following" is a plain Kalman filter.
     """
     standing = np.empty(u.size)
-    total = compiled(_filtered)(*(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing)
+    total = compiled(_filtered)(
+        *(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing
+    )
     return standing, float(total)
 
 
@@ -132,13 +145,20 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     record = prepared.record
     period = prepared.period
     if period < 8:
-        return Verdict("horch_isaksson", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+        return Verdict(
+            "horch_isaksson",
+            NO_DECISION,
+            reason=f"{period:.1f} samples per cycle; at least 8 are needed",
+        )
     op, pv = prepared.searchable("travel"), prepared.searchable("pv")
     limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     scale = swing(op, period)
     if scale <= 0:
         return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
-    plant = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
+    plant = prepared.share(
+        "hammerstein",
+        lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
+    )
     q = max(1, int(period / _SAMPLES))
     start, stop = strongest_segment(op, period, min(record.n, _LENGTH * q))
     n = (stop - start) // q
@@ -150,18 +170,31 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
     # the fit gives the dead time to within a sample, and whose half it is shall not hang on the unit of time
     late = round(round(plant.Td_s / record.Ts / q, 6))
-    _, b, u = min((_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)), key=lambda f: f[0])
+    _, b, u = min(
+        (_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)),
+        key=lambda f: f[0],
+    )
     noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
     standing, both = two_models(u, y, a, b, noise)
     following = two_models(u, y, a, b, noise, 1.0)[1]
     evidence = (both - following) / n
     share = float(standing.mean())
     reason = f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample on a following valve"
-    verdict = STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
-    return Verdict("horch_isaksson", verdict, share, {"stuck_share": share, "evidence": evidence}, reason=reason)
+    verdict = (
+        STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
+    )
+    return Verdict(
+        "horch_isaksson",
+        verdict,
+        share,
+        {"stuck_share": share, "evidence": evidence},
+        reason=reason,
+    )
 
 
-def _aligned(u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float) -> tuple[float, float, np.ndarray]:
+def _aligned(
+    u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float
+) -> tuple[float, float, np.ndarray]:
     """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain, and u."""
     x = np.empty(u.size)
     compiled(_lagged)(u, a, x)

@@ -28,7 +28,14 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "share_min": Threshold(0.35, "-", 0.0, 1.0, "own; the paper has none", "above: stiction"),
-        "op_min": Threshold(0.25, "-", 0.0, 1.0, "own; the paper has none", "OP must move by this share of its swing"),
+        "op_min": Threshold(
+            0.25,
+            "-",
+            0.0,
+            1.0,
+            "own; the paper has none",
+            "OP must move by this share of its swing",
+        ),
     },
 )
 
@@ -67,13 +74,23 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [95, 5])))
     _, still, clear = prepared.steady_valve(signal)
     if not clear:
-        return Verdict("kano_a", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})")
+        return Verdict(
+            "kano_a", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})"
+        )
     length, moved = stuck_intervals(op, still, period, op_min * swing)
     share = float(length.sum() / record.n)
     mean = float(moved.mean()) if moved.size else 0.0
     verdict = STICTION if share > share_min else NO_STICTION
     S = None
     if verdict == STICTION:
-        S = mean if record.op_span is None else mean * 100.0 / (record.op_span[1] - record.op_span[0])
-    reason = f"the valve stands still in {share:.0%} of the time while OP moves by {mean:.3g} ({note})"
-    return Verdict("kano_a", verdict, share, {"stuck_share": share, "stuck_op": mean}, S=S, reason=reason)
+        S = (
+            mean
+            if record.op_span is None
+            else mean * 100.0 / (record.op_span[1] - record.op_span[0])
+        )
+    reason = (
+        f"the valve stands still in {share:.0%} of the time while OP moves by {mean:.3g} ({note})"
+    )
+    return Verdict(
+        "kano_a", verdict, share, {"stuck_share": share, "stuck_op": mean}, S=S, reason=reason
+    )

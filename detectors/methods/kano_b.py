@@ -31,8 +31,12 @@ METHOD = Method(
     needs_mv=True,
     cannot_cope=("undersampled",),
     thresholds={
-        "width_min": Threshold(0.25, "-", 0.0, 1.0, "own; the paper has none", "above, with flat sides: stiction"),
-        "still_min": Threshold(0.35, "-", 0.0, 1.0, "own; the paper has none", "above: the sides are flat"),
+        "width_min": Threshold(
+            0.25, "-", 0.0, 1.0, "own; the paper has none", "above, with flat sides: stiction"
+        ),
+        "still_min": Threshold(
+            0.35, "-", 0.0, 1.0, "own; the paper has none", "above: the sides are flat"
+        ),
     },
 )
 
@@ -89,7 +93,9 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [98, 2])))
     clean, still, clear = prepared.steady_valve(signal)
     if not clear:
-        return Verdict("kano_b", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})")
+        return Verdict(
+            "kano_b", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})"
+        )
     distance = side_distance(op, clean, ~still)
     if not np.isfinite(distance) or swing == 0.0:
         return Verdict("kano_b", NO_DECISION, reason="the valve does not move both ways")
@@ -99,7 +105,11 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     S = None
     if width > width_min and flat > still_min:
         verdict, said = STICTION, "a parallelogram"
-        S = distance if record.op_span is None else distance * 100.0 / (record.op_span[1] - record.op_span[0])
+        S = (
+            distance
+            if record.op_span is None
+            else distance * 100.0 / (record.op_span[1] - record.op_span[0])
+        )
     elif flat > still_min:
         verdict, said = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
     else:

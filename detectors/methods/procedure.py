@@ -27,16 +27,38 @@ METHOD = Method(
     thresholds={
         "odds_low": Threshold(ODDS_LOW, "log-odds", -20.0, 20.0, "own", "at or below: no stiction"),
         "odds_high": Threshold(ODDS_HIGH, "log-odds", -20.0, 20.0, "own", "at or above: stiction"),
-        "follow_min": Threshold(FOLLOW_MIN, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still"),
-        "weighted": Threshold(1.0, "-", 0.0, 1.0, "own; the source has 0", "1: indices are weighed; 0: verdicts are counted"),
-        "veto": Threshold(0.0, "-", 0.0, 1.0, "own; the source has 1", "1: no stiction where no nonlinearity is seen"),
+        "follow_min": Threshold(
+            FOLLOW_MIN, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still"
+        ),
+        "weighted": Threshold(
+            1.0,
+            "-",
+            0.0,
+            1.0,
+            "own; the source has 0",
+            "1: indices are weighed; 0: verdicts are counted",
+        ),
+        "veto": Threshold(
+            0.0,
+            "-",
+            0.0,
+            1.0,
+            "own; the source has 1",
+            "1: no stiction where no nonlinearity is seen",
+        ),
     },
     published={"weighted": 0.0, "veto": 1.0, "follow_min": 1.0},
 )
 
 
 def detect(
-    prepared: Prepared, *, odds_low: float, odds_high: float, follow_min: float, weighted: float, veto: float
+    prepared: Prepared,
+    *,
+    odds_low: float,
+    odds_high: float,
+    follow_min: float,
+    weighted: float,
+    veto: float,
 ) -> Verdict:
     """Judge a record by the procedure.
 
@@ -64,5 +86,15 @@ def detect(
     >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
     'no_stiction'
     """
-    found = walk(prepared, ProcedureRules(odds_low, odds_high, follow_min, weighted > 0.5, veto > 0.5))
-    return Verdict("procedure", found.verdict, found.score, found.indices, S=found.S, J=found.J, reason=found.reason)
+    found = walk(
+        prepared, ProcedureRules(odds_low, odds_high, follow_min, weighted > 0.5, veto > 0.5)
+    )
+    return Verdict(
+        "procedure",
+        found.verdict,
+        found.score,
+        found.indices,
+        S=found.S,
+        J=found.J,
+        reason=found.reason,
+    )

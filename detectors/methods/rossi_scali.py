@@ -26,8 +26,22 @@ METHOD = Method(
     source="Rossi & Scali 2005, Eq 11.14",
     cannot_cope=("undersampled",),
     thresholds={
-        "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction"),
-        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; 0 in Eq 11.14, a mean", "share of odd half cycles that do not count"),
+        "bound": Threshold(
+            0.21,
+            "-",
+            0.0,
+            1.0,
+            "Rossi & Scali 2005",
+            "above: stiction; below its negative: no stiction",
+        ),
+        "left_out": Threshold(
+            0.1,
+            "-",
+            0.0,
+            0.9,
+            "own; 0 in Eq 11.14, a mean",
+            "share of odd half cycles that do not count",
+        ),
     },
     published={"left_out": 0.0},
 )
@@ -40,7 +54,9 @@ def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     The published triangle is the limit of the relay's answers for a slow process, so it needs no error of its own.
     """
     points = humps.shape[1]
-    sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out)
+    sine, relay = typical_means(
+        misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out
+    )
     return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0
 
 
@@ -70,7 +86,11 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
     """
     humps = prepared.half_cycles("pv", cleaned=False)
     if len(humps) < 4:
-        return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
+        return Verdict(
+            "rossi_scali",
+            NO_DECISION,
+            reason=f"{len(humps)} half cycles in PV; at least 4 are needed",
+        )
     index = relay_index(humps, left_out)
     if index > bound:
         verdict, said = STICTION, "like a relay's answer"

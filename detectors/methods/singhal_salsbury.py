@@ -25,7 +25,9 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "R_low": Threshold(1.0, "-", 0.0, 10.0, "Singhal & Salsbury 2005", "above: stiction"),
-        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in the source", "1: drift and noise are taken off first"),
+        "cleaned": Threshold(
+            1.0, "-", 0.0, 1.0, "own; 0 in the source", "1: drift and noise are taken off first"
+        ),
     },
     published={"cleaned": 0.0},
     exempt={"sine": "its R is 1 but for sampling, and so is the published bound"},
@@ -65,7 +67,11 @@ def detect(prepared: Prepared, *, R_low: float, cleaned: float = 1.0) -> Verdict
     """
     humps = prepared.half_cycles("pv", cleaned > 0.5)
     if len(humps) < 4:
-        return Verdict("singhal_salsbury", NO_DECISION, reason=f"{len(humps)} half cycles; at least 4 are needed")
+        return Verdict(
+            "singhal_salsbury",
+            NO_DECISION,
+            reason=f"{len(humps)} half cycles; at least 4 are needed",
+        )
     R = area_ratio(humps)
     verdict = STICTION if R_low < R else NO_STICTION
     reason = f"R = {R:.2f} against {R_low:g} over {len(humps)} half cycles"

@@ -39,7 +39,9 @@ METHOD = Method(
     source="Srinivasan et al. 2005, Table 11.2",
     min_periods=6.0,
     thresholds={
-        "by_kind": Threshold(0.0, "-", 0.0, 1.0, "own; 1 in Table 11.2", "1: only the column of a known kind of loop"),
+        "by_kind": Threshold(
+            0.0, "-", 0.0, 1.0, "own; 1 in Table 11.2", "1: only the column of a known kind of loop"
+        ),
     },
     published={"by_kind": 1.0},
 )
@@ -115,24 +117,41 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     """
     period = prepared.period
     if period < 8:
-        return Verdict("srinivasan", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+        return Verdict(
+            "srinivasan",
+            NO_DECISION,
+            reason=f"{period:.1f} samples per cycle; at least 8 are needed",
+        )
     shares, indices = {}, {}
     for name in ("OP", "PV"):
         found = cycles(prepared.band(name.lower(), period / _HARMONICS), period)
         if len(found) < 3:
-            return Verdict("srinivasan", NO_DECISION, reason=f"{len(found)} whole cycles in {name}; at least 3 are needed")
+            return Verdict(
+                "srinivasan",
+                NO_DECISION,
+                reason=f"{len(found)} whole cycles in {name}; at least 3 are needed",
+            )
         shares[name] = label_shares(found)
-        indices |= {f"{name.lower()}_{label}": float(s) for label, s in zip(SHAPES, shares[name], strict=True)}
+        indices |= {
+            f"{name.lower()}_{label}": float(s)
+            for label, s in zip(SHAPES, shares[name], strict=True)
+        }
     decisive = "PV" if prepared.integrating else "OP"
     score = 1.0 - float(shares[decisive][SHAPES.index("sine")])
     seen = {name: SHAPES[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
-    said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
+    said = ", ".join(
+        f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV")
+    )
     pairs = _LEVEL if prepared.integrating else FAST | SLOW
     if by_kind > 0.5 and not prepared.integrating:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
     if pair in pairs:
-        return Verdict("srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2")
+        return Verdict(
+            "srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2"
+        )
     if pair == ("sine", "sine"):
         return Verdict("srinivasan", NO_STICTION, score, indices, reason=said)
-    return Verdict("srinivasan", NO_DECISION, score, indices, reason=f"{said}: no pair of Table 11.2")
+    return Verdict(
+        "srinivasan", NO_DECISION, score, indices, reason=f"{said}: no pair of Table 11.2"
+    )

@@ -26,7 +26,10 @@ _SAMPLES = 30  # per period at least, after averaging
 _LENGTH = 400  # averaged samples
 _ROUNDS = 3
 _PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
-_FIRST_GUESSES = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
+_FIRST_GUESSES = (
+    0.0,
+    0.4,
+)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
     title="jumps of the valve by segmentation",
@@ -34,8 +37,12 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own, simulated loops", "at or below: a moving valve fits as well"),
-        "score_high": Threshold(0.03, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve sticks and jumps"),
+        "score_low": Threshold(
+            0.03, "-", 0.0, 1.0, "own, simulated loops", "at or below: a moving valve fits as well"
+        ),
+        "score_high": Threshold(
+            0.03, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve sticks and jumps"
+        ),
     },
 )
 
@@ -120,11 +127,18 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     record = prepared.record
     period = prepared.period
     if period < 8:
-        return Verdict("stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+        return Verdict(
+            "stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed"
+        )
     q = max(1, int(period / _SAMPLES))
-    start, stop = strongest_segment(prepared.searchable("travel"), period, min(record.n, _LENGTH * q))
+    start, stop = strongest_segment(
+        prepared.searchable("travel"), period, min(record.n, _LENGTH * q)
+    )
     n = (stop - start) // q
-    op, pv = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in map(prepared.searchable, ("travel", "pv")))
+    op, pv = (
+        x[start : start + n * q].reshape(n, q).mean(axis=1)
+        for x in map(prepared.searchable, ("travel", "pv"))
+    )
     period /= q
     y = pv - moving_mean(pv, max(round(period / 2), 1))
     scale = swing(op, period)
@@ -144,10 +158,14 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     reason = f"{jumps} jumps in {n / period:.0f} periods take {gain:.0%} off the error; the valve rests {stuck:.0%} of the time"
     if score >= score_high:
         return Verdict("stenman", STICTION, score, indices, reason=reason)
-    return Verdict("stenman", NO_STICTION if score <= score_low else NO_DECISION, score, indices, reason=reason)
+    return Verdict(
+        "stenman", NO_STICTION if score <= score_low else NO_DECISION, score, indices, reason=reason
+    )
 
 
-def _alternate(u: np.ndarray, y: np.ndarray, band: float, delays: range) -> tuple[float, np.ndarray]:
+def _alternate(
+    u: np.ndarray, y: np.ndarray, band: float, delays: range
+) -> tuple[float, np.ndarray]:
     """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""
     x = np.empty(u.size)
     compiled(_first_guess)(u, band, x)
@@ -160,5 +178,7 @@ def _alternate(u: np.ndarray, y: np.ndarray, band: float, delays: range) -> tupl
         if abs(b) < 1e-6:
             break
         r = (y[1:] - a * y[:-1] - c) / b
-        x = np.concatenate([best_jumps(u[: u.size - 1 - d], r[d:], price / b**2), u[u.size - 1 - d :]])
+        x = np.concatenate(
+            [best_jumps(u[: u.size - 1 - d], r[d:], price / b**2), u[u.size - 1 - d :]]
+        )
     return best

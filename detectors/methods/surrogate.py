@@ -26,7 +26,9 @@ METHOD = Method(
     budget="full",
     min_periods=12.0,
     thresholds={"npi_low": Threshold(1.0, "-", -5.0, 20.0, "Thornhill 2005", "above: nonlinear")},
-    exempt={"stiction": "every surrogate of a strict cycle keeps its harmonics and with them its predictability"},
+    exempt={
+        "stiction": "every surrogate of a strict cycle keeps its harmonics and with them its predictability"
+    },
 )
 
 
@@ -55,12 +57,20 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     record = prepared.record
     period = prepared.period
     if period < 7:
-        return Verdict("surrogate", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 7 are needed")
+        return Verdict(
+            "surrogate",
+            NO_DECISION,
+            reason=f"{period:.1f} samples per cycle; at least 7 are needed",
+        )
     e = record.e - drift(record.e, period)
     # surrogates of a clean cycle hang on the last digits, and these on the unit of PV
     found = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
     nonlinear = found.npi > npi_low
-    said = "nonlinear" if nonlinear else "no nonlinearity seen, which a strict cycle would not show either"
+    said = (
+        "nonlinear"
+        if nonlinear
+        else "no nonlinearity seen, which a strict cycle would not show either"
+    )
     return Verdict(
         "surrogate",
         STICTION if nonlinear else NO_STICTION,

@@ -28,7 +28,9 @@ METHOD = Method(
     needs_mv=True,
     thresholds={
         "rho3_min": Threshold(0.25, "-", 0.0, 1.0, "Yamashita 2006", "above: stiction"),
-        "step": Threshold(1, "samples", 1, 1000, "Yamashita 2006", "differences are taken over this many samples"),
+        "step": Threshold(
+            1, "samples", 1, 1000, "Yamashita 2006", "differences are taken over this many samples"
+        ),
     },
 )
 
@@ -38,7 +40,9 @@ IS, DS, SS = 7, 1, 4
 _COUNTS = np.zeros((3, 9, 10), dtype=bool)
 _COUNTS[0, [IS, DS]] = True
 _COUNTS[1, IS, [8, 5]] = _COUNTS[1, DS, [0, 3]] = True  # II, SI and DD, SD: the valve catches up
-_COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = True  # W: DD DI SD ID DS and DI SI ID II IS
+_COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = (
+    True  # W: DD DI SD ID DS and DI SI ID II IS
+)
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
@@ -47,8 +51,7 @@ def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[flo
 
 
 def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
-    """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2 increasing); NaN when all are SS.
-    """
+    """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2 increasing); NaN when all are SS."""
     pair = pair[pair != SS]
     if pair.size == 0:
         return float("nan"), float("nan"), float("nan")
@@ -56,7 +59,11 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
     length = np.diff(np.append(start, pair.size))
     run, follower = pair[start], np.append(pair[start][1:], -1)
     stuck, followed, unrelated = (length[counts[run, follower]].sum() for counts in _COUNTS)
-    return float(stuck / pair.size), float(followed / pair.size), float((stuck - unrelated) / pair.size)
+    return (
+        float(stuck / pair.size),
+        float(followed / pair.size),
+        float((stuck - unrelated) / pair.size),
+    )
 
 
 def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
@@ -93,7 +100,9 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
     verdict = STICTION if rho3 > rho3_min else NO_STICTION
     said = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
     reason = f"the valve {said}: rho3 = {rho3:.2f} ({note})"
-    return Verdict("yamashita", verdict, rho3, {"rho1": rho1, "rho2": rho2, "rho3": rho3}, reason=reason)
+    return Verdict(
+        "yamashita", verdict, rho3, {"rho1": rho1, "rho2": rho2, "rho3": rho3}, reason=reason
+    )
 
 
 def _symbols(x: np.ndarray, step: int) -> np.ndarray:

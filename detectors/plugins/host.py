@@ -51,7 +51,12 @@ class Host:
     they say of themselves; an answer may take `seconds`. A lost worker is replaced when it is asked again.
     """
 
-    def __init__(self, describe: Callable | None, sources: Sequence[tuple[str, str]], seconds: float = SECONDS) -> None:
+    def __init__(
+        self,
+        describe: Callable | None,
+        sources: Sequence[tuple[str, str]],
+        seconds: float = SECONDS,
+    ) -> None:
         self.sources, self.seconds, self.strikes = sources, seconds, 0
         self._describe, self._process, self._owner = describe, None, 0
         self._until = math.inf  # when an answer is due
@@ -88,13 +93,28 @@ class Host:
 
     def _start(self) -> None:
         if self.strikes >= STRIKES:
-            raise PluginError(self._named(f"asked no more, as its process was lost {STRIKES} times in this piece of work"))
-        if self._process is not None and self._owner == os.getpid() and self._process.poll() is None:
+            raise PluginError(
+                self._named(
+                    f"asked no more, as its process was lost {STRIKES} times in this piece of work"
+                )
+            )
+        if (
+            self._process is not None
+            and self._owner == os.getpid()
+            and self._process.poll() is None
+        ):
             return
         self.close()
         self._owner, self._folder = os.getpid(), tempfile.mkdtemp(prefix="simbench-plugin-")
-        kernels = cache_folder() / "plugins" / "+".join(f"{kind}-{Path(source).stem}" for kind, source in self.sources)
-        paths = [str(Path(__file__).resolve().parents[2]), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+        kernels = (
+            cache_folder()
+            / "plugins"
+            / "+".join(f"{kind}-{Path(source).stem}" for kind, source in self.sources)
+        )
+        paths = [
+            str(Path(__file__).resolve().parents[2]),
+            *os.environ.get("PYTHONPATH", "").split(os.pathsep),
+        ]
         own = {
             **dict.fromkeys(_TEMPORARY, self._folder), **dict.fromkeys(_CACHES, str(kernels)),
             "PYTHONPATH": os.pathsep.join(os.path.abspath(p) for p in paths if p), "PYTHONUSERBASE": site.getuserbase(),
@@ -109,7 +129,9 @@ class Host:
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
         _tell_unlimited()
         try:
-            self._description = self._ask((self._describe, (self.sources,)), START) if self._describe else None
+            self._description = (
+                self._ask((self._describe, (self.sources,)), START) if self._describe else None
+            )
         except UserError:
             self.close()
             raise
@@ -133,7 +155,9 @@ class Host:
                 raise
             self.strikes += 1
             said = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
-            raise PluginError(self._named(said if gone else "answered with something that cannot be understood")) from None
+            raise PluginError(
+                self._named(said if gone else "answered with something that cannot be understood")
+            ) from None
         finally:
             self._until = math.inf
         if error:
@@ -142,7 +166,9 @@ class Host:
         return answer
 
     def _watch(self, process: subprocess.Popen) -> None:
-        while process.poll() is None:  # a thread that looks, as not every platform waits for a pipe with a time limit
+        while (
+            process.poll() is None
+        ):  # a thread that looks, as not every platform waits for a pipe with a time limit
             if time.monotonic() > self._until:
                 _kill(process)
             time.sleep(_LOOK)
@@ -151,7 +177,11 @@ class Host:
         """Put which plug-in it is before a sentence that does not say so; of detectors the verdict says it."""
         names = [(kind, Path(source).stem) for kind, source in self.sources if kind != "detector"]
         known = not names or any(repr(name) in text for _, name in names)
-        return text if known else f"{' or '.join(f'{kind} plug-in {name!r}' for kind, name in names)}: {text}"
+        return (
+            text
+            if known
+            else f"{' or '.join(f'{kind} plug-in {name!r}' for kind, name in names)}: {text}"
+        )
 
 
 def _kill(process: subprocess.Popen) -> None:
@@ -166,7 +196,9 @@ def cleaned(text: str) -> str:
     """Return a text as one line that every terminal, table and page can show."""
     if text.isprintable():
         return text
-    shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in _ESCAPES.sub("", text))
+    shown = "".join(
+        c if c.isprintable() else " " if c.isspace() else "?" for c in _ESCAPES.sub("", text)
+    )
     return " ".join(shown.split())
 
 

@@ -27,7 +27,14 @@ class PluginFolder:
     the attributes each must have, `reserved` names that mean something else where plug-ins are named.
     """
 
-    def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...], reserved: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        kind: str,
+        package: str,
+        group: str,
+        required: tuple[str, ...],
+        reserved: tuple[str, ...] = (),
+    ) -> None:
         self.kind = kind
         self.package = package
         self.group = group
@@ -68,7 +75,9 @@ class PluginFolder:
             if name not in self._above and name not in self.names():
                 raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
             own = self._above.get(name, f"{self.package}.{name}")
-            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(own), name)
+            self._loaded[name] = self._checked(
+                self._outside(name) or importlib.import_module(own), name
+            )
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
@@ -78,13 +87,18 @@ class PluginFolder:
         name = self._free_name(path)
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
-            raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
+            raise ParameterError(
+                f"{self.kind} file {path} is no Python file; one that ends in .py is needed"
+            )
         module = importlib.util.module_from_spec(spec)
         # where any other module stands as well: a plug-in may look itself up
         sys.modules[spec.name] = module
         try:
             spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:  # a plug-in may fail in any way; the user needs the file's name
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # a plug-in may fail in any way; the user needs the file's name
             sys.modules.pop(spec.name, None)
             raise self._useless(f"{self.kind} file {path}", repr(error)) from error
         self._files[name] = self._checked(module, name)
@@ -103,7 +117,9 @@ class PluginFolder:
             key = (file, file.stat().st_mtime_ns)
             if name not in self._hosts or self._hosts[name][0] != key:
                 self.forget(name)
-                self._files[name] = self._stub(name, key, str(file), f"{self.kind} file {file}", seconds)
+                self._files[name] = self._stub(
+                    name, key, str(file), f"{self.kind} file {file}", seconds
+                )
         for name, (file, host) in self._hosts.items():
             host.strikes = 0
             if name in names or not file:  # one that is published
@@ -144,7 +160,9 @@ class PluginFolder:
             needs = "small letters, digits and _ are needed; rename the file"
             raise ParameterError(f"{self.kind} file {path}: {name!r} is no id; {needs}")
         if taken or self._taken(name):
-            raise ParameterError(f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename the file")
+            raise ParameterError(
+                f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename the file"
+            )
         return name
 
     def _taken(self, name: str) -> bool:
@@ -153,7 +171,9 @@ class PluginFolder:
     def own_file(self, path: str | Path) -> bool:
         """Return whether a file is that of a built-in plug-in."""
         folder = importlib.import_module(self.package).__path__[0]
-        return Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+        return (
+            Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+        )
 
     @contextmanager
     def adopted(self, modules: Mapping[str, ModuleType]) -> Iterator[None]:
@@ -169,7 +189,9 @@ class PluginFolder:
         """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run where the caller does."""
         for name in modules:
             if self._taken(name):
-                raise ParameterError(f"{self.kind} {name!r}: the name is taken; another is needed: rename the function")
+                raise ParameterError(
+                    f"{self.kind} {name!r}: the name is taken; another is needed: rename the function"
+                )
         self._files.update(modules)
 
     def forget(self, name: str) -> None:
@@ -183,7 +205,11 @@ class PluginFolder:
     @cached_property
     def _entry_points(self) -> dict:
         # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
-        return {e.name: e for e in entry_points(group=self.group) if e.name not in self.reserved and not self.built_in(e.name)}
+        return {
+            e.name: e
+            for e in entry_points(group=self.group)
+            if e.name not in self.reserved and not self.built_in(e.name)
+        }
 
     def _outside(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or what stands for it here."""
@@ -195,20 +221,27 @@ class PluginFolder:
             return self._stub(name, (), name, where, SECONDS)
         try:
             return point.load()
-        except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # it may fail in any way; the user needs its distribution's name
             raise self._useless(where, repr(error)) from error
 
     @cached_property
     def _own(self) -> frozenset[str]:
         package = importlib.import_module(self.package)
-        return frozenset(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+        return frozenset(
+            m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")
+        )
 
     def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
         """Start a plug-in's worker and return what stands for it here: its attributes, and functions that refuse."""
         host = Host(self.describe, [(self.kind, source)], seconds)
         stub = ModuleType(name)
         try:
-            stub.__dict__.update(dict.fromkeys(filter(str.islower, self.required), _elsewhere), __file__=None)
+            stub.__dict__.update(
+                dict.fromkeys(filter(str.islower, self.required), _elsewhere), __file__=None
+            )
             stub.__dict__.update(host.described()[0])
         except UserError as error:
             host.close()
@@ -218,14 +251,20 @@ class PluginFolder:
 
     def _useless(self, where: str, why: str) -> ParameterError:
         needs = f"a {self.kind} needs {', '.join(self.required)}"
-        return ParameterError(f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}"))
+        return ParameterError(
+            f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}")
+        )
 
     def _checked(self, module: ModuleType, name: str) -> ModuleType:
         missing = [a for a in self.required if not hasattr(module, a)]
         if missing:
-            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs")
+            raise ParameterError(
+                f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs"
+            )
         for a in (a for a in self.required if a.islower() and not callable(getattr(module, a))):
-            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no function")
+            raise ParameterError(
+                f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no function"
+            )
         return module
 
 
@@ -258,11 +297,17 @@ class _Detectors(PluginFolder):
         if not at:
             return module
         if variant == _CHAPTER and not module.METHOD.chapter:
-            chapters = [f"{n}@{_CHAPTER}" for n in self.names() if super(_Detectors, self).load(n).METHOD.chapter]
+            chapters = [
+                f"{n}@{_CHAPTER}"
+                for n in self.names()
+                if super(_Detectors, self).load(n).METHOD.chapter
+            ]
             raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
         shown = ModuleType(name, module.__doc__)
         shown.__dict__.update(
-            METHOD=module.METHOD.as_published(variant == _CHAPTER), detect=module.detect, __file__=module.__file__
+            METHOD=module.METHOD.as_published(variant == _CHAPTER),
+            detect=module.detect,
+            __file__=module.__file__,
         )
         return shown
 
@@ -281,7 +326,9 @@ def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
     return [{"METHOD": method, "__doc__": method.title}]
 
 
-methods = _Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED)
+methods = _Detectors(
+    "detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED
+)
 methods.describe, methods.host_entries = _describe_detector, True
 # stands above this package, which may stand alone
 methods.lend("likelihood", "simbench.gap.stiction.method")

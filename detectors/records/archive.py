@@ -10,8 +10,13 @@ import numpy as np
 from detectors.errors import RecordError
 
 _STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
-_SMALL, _RARE = 0.2, 0.02  # a change is small below this share of the median one; any sampled signal makes 10 % of these
-_COMMON = 0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
+_SMALL, _RARE = (
+    0.2,
+    0.02,
+)  # a change is small below this share of the median one; any sampled signal makes 10 % of these
+_COMMON = (
+    0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
+)
 _TOLERANCE = 0.01  # of the sampling period
 
 Series = tuple[np.ndarray, np.ndarray]
@@ -34,7 +39,11 @@ def base_step(t: np.ndarray) -> float | None:
     if step <= 0:
         return None
     steps = np.rint(dt / step)
-    return step if np.all(np.abs(dt - steps * step) <= _TOLERANCE * step * np.maximum(1.0, steps)) else None
+    return (
+        step
+        if np.all(np.abs(dt - steps * step) <= _TOLERANCE * step * np.maximum(1.0, steps))
+        else None
+    )
 
 
 def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np.nan) -> np.ndarray:
@@ -51,10 +60,17 @@ def hold(
     if Ts is None:
         known = [s for s in steps.values() if s is not None]
         if len(known) < 2 or abs(known[0] - known[1]) > _TOLERANCE * max(known):
-            told = ", ".join(f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}" for r, s in steps.items())
-            raise RecordError(f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts is needed")
+            told = ", ".join(
+                f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}"
+                for r, s in steps.items()
+            )
+            raise RecordError(
+                f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts is needed"
+            )
         Ts = min(known)
-    begin, end = (choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1)))
+    begin, end = (
+        choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1))
+    )
     grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
     signals, notes = {}, []
     for role, (t, x) in series.items():
@@ -62,5 +78,7 @@ def hold(
         signals[role] = last_known(grid + _TOLERANCE * Ts, t, x)
         held = float(np.mean(np.diff(at) == 0)) if at.size > 1 else 0.0
         if held > 0:
-            notes.append(f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size} samples")
+            notes.append(
+                f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size} samples"
+            )
     return grid, signals, Ts, notes

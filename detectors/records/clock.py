@@ -17,7 +17,15 @@ _DATES = (
     "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y",
     "%Y-%m-%d", "%d %b %Y", "%d. %b %Y", "%d/%b/%Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
 )  # fmt: skip
-_CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p", "%H:%M:%S:%f")
+_CLOCKS = (
+    "%H:%M:%S",
+    "%I:%M:%S %p",
+    "%H:%M:%S.%f",
+    "%I:%M:%S.%f %p",
+    "%H:%M",
+    "%I:%M %p",
+    "%H:%M:%S:%f",
+)
 _COMPACT = "%Y%m%d%H%M%S"
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
@@ -37,14 +45,25 @@ _EPOCHS = (
     (1e17, 1e7, 11_644_473_600.0, "ticks of Windows since 1601"), (1e14, 1e6, 0.0, "microseconds since 1970"),
     (1e11, 1e3, 0.0, "milliseconds since 1970"),
 )  # fmt: skip
-_SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
-_MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
+_SHEET_DAYS = (
+    25_000.0,
+    80_000.0,
+)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
+_MATLAB_DAYS = (
+    718_000.0,
+    774_000.0,
+)  # days since year 0 in which MATLAB counts the years 1965 to 2119
 _DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
-_LEAP = re.compile(r"(?<=:59:)60(?!\d)")  # the second that is now and then added to the last minute of a day
+_LEAP = re.compile(
+    r"(?<=:59:)60(?!\d)"
+)  # the second that is now and then added to the last minute of a day
 CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
 _LONG = 5000  # rows from which a column of time stamps is read as a whole
-_DAY_STEP, _SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
+_DAY_STEP, _SECOND_STEP = (
+    0.002,
+    0.2,
+)  # steps below the first are days (173 s), above the second seconds; between: refused
 
 
 def seconds(
@@ -69,7 +88,9 @@ def seconds(
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         given = str(values[bad[0]]).strip()[:60]
-        raise RecordError(f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a finite one")
+        raise RecordError(
+            f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a finite one"
+        )
     step = np.diff(t)
     if t.size > 2 and np.all(step <= 0 if again else step < 0) and t[0] > t[-1]:
         said.append(f"time: {name} falls; read from its end")
@@ -81,7 +102,10 @@ def seconds(
         usual = float(np.median(step)) or float((t[-1] - t[0]) / step.size)
         if t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
             why = f"local time is set back by an hour ({was}, then {now}); every sample needs a later time"
-        raise RecordError(f"{where}, {place(back[0] + 1)}: {why}", f"--ts {usual:g}" if usual > 0 and not again else "")
+        raise RecordError(
+            f"{where}, {place(back[0] + 1)}: {why}",
+            f"--ts {usual:g}" if usual > 0 and not again else "",
+        )
     return t
 
 
@@ -89,14 +113,18 @@ def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:
     """Return the samples after which local time jumps by an hour at a full hour, as it does when summer time begins."""
     late = np.abs(np.diff(t) - Ts - _HOUR) < 0.5 * Ts
     full_hour = np.ceil(t[1:] / _HOUR) * _HOUR - t[1:]
-    return np.flatnonzero(late & (np.minimum(full_hour, _HOUR - full_hour) < Ts) & (t[:-1] > CALENDAR))
+    return np.flatnonzero(
+        late & (np.minimum(full_hour, _HOUR - full_hour) < Ts) & (t[:-1] > CALENDAR)
+    )
 
 
 def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record could count so."""
     if unit:
         if unit not in _UNITS:
-            raise RecordError(f"{where}: {name} is in {unit!r}; known units of time: {', '.join(_UNITS)}")
+            raise RecordError(
+                f"{where}: {name} is in {unit!r}; known units of time: {', '.join(_UNITS)}"
+            )
         if _UNITS[unit] != 1.0:
             notes.append(f"time: {name} is in {unit}")
         return t * _UNITS[unit]
@@ -112,7 +140,9 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
         if first < finite.min() and finite.max() < last and 0 < step < _SECOND_STEP:
             if step > _DAY_STEP:
                 both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days {whose}"
-                raise RecordError(f"{where}: {name} rises by {both}; name the column t_s, or write time stamps")
+                raise RecordError(
+                    f"{where}: {name} rises by {both}; name the column t_s, or write time stamps"
+                )
             notes.append(f"time: {name} counts the days {whose}")
             return np.round((t - _DAY_1970[whose]) * 86400.0, 3)
     return t
@@ -122,19 +152,34 @@ def _forms() -> list[str]:
     return ["iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS, _COMPACT]
 
 
-def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[int], str], notes: list[str]) -> np.ndarray:
+def _read(
+    texts: list[str],
+    unit: str,
+    name: str,
+    where: str,
+    place: Callable[[int], str],
+    notes: list[str],
+) -> np.ndarray:
     """Read a column of texts: as a whole it decides between numbers, day first and month first."""
-    texts = [_ZONE.sub("", text) for text in texts] if _ZONE.search(texts[0] if texts else "") else texts
+    texts = (
+        [_ZONE.sub("", text) for text in texts]
+        if _ZONE.search(texts[0] if texts else "")
+        else texts
+    )
     if texts and re.search(r"[^\W\d_]{3,}", texts[0]):
         texts = [re.sub(r"[^\W\d_]{3,}\.?", _month, text) for text in texts]
     leap = np.array([":59:60" in text for text in texts])
     if leap.any():
         notes.append(f"time: the leap second of {name} is read as a second of its own")
         t = _read([_LEAP.sub("59", text) for text in texts], unit, name, where, place, notes)
-        begins = np.diff(leap if t[0] <= t[-1] else leap[::-1], prepend=False) & (leap if t[0] <= t[-1] else leap[::-1])
+        begins = np.diff(leap if t[0] <= t[-1] else leap[::-1], prepend=False) & (
+            leap if t[0] <= t[-1] else leap[::-1]
+        )
         added = np.cumsum(begins)
         return t + (added if t[0] <= t[-1] else added[::-1])
-    counted = "number" if not re.fullmatch(r"(19|20)\d{12}", texts[0] if texts else "") else _COMPACT
+    counted = (
+        "number" if not re.fullmatch(r"(19|20)\d{12}", texts[0] if texts else "") else _COMPACT
+    )
     plain = list(takewhile(lambda x: x is not None, (_time(text, counted) for text in texts)))
     if len(plain) == len(texts):
         return _counted(np.array(plain, dtype=float), unit, name, where, notes)
@@ -163,13 +208,17 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     rising = {f: t for f, t in whole.items() if np.all(np.diff(t) > 0)} or whole
     spans = sorted((float(t[-1] - t[0]), f) for f, t in rising.items())
     form = spans[0][1]
-    others = [f for s, f in spans[1:] if not np.allclose(np.diff(rising[f]), np.diff(rising[spans[0][1]]))]
+    others = [
+        f for s, f in spans[1:] if not np.allclose(np.diff(rising[f]), np.diff(rising[spans[0][1]]))
+    ]
     if others:
         largest = [float(np.diff(rising[f]).max()) for f in (form, others[0])]
         if largest[0] > 0.1 * largest[1]:
             said = f"{where}: {name} can be read as {form} and as {others[0]}; write dates as 2024-05-31"
             raise RecordError(said, f"--ts {float(np.median(np.diff(rising[form]))):g}")
-        notes.append(f"time: {name} read as {form}, as any other order of day and month leaves holes of days")
+        notes.append(
+            f"time: {name} read as {form}, as any other order of day and month leaves holes of days"
+        )
         return rising[form]
     # who writes AM and PM writes the month first
     form = next((f for f in rising if f.startswith("%m") and "%p" in f), form)
@@ -196,7 +245,9 @@ def _at_once(texts: list[str], form: str) -> np.ndarray | None:
         stamps = pd.to_datetime(cells, format="ISO8601" if form == "iso" else form, utc=True)
     except (ValueError, OverflowError):
         return None
-    return None if stamps.hasnans else stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
+    return (
+        None if stamps.hasnans else stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
+    )
 
 
 def _time(text: str, form: str) -> float | None:

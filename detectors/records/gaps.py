@@ -10,12 +10,20 @@ from detectors.records.clock import hour_lost
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
 _WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
-_FURTHEST = 1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
+_FURTHEST = (
+    1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
+)
 _SHORTEST = 3  # samples of a record
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
-def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str, longest_segment: bool = False):
+def whole(
+    t: np.ndarray,
+    signals: dict[str, np.ndarray | None],
+    Ts: float,
+    where: str,
+    longest_segment: bool = False,
+):
     """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one.
 
     `longest_segment` also takes it of a record of which more than `MOST_MISSING` is missing.
@@ -23,7 +31,9 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     dt = np.diff(t)
     if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
         needed = f"less than {_FURTHEST:g} of them is needed"
-        raise RecordError(f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}")
+        raise RecordError(
+            f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}"
+        )
     if np.any(np.abs(dt - Ts) > JITTER * Ts):
         place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
     else:
@@ -33,7 +43,11 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     missing = size - int(known.sum())
     lo, hi = _longest(place[known]) if known.any() else (0, 0)
     jumps = hour_lost(t, Ts)
-    summer = f"local time jumps by an hour after sample {jumps[0]}, as it does when summer time begins" if jumps.size else ""
+    summer = (
+        f"local time jumps by an hour after sample {jumps[0]}, as it does when summer time begins"
+        if jumps.size
+        else ""
+    )
     if missing > MOST_MISSING * size:
         segment = hi - lo + 1
         inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
@@ -41,10 +55,19 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
         if not (usable and longest_segment):
             said = f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be"
             cure = "--longest-segment" if usable and not longest_segment else ""
-            said += f"; the longest segment without a long hole has {segment} samples" if cure else ""
+            said += (
+                f"; the longest segment without a long hole has {segment} samples" if cure else ""
+            )
             # counting the samples in place of reading the clock is right only where no sample is missing
-            if jumps.size and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts) and known.all():
-                said, cure = f"{where}: {summer}, so that {missing} of {size} samples seem to be missing", f"--ts {Ts:g}"
+            if (
+                jumps.size
+                and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
+                and known.all()
+            ):
+                said, cure = (
+                    f"{where}: {summer}, so that {missing} of {size} samples seem to be missing",
+                    f"--ts {Ts:g}",
+                )
             raise RecordError(said, cure)
     used = known
     for name in ("sp", "mv"):
@@ -62,11 +85,15 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
         holes = np.diff(np.concatenate([[lo - 1], place[here], [hi + 1]]))
         if name in ("sp", "mv") and (not here.any() or holes.max() > BRIDGED + 1):
             if here.any():
-                notes.append(f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out")
+                notes.append(
+                    f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out"
+                )
             out[name] = None
             continue
         if name in ("sp", "mv") and here.sum() < grid.size:
-            notes.append(f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()} missing, bridged")
+            notes.append(
+                f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()} missing, bridged"
+            )
         if name == "sp":  # a set point holds its value until it is changed
             out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
         else:
@@ -74,14 +101,20 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     bridged = grid.size - int(known[(place >= lo) & (place <= hi)].sum())
     uneven = int(np.sum(np.abs(dt - np.rint(dt / Ts) * Ts) > JITTER * Ts))
     if bridged:
-        notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
+        notes.insert(
+            0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines"
+        )
     if grid.size < size:
         part = f"the longest part without a hole of more than {BRIDGED}"
-        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size} ({grid.size / size:.0%}), {part}")
+        notes.insert(
+            0, f"gaps: judged samples {lo} to {hi} of {size} ({grid.size / size:.0%}), {part}"
+        )
     if jumps.size:
         notes.append(f"time: {summer}; --ts {Ts:g} counts the samples in place of the clock")
     if uneven:
-        notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
+        notes.append(
+            f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}"
+        )
     return grid * Ts, out, tuple(notes)
 
 

@@ -36,23 +36,104 @@ _NO_VALUE = {
     "unit down", "invalid float", "inp outrange", "bad total", "set to bad", "data lost", "not available", "error", "failed",
     "#value!", "#ref!", "#div/0!", "no value", "off-scan", "undefined", "invalid",
 }  # fmt: skip
-_GOOD = {"good", "g", "ok", "valid", "true", "gut", "bon", "bonne", "buena", "bueno", "buono", "好", "良好", "正常"}
-_BAD = {"bad", "b", "invalid", "false", "schlecht", "mauvais", "mauvaise", "mala", "malo", "cattivo", "坏", "差", "错误"}
-_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated", "unsicher", "incertain", "不确定"}
-_FIRST_SURE = ("opcquality", "qstatus", "qlevel")  # where a historian writes several, these have one meaning
-_SPANS = {"ma": ("mA", 4.0, 20.0), "m%": ("m%", 0.0, 1e5), "‰": ("‰", 0.0, 1e3)}  # that a unit of OP fixes
-_OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz", "counts"}
+_GOOD = {
+    "good",
+    "g",
+    "ok",
+    "valid",
+    "true",
+    "gut",
+    "bon",
+    "bonne",
+    "buena",
+    "bueno",
+    "buono",
+    "好",
+    "良好",
+    "正常",
+}
+_BAD = {
+    "bad",
+    "b",
+    "invalid",
+    "false",
+    "schlecht",
+    "mauvais",
+    "mauvaise",
+    "mala",
+    "malo",
+    "cattivo",
+    "坏",
+    "差",
+    "错误",
+}
+_UNSURE = {
+    "uncertain",
+    "questionable",
+    "doubtful",
+    "u",
+    "substituted",
+    "annotated",
+    "unsicher",
+    "incertain",
+    "不确定",
+}
+_FIRST_SURE = (
+    "opcquality",
+    "qstatus",
+    "qlevel",
+)  # where a historian writes several, these have one meaning
+_SPANS = {
+    "ma": ("mA", 4.0, 20.0),
+    "m%": ("m%", 0.0, 1e5),
+    "‰": ("‰", 0.0, 1e3),
+}  # that a unit of OP fixes
+_OTHER_SPANS = {
+    "v",
+    "volt",
+    "bar",
+    "mbar",
+    "kpa",
+    "psi",
+    "psig",
+    "mm",
+    "deg",
+    "rpm",
+    "hz",
+    "counts",
+}
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
-_LIKELY_SPANS = {"v": "1 5", "volt": "1 5", "bar": "0.2 1", "mbar": "200 1000", "kpa": "20 100", "psi": "3 15", "psig": "3 15"}
-_COUNTS = ((1023.0, "0 1023"), (4095.0, "0 4095"), (27648.0, "0 27648"), (32767.0, "0 32767"), (65535.0, "0 65535"))
+_LIKELY_SPANS = {
+    "v": "1 5",
+    "volt": "1 5",
+    "bar": "0.2 1",
+    "mbar": "200 1000",
+    "kpa": "20 100",
+    "psi": "3 15",
+    "psig": "3 15",
+}
+_COUNTS = (
+    (1023.0, "0 1023"),
+    (4095.0, "0 4095"),
+    (27648.0, "0 27648"),
+    (32767.0, "0 32767"),
+    (65535.0, "0 65535"),
+)
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
-_WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")  # a cell that says its unit: 12,3 m3/h
+_WITH_UNIT = re.compile(
+    r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})"
+)  # a cell that says its unit: 12,3 m3/h
 # a historian's mark behind a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
-_MARKED, _MARK_ENDS = re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE), ("?", "*", ")")
+_MARKED, _MARK_ENDS = (
+    re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
+    ("?", "*", ")"),
+)
 _SUMMARY = 12  # lines below a table that may sum it up
-_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
+_GROUPS = re.compile(
+    r"[+-]?[1-9]\d{0,2}([.,]\d{3})+"
+)  # numbers that may be whole, or have three decimals
 _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -61,22 +142,38 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     names = [c.strip() for c in cells]
     named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
     timed = len(names) > 2 and any(map(is_time, names))
-    return {"pv", "op"} <= named or (timed and bool({"pv", "op"} & named)) or long_columns(names) is not None
+    return (
+        {"pv", "op"} <= named
+        or (timed and bool({"pv", "op"} & named))
+        or long_columns(names) is not None
+    )
 
 
 def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     """Take rows off a table that are no samples: below it such as sum it up, and such as repeat the one above."""
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return
-    time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), "")
+    time = chosen.get("t") or next(
+        (n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), ""
+    )
     cells, columns = sheet.columns.get(time, []), list(sheet.columns.values())
-    samples = [i for i, cell in enumerate(cells[-_SUMMARY:], max(len(cells) - _SUMMARY, 0)) if any(map(str.isdigit, str(cell)))]
+    samples = [
+        i
+        for i, cell in enumerate(cells[-_SUMMARY:], max(len(cells) - _SUMMARY, 0))
+        if any(map(str.isdigit, str(cell)))
+    ]
     end = samples[-1] + 1 if samples else len(cells)
     if end < len(cells):
-        sheet.notes.append(f"file: {len(cells) - end} lines below the samples left out: {', '.join(map(str, cells[end:]))}")
+        sheet.notes.append(
+            f"file: {len(cells) - end} lines below the samples left out: {', '.join(map(str, cells[end:]))}"
+        )
     again = {i for i in range(1, end) if cells[i] == cells[i - 1] and cells[i]}
     # where stamps are coarse, samples may be alike
-    again = again if end - len(again) > 2 and all(c[i] == c[i - 1] for i in again for c in columns) else set()
+    again = (
+        again
+        if end - len(again) > 2 and all(c[i] == c[i - 1] for i in again for c in columns)
+        else set()
+    )
     if again:
         sheet.notes.append(f"time: {len(again)} rows that repeat the one above left out")
     if again or end < len(cells):
@@ -88,23 +185,41 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     """Take rows of units or descriptions off the head of a table and return the units of its columns."""
     units = {name: unit(name) for name in sheet.columns}
-    time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None or plain(n) == "t"), None)
+    time = chosen.get("t") or next(
+        (n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None or plain(n) == "t"), None
+    )
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return units  # columns of numbers have no room for texts
     for _ in range(3):
-        first = {n: str(c[0]).strip() for n, c in sheet.columns.items() if isinstance(c, list) and c}
+        first = {
+            n: str(c[0]).strip() for n, c in sheet.columns.items() if isinstance(c, list) and c
+        }
         cells = [c for n, c in first.items() if n != time and c]
         clock = first.get(time, "") if time else ""
-        if not cells or any(_numeric(c) or _state(c) for c in cells) or any(ch.isdigit() for ch in clock):
+        if (
+            not cells
+            or any(_numeric(c) or _state(c) for c in cells)
+            or any(ch.isdigit() for ch in clock)
+        ):
             break
         units |= {n: c.strip("[]() ").lower() for n, c in first.items() if c}
         for column in sheet.columns.values():
             del column[0]  # pyright: ignore[reportIndexIssue]
-        sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {', '.join(filter(None, first.values()))}")
+        sheet.notes.append(
+            f"file: {sheet.place(0)} taken as units or descriptions: {', '.join(filter(None, first.values()))}"
+        )
         del sheet.lines[:1]
     words = _GOOD | _BAD | _UNSURE
-    nameless = {n: {plain(cell) for cell in c} - {""} for n, c in sheet.columns.items() if n.startswith(BLANK)}
-    said = {n: f"Status.{i}" for i, (n, cells) in enumerate(nameless.items(), 1) if cells and cells <= words}
+    nameless = {
+        n: {plain(cell) for cell in c} - {""}
+        for n, c in sheet.columns.items()
+        if n.startswith(BLANK)
+    }
+    said = {
+        n: f"Status.{i}"
+        for i, (n, cells) in enumerate(nameless.items(), 1)
+        if cells and cells <= words
+    }
     sheet.columns = {said.get(n, n): c for n, c in sheet.columns.items()}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
@@ -114,7 +229,9 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     return units
 
 
-def op_span(unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]) -> tuple[float, float] | None:
+def op_span(
+    unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]
+) -> tuple[float, float] | None:
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
     if known is not None:
         return None
@@ -123,8 +240,13 @@ def op_span(unit_of_op: str, known: object, op: np.ndarray, where: str, notes: l
         notes.append(f"unit: OP is in {name}, {lo:g} to {hi:g} {name} taken as 0 to 100 %")
         return lo, hi
     if unit_of_op in _OTHER_SPANS:
-        said = f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
-        counts = next((span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top), "0 100")
+        said = (
+            f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
+        )
+        counts = next(
+            (span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top),
+            "0 100",
+        )
         raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
     return None
 
@@ -139,10 +261,16 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
         said = f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0 and 100 % is needed"
         raise RecordError(said, "--op-span 0 1")
     if record.op_percent is None:
-        likely = next((span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}")
-        return [f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span {likely}"]
+        likely = next(
+            (span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}"
+        )
+        return [
+            f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span {likely}"
+        ]
     if _CURRENT[0] <= lo < hi <= _CURRENT[1]:
-        return [f"{runs}, taken as %; if it is in mA, sizes are 6.25 times as large: add --op-span 4 20"]
+        return [
+            f"{runs}, taken as %; if it is in mA, sizes are 6.25 times as large: add --op-span 4 20"
+        ]
     return []
 
 
@@ -151,8 +279,12 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
-    texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
-    out: dict[str, np.ndarray] = {n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
+    texts = {
+        n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])
+    }
+    out: dict[str, np.ndarray] = {
+        n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts
+    }
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
     for name in texts:
@@ -160,21 +292,34 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
                  (str(v).strip() for v in sheet.columns[name])]  # fmt: skip
         words = Counter(plain(mark.strip("()")) for mark in marks if mark)
         doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
-        sheet.notes += [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"] if doubted else []
+        sheet.notes += (
+            [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"]
+            if doubted
+            else []
+        )
         bad = [plain(mark.strip("()")) in _BAD for mark in marks]
-        sheet.notes += [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"] if any(bad) else []
+        sheet.notes += (
+            [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"]
+            if any(bad)
+            else []
+        )
         texts[name] = ["" if wrong else text for wrong, text in zip(bad, texts[name], strict=True)]
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
         states = Counter(t for t, x in zip(column, values) if x != x and t and _state(t))
         out[name] = np.array(values, dtype=np.float64)
-        sheet.notes += [f"status: {k} cells of {name} say {state!r} and count as missing" for state, k in states.items()]
+        sheet.notes += [
+            f"status: {k} cells of {name} say {state!r} and count as missing"
+            for state, k in states.items()
+        ]
     for name, x in out.items():
         infinite = np.flatnonzero(np.isinf(x))
         if infinite.size:
             row = int(infinite[0])
-            raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}")
+            raise RecordError(
+                f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}"
+            )
         out[name] = _without_sentinels(x, name, sheet)
     return out
 
@@ -191,40 +336,58 @@ def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] 
         except (TypeError, ValueError):
             return None
         marked = next((c for c in cells if "." in c), None)
-        if not np.isfinite(x).all() or (marked is not None and all(_GROUPS.fullmatch(c) for c in cells if "." in c)):
+        if not np.isfinite(x).all() or (
+            marked is not None and all(_GROUPS.fullmatch(c) for c in cells if "." in c)
+        ):
             return None
         out[name] = _without_sentinels(x, name, sheet)
     return out
 
 
 def apply_quality(
-    sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, np.ndarray], where: str, chosen: Mapping[str, str]
+    sheet: Sheet,
+    roles: Mapping[str, str],
+    signals: Mapping[str, np.ndarray],
+    where: str,
+    chosen: Mapping[str, str],
 ) -> None:
     """Blank the samples that a quality column calls bad; of several about one signal, by the one of known meaning."""
     if chosen.get(QUALITY_OF, "").lower() == "none":
         return
-    about = {n: a for n in sheet.columns if n not in roles.values() and (a := quality_of(n)) is not None}
+    about = {
+        n: a for n in sheet.columns if n not in roles.values() and (a := quality_of(n)) is not None
+    }
     if QUALITY_OF in chosen:
         about = {n: [] for n in sheet.columns if n == chosen[QUALITY_OF]}
     for name, words in about.items():
         if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
         beside = _beside(name, list(sheet.columns), about, roles)
-        mine = [r for r in signals if (roles[r] == beside if beside else not words or _about(words, roles[r], r))]
+        mine = [
+            r
+            for r in signals
+            if (roles[r] == beside if beside else not words or _about(words, roles[r], r))
+        ]
         if not mine:
             continue
-        bad, unsure, understood = _judged(sheet.columns[name], name, where, _wonderware(sheet.columns))
+        bad, unsure, understood = _judged(
+            sheet.columns[name], name, where, _wonderware(sheet.columns)
+        )
         if not understood:
             sheet.notes.append(f"quality: column {name!r} is not understood and counts for nothing")
         for role in mine if bad.any() else ():
             signals[role][bad] = np.nan
         if bad.any():
-            sheet.notes.append(f"quality: {int(bad.sum())} samples that {name!r} calls bad count as missing")
+            sheet.notes.append(
+                f"quality: {int(bad.sum())} samples that {name!r} calls bad count as missing"
+            )
         if unsure:
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
 
 
-def _beside(name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]) -> str | None:
+def _beside(
+    name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]
+) -> str | None:
     """Return the column that one of several qualities of one name stands behind, or before; None of the only one."""
     alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
     if len(alike) < 2:
@@ -234,19 +397,28 @@ def _beside(name: str, names: list[str], about: Mapping[str, list[str]], roles: 
 
 
 def _sure(name: str) -> bool:
-    return plain(name).replace("_", " ").split()[-1] in _FIRST_SURE or plain(name).endswith("opcquality")
+    return plain(name).replace("_", " ").split()[-1] in _FIRST_SURE or plain(name).endswith(
+        "opcquality"
+    )
 
 
 def _wonderware(names: Iterable[str]) -> bool:
     """Whether a table is one of Wonderware, whose Quality is 0 where it is good."""
-    return any(plain(n) in ("vvalue", "qualitydetail", "opcquality") or plain(n).startswith("ww") for n in names)
+    return any(
+        plain(n) in ("vvalue", "qualitydetail", "opcquality") or plain(n).startswith("ww")
+        for n in names
+    )
 
 
 def _about(words: Sequence[str], column: str, role: str) -> bool:
     """Whether a quality's name speaks of a signal: of its column, its loop, or the signal itself."""
     said = parse(".".join(words))
     mine = parse(column)
-    return said.role == role and said.loop in ((), mine.loop) if said.role else tuple(words) == mine.loop
+    return (
+        said.role == role and said.loop in ((), mine.loop)
+        if said.role
+        else tuple(words) == mine.loop
+    )
 
 
 def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
@@ -254,7 +426,10 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     low = {re.sub(r"^ip trend ", "", plain(n).replace("_", " ").strip()): n for n in names}
     spaced = {" ".join(parse(n).loop) if parse(n).role is None else plain(n): n for n in names}
     low = {**spaced, **low}
-    parts = [next((low[w] for w in among if w in low), None) for among in (TIME_NAMES, TAG_COLUMNS, VALUES)]
+    parts = [
+        next((low[w] for w in among if w in low), None)
+        for among in (TIME_NAMES, TAG_COLUMNS, VALUES)
+    ]
     if parts[0] is None:
         parts[0] = next((n for n in names if ends_with(n, TIME_NAMES) is not None), None)
     if None in parts or len(set(parts)) < 3:
@@ -301,7 +476,9 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
         )
     if not point and not comma:
         one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
-        raise RecordError(f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is needed")
+        raise RecordError(
+            f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is needed"
+        )
     if point:
         sheet.notes.append("numbers: commas separate thousands")
     return not point
@@ -334,7 +511,11 @@ def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str
         if "_" in text:  # which Python reads as nothing, and no plant writes in a number
             raise ValueError
         if comma:
-            return float(text.replace(".", "").replace(",", ".")) if "," in text or _COMMA.fullmatch(text) else float(text)
+            return (
+                float(text.replace(".", "").replace(",", "."))
+                if "," in text or _COMMA.fullmatch(text)
+                else float(text)
+            )
         return float(text.replace(",", ""))
     except ValueError:
         if not text or _state(text):
@@ -347,13 +528,21 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
     known = x[np.isfinite(x)]
     for sentinel in _SENTINELS:
         rest = known[known != sentinel]
-        if rest.size > 2 and rest.size < known.size and np.abs(rest - sentinel).min() > 10.0 * max(np.ptp(rest), 1.0):
-            sheet.notes.append(f"status: {known.size - rest.size} cells of {name} hold {sentinel:g} and count as missing")
+        if (
+            rest.size > 2
+            and rest.size < known.size
+            and np.abs(rest - sentinel).min() > 10.0 * max(np.ptp(rest), 1.0)
+        ):
+            sheet.notes.append(
+                f"status: {known.size - rest.size} cells of {name} hold {sentinel:g} and count as missing"
+            )
             return np.where(x == sentinel, np.nan, x)
     return x
 
 
-def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> tuple[np.ndarray, int, bool]:
+def _judged(
+    cells: Sequence[object], name: str, where: str, inverted: bool
+) -> tuple[np.ndarray, int, bool]:
     """Return which samples are bad, how many unsure, and whether the column speaks of quality at all."""
     texts = ["" if c is None or c != c else plain(c) for c in cells]
     words = {t: _word(t) for t in set(texts)}
@@ -377,7 +566,9 @@ def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> t
     if odd and len(odd) < len(set(texts) - {""}):
         said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
         raise RecordError(said, "--columns quality=none")
-    flagged = _GOOD if plain(name).endswith("bad") else _BAD  # a flag named Bad is true where the sample is bad
+    flagged = (
+        _GOOD if plain(name).endswith("bad") else _BAD
+    )  # a flag named Bad is true where the sample is bad
     bad = np.array([words[t] in flagged for t in texts], dtype=bool)
     return bad & (not odd), 0 if odd else sum(words[t] in _UNSURE for t in texts), not odd
 

@@ -15,7 +15,15 @@ from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopR
 from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from detectors.records.clock import CALENDAR, seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
-from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_rows, take_units
+from detectors.records.historian import (
+    apply_quality,
+    is_head,
+    op_span,
+    open_span,
+    read_numbers,
+    take_rows,
+    take_units,
+)
 from detectors.records.long_table import is_stamped, read_series, unfold
 from detectors.records.loop_table import read_loop_table
 from detectors.records.mode import AUTO, CAS, MAN, mode
@@ -41,7 +49,17 @@ from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
-_CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
+_CAUSES = (
+    "tuning",
+    "disturbance",
+    "load",
+    "interaction",
+    "sensor",
+    "nonlinearity",
+    "quantisation",
+    "healthy",
+    "other",
+)
 _MILLISECONDS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
@@ -135,10 +153,14 @@ def read_records(
     return records, said
 
 
-def _of_row(path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False) -> LoopRecord:
+def _of_row(
+    path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False
+) -> LoopRecord:
     """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its columns must name the tag."""
     tag = None if "columns" in row else row["tag"]
-    found = _of_file(path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given))
+    found = _of_file(
+        path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given)
+    )
     return replace(_only(found), tag=row["tag"])
 
 
@@ -166,7 +188,11 @@ def read_folder(
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
         # a tag told of many files picks a loop that their columns name, and names none
-        sources = {printable(f.stem): (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
+        sources = {
+            printable(f.stem): (f, None)
+            for f in sorted(path.iterdir())
+            if f.suffix.lower() in RECORD_FILES
+        }
     elif path.is_file():
         sources = {printable(path.stem): (path, tag)}
     else:
@@ -175,17 +201,29 @@ def read_folder(
     records: dict[str, LoopRecord] = {}
     refused: dict[str, str] = {}
     for name, (file, own) in sources.items():
-        asked = wanted is None or loops is not None or any(w == name or w.startswith(f"{name} ") for w in wanted)
+        asked = (
+            wanted is None
+            or loops is not None
+            or any(w == name or w.startswith(f"{name} ") for w in wanted)
+        )
         if not asked and len(sources) > 1:
             continue
         try:
-            found, not_read = read_records(file, tag=own, loops=loops, **{**(each or {}).get(name, {}), **given})
+            found, not_read = read_records(
+                file, tag=own, loops=loops, **{**(each or {}).get(name, {}), **given}
+            )
         except RecordError as error:
             found, not_read = {}, {printable(file.stem): printable(error)}
         several = len(found) + len(not_read) > 1
         for into, what in ((records, found), (refused, not_read)):
             for label, value in what.items():
-                key = name if not several and loops is None else label if path.is_file() or loops else f"{name} {label}"
+                key = (
+                    name
+                    if not several and loops is None
+                    else label
+                    if path.is_file() or loops
+                    else f"{name} {label}"
+                )
                 into[key if key not in into else f"{name} {label}"] = value  # pyright: ignore[reportArgumentType]
     if wanted is not None:
         records = {n: r for n, r in records.items() if n in wanted}
@@ -201,7 +239,9 @@ def read_folder(
 def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a table of loops says of one, under what the caller says."""
     both = {**row, **{k: v for k, v in given.items() if v is not None}}
-    return {k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")}
+    return {
+        k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")
+    }
 
 
 def _of_file(
@@ -220,7 +260,15 @@ def _of_file(
         cells, found = read_loop(path, tag)
         Ts = Ts if Ts is not None else found.pop("Ts", None)
         table = _Opened(Sheet(cells), {}, None, where)
-        made = _record(table, find_loops(list(cells), chosen, where)[""], chosen, Ts, {**found, **about}, where, automatic)
+        made = _record(
+            table,
+            find_loops(list(cells), chosen, where)[""],
+            chosen,
+            Ts,
+            {**found, **about},
+            where,
+            automatic,
+        )
         return {made.tag: made}, {}
     loops: dict[str, tuple[_Opened, dict[str, str]]] = {}
     tables = _opened(path, chosen, tag)
@@ -234,7 +282,11 @@ def _of_file(
         except RecordError as error:
             raise _with_ranges(error, table) from None
         for name, roles in named.items():
-            label = (name or sheet or tag or "") if len(named) > 1 or sheet or tag is not None else printable(path.stem)
+            label = (
+                (name or sheet or tag or "")
+                if len(named) > 1 or sheet or tag is not None
+                else printable(path.stem)
+            )
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
@@ -245,7 +297,11 @@ def _of_file(
             own = {"tag": printable(label or path.stem), **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
         except RecordError as error:
-            refused[label] = error if where in str(error) else RecordError(f"{where}: {error.sentence}", error.cure)
+            refused[label] = (
+                error
+                if where in str(error)
+                else RecordError(f"{where}: {error.sentence}", error.cure)
+            )
     return records, refused
 
 
@@ -256,7 +312,9 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     key = next((k for k in ("id", "record") if k in rows), None)
     if key is None or "label" not in rows:
         has = ", ".join(rows)
-        raise RecordError(f"{path}: a table of labels needs the columns id (or record) and label; it has {has:.200}")
+        raise RecordError(
+            f"{path}: a table of labels needs the columns id (or record) and label; it has {has:.200}"
+        )
     table = {}
     for i, name in enumerate(rows[key]):
         row = {k: str(v[i]).strip() for k, v in rows.items()}
@@ -277,7 +335,9 @@ def _label(text: str, where: str) -> str:
     if text in ("", "nan"):
         return ""
     if word not in _RECORD_LABELS and not word.startswith(_CAUSES):
-        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*_RECORD_LABELS, *_CAUSES))}")
+        raise RecordError(
+            f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*_RECORD_LABELS, *_CAUSES))}"
+        )
     return word
 
 
@@ -292,7 +352,11 @@ class _Opened:
 
     def own(self) -> _Opened:
         """Return the same with notes of its own, for one of several loops."""
-        parts = None if self.parts is None else {name: replace(p, notes=[]) for name, p in self.parts.items()}
+        parts = (
+            None
+            if self.parts is None
+            else {name: replace(p, notes=[]) for name, p in self.parts.items()}
+        )
         return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
 
 
@@ -314,16 +378,28 @@ def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
     """Return a refusal that asks which column is what with the columns and their ranges; any other as it is."""
     if f"={ASKED}" not in error.cure:
         return error
-    cells = {n: c for part in (table.parts or {"": table.sheet}).values() for n, c in part.columns.items()}
+    cells = {
+        n: c
+        for part in (table.parts or {"": table.sheet}).values()
+        for n, c in part.columns.items()
+    }
     if table.parts:
         cells = {name: list(part.columns.values())[-1] for name, part in table.parts.items()}
     named = [(n, c) for n, c in cells.items() if not n.startswith(BLANK)]
-    said = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (", ..." if len(named) > 12 else "")
+    said = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (
+        ", ..." if len(named) > 12 else ""
+    )
     return RecordError(f"{error.sentence}; columns are: {said}", error.cure)
 
 
 def _record(
-    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str, automatic: bool
+    table: _Opened,
+    roles: dict[str, str],
+    chosen: Mapping[str, str],
+    Ts: float | None,
+    about: dict,
+    where: str,
+    automatic: bool,
 ) -> LoopRecord:
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
@@ -332,7 +408,11 @@ def _record(
         if role not in roles:
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
             raise _with_ranges(no_column(role, roles, names, where), table)
-    other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
+    other = [
+        (r, n)
+        for r, n in roles.items()
+        if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)
+    ]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
     modes, given = None, Ts
     if table.parts is None:
@@ -354,7 +434,11 @@ def _record(
         t, signals, share = _automatic(t, signals, held, sheet.notes)
         about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
     began, recorded = float(t[0]), t
-    series = {r: (t[np.isfinite(x)], x[np.isfinite(x)]) for r, x in signals.items() if np.isfinite(x).any()}
+    series = {
+        r: (t[np.isfinite(x)], x[np.isfinite(x)])
+        for r, x in signals.items()
+        if np.isfinite(x).any()
+    }
     if given is None and _on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
         late = [r for r, x in signals.items() if not np.isfinite(x).all()]
@@ -371,7 +455,9 @@ def _record(
         times = begins + (np.arange(record.n) + 0.5) * Ts
         manual = held[np.searchsorted(recorded, times) - 1] == MAN
         record = replace(record, meta={"manual": manual, **record.meta})
-    return replace(record, notes=(*record.notes, *open_span(record, where), *_outside(record, where)))
+    return replace(
+        record, notes=(*record.notes, *open_span(record, where), *_outside(record, where))
+    )
 
 
 def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:
@@ -393,7 +479,9 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
         notes.append(f"mode: {said} of {held.size} samples")
         return t, signals, 1.0
     if lengths.max(initial=0) < 3:
-        notes.append(f"mode: {said}: the controller is never in automatic, which says nothing about cycles")
+        notes.append(
+            f"mode: {said}: the controller is never in automatic, which says nothing about cycles"
+        )
         return t, signals, 0.0
     a, b = map(int, runs[np.argmax(lengths)])
     part = f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest stretch in automatic"
@@ -409,14 +497,18 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
         told = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
         if (share := record.outside(name)) > MOST_OUTSIDE:
             x = getattr(record, name)
-            needed = f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
+            needed = (
+                f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
+            )
             raise RecordError(f"{where}: {told} {share:.0%} of the samples, {needed}")
         if share := record.outside(name, 0.0):
             said.append(f"span: {told} {share:.1%} of the samples")
     return said
 
 
-def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, where: str):
+def _wide(
+    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, where: str
+):
     """Read a table with a column per signal: times, signals and modes as they stand in it, NaN where unknown."""
     sheet, units = table.sheet, table.units
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
@@ -430,12 +522,29 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
         return np.arange(n) * float(Ts), signals, modes
     name = find_time(list(sheet.columns), chosen, where)
     if name is None:
-        name = next((n for n, cells in sheet.columns.items() if n not in roles.values() and is_stamped(cells)), None)
+        name = next(
+            (
+                n
+                for n, cells in sheet.columns.items()
+                if n not in roles.values() and is_stamped(cells)
+            ),
+            None,
+        )
         sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
     if name is None:
         names = ", ".join(TIME_NAMES[:6])
-        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", "--ts 1")
-    t = seconds(sheet.columns[name], name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
+        raise RecordError(
+            f"{where}: no time column ({names}) and no sampling period Ts given; either is needed",
+            "--ts 1",
+        )
+    t = seconds(
+        sheet.columns[name],
+        name,
+        where,
+        unit=units.get(name, ""),
+        place=sheet.place,
+        notes=sheet.notes,
+    )
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
         modes = None if modes is None else modes[::-1]
@@ -451,9 +560,16 @@ def _join_dates(sheet: Sheet) -> None:
         return
     if any(re.search(r"\d[-/.]\w+[-/.]\d", str(c)) for c in clocks[:1]):
         return  # it holds the date already
-    if (parts := next((sheet.columns[low[w]] for w in _MILLISECONDS if w in low), None)) is not None:
-        clocks = [f"{c}.{int(ms):03d}" if str(ms).isdigit() else c for c, ms in zip(clocks, parts, strict=True)]
-    sheet.columns[date] = sheet.columns[clock] = [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
+    if (
+        parts := next((sheet.columns[low[w]] for w in _MILLISECONDS if w in low), None)
+    ) is not None:
+        clocks = [
+            f"{c}.{int(ms):03d}" if str(ms).isdigit() else c
+            for c, ms in zip(clocks, parts, strict=True)
+        ]
+    sheet.columns[date] = sheet.columns[clock] = [
+        f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)
+    ]
 
 
 def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | None, where: str):
@@ -461,25 +577,37 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
     series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     for role in ("op", "pv"):
         if series[role][0].size < 3:
-            raise RecordError(f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed")
+            raise RecordError(
+                f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed"
+            )
     times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
     step = base_step(times)
     least = min(series[r][0].size for r in ("op", "pv"))
     full = step is not None and least * step > (1 - MOST_MISSING) * (times[-1] - times[0])
     # logged together at even times: what lies between is a gap, over which no value holds
-    together = least > (1 - MOST_MISSING) * times.size and all(_regular(series[r][0]) for r in ("op", "pv"))
+    together = least > (1 - MOST_MISSING) * times.size and all(
+        _regular(series[r][0]) for r in ("op", "pv")
+    )
     full = full or (step is not None and together)
     if Ts is None and (full or _on_change(times, series)):
         signals = {role: _at(times, *series[role]) for role in ("op", "pv")}
-        signals |= {role: last_known(times, *series[role]) for role in ("sp", "mv") if role in series and series[role][0].size}
+        signals |= {
+            role: last_known(times, *series[role])
+            for role in ("sp", "mv")
+            if role in series and series[role][0].size
+        }
         return times, signals, None
-    uneven = [r for r in ("op", "pv") if not _regular(series[r][0]) and not stored_on_change(*series[r])]
+    uneven = [
+        r for r in ("op", "pv") if not _regular(series[r][0]) and not stored_on_change(*series[r])
+    ]
     if Ts is None and uneven:
         usual = float(np.median(np.diff(series["pv"][0])))
         said = f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling period Ts to use"
         raise RecordError(said, f"--ts {usual:.3g}")
     t, signals, step, notes = hold(series, Ts, where)
-    parts["pv"].notes += notes or ["archive: OP and PV have times of their own; OP is the last value before each PV"]
+    parts["pv"].notes += notes or [
+        "archive: OP and PV have times of their own; OP is the last value before each PV"
+    ]
     return t, signals, step
 
 
@@ -503,7 +631,10 @@ def _on_change(t: np.ndarray, series: Mapping[str, Series]) -> bool:
     sparse = []
     for role in ("op", "pv"):
         when = series[role][0]
-        if when.size < (1 - MOST_MISSING) * size or np.diff(when).max(initial=0.0) > (BRIDGED + 1.5) * step:
+        if (
+            when.size < (1 - MOST_MISSING) * size
+            or np.diff(when).max(initial=0.0) > (BRIDGED + 1.5) * step
+        ):
             sparse.append(role)
     return bool(sparse) and all(stored_on_change(*series[role]) for role in sparse)
 

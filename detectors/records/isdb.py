@@ -27,13 +27,19 @@ def read_loops(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     if not path.is_file():  # a pipe would be waited for
-        raise RecordError(f"file {path} {'is no file' if path.exists() else 'does not exist'}; an ISDB file is needed")
+        raise RecordError(
+            f"file {path} {'is no file' if path.exists() else 'does not exist'}; an ISDB file is needed"
+        )
     try:
         data = loadmat(path, struct_as_record=False, squeeze_me=True)["cdata"]
     except KeyError:
-        raise RecordError(f"file {path}: no structure cdata; an ISDB file (cdata.sector.loopN) is needed") from None
+        raise RecordError(
+            f"file {path}: no structure cdata; an ISDB file (cdata.sector.loopN) is needed"
+        ) from None
     except Exception as error:  # loadmat raises many kinds on damaged files
-        raise RecordError(f"file {path} cannot be read as .mat: {error}; a whole file is needed") from error
+        raise RecordError(
+            f"file {path} cannot be read as .mat: {error}; a whole file is needed"
+        ) from error
     loops = {}
     for sector in getattr(data, "_fieldnames", []):
         group = getattr(data, sector)
@@ -48,14 +54,23 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
     if loop is None:
         if len(loops) != 1:
             like = next(iter(loops), "chemicals.loop1")
-            raise RecordError(f"file {path} holds {len(loops)} loops; name one of them, which is needed, like {like}")
+            raise RecordError(
+                f"file {path} holds {len(loops)} loops; name one of them, which is needed, like {like}"
+            )
         loop = next(iter(loops))
     if loop not in loops:
         raise RecordError(f"file {path}: no loop {loop!r}, {nearest(loop, loops)}")
     try:
         return _signals(loops[loop], loop)
-    except (AttributeError, IndexError, TypeError, ValueError) as error:  # whatever a damaged file holds in place of numbers
-        raise RecordError(f"file {path}: loop {loop!r} holds no signals that can be read: {error}; OP, PV are needed") from None
+    except (
+        AttributeError,
+        IndexError,
+        TypeError,
+        ValueError,
+    ) as error:  # whatever a damaged file holds in place of numbers
+        raise RecordError(
+            f"file {path}: loop {loop!r} holds no signals that can be read: {error}; OP, PV are needed"
+        ) from None
 
 
 def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
@@ -68,9 +83,14 @@ def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
             raw[name] = values
         elif name == "sp" and values.size == 1:
             raw[name] = np.full(pv.size, values[0])
-    comments = " ".join(str(c) for key in ("comments", "briefcomments") for c in np.atleast_1d(fields.get(key, "")))
+    comments = " ".join(
+        str(c) for key in ("comments", "briefcomments") for c in np.atleast_1d(fields.get(key, ""))
+    )
     type_ = fields.get("type", "")
-    about: dict[str, Any] = {"tag": loop, "meta": {"comments": comments.strip(), "type": str(type_)}}
+    about: dict[str, Any] = {
+        "tag": loop,
+        "meta": {"comments": comments.strip(), "type": str(type_)},
+    }
     words = f"{type_} {comments}".lower()
     about["kind"] = next((k for word, k in _KIND_WORDS.items() if word in words), None)
     # ISDB: 0 = self-regulating, 1 = integrating; some copies carry words instead

@@ -30,24 +30,41 @@ def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
 
 def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
     """Take apart a table with a column per signal in which every row holds the value of one."""
-    names = [n for n, c in sheet.columns.items() if parse(n).role is not None and isinstance(c, list)]
+    names = [
+        n for n, c in sheet.columns.items() if parse(n).role is not None and isinstance(c, list)
+    ]
     time = next((n for n in sheet.columns if is_time(n)), None)
     begin = [sheet.columns[n][:_LOOKED] for n in names]
     if not all(isinstance(cell, str) for cells in begin for cell in cells):
         return None
     there = {parse(n).role for n, cells in zip(names, begin, strict=True) if any(cells)}
-    if time is None or not {"pv", "op"} <= there or any(sum(map(bool, row)) > 1 for row in zip(*begin, strict=True)):
+    if (
+        time is None
+        or not {"pv", "op"} <= there
+        or any(sum(map(bool, row)) > 1 for row in zip(*begin, strict=True))
+    ):
         return None
     parts = {}
     for name in names:
-        parts[name] = sheet.part({_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell])
+        parts[name] = sheet.part(
+            {_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell]
+        )
     return parts
 
 
-def read_series(part: Sheet, role: str, where: str, chosen: Mapping[str, str]) -> tuple[np.ndarray, np.ndarray]:
+def read_series(
+    part: Sheet, role: str, where: str, chosen: Mapping[str, str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the times (s) and values of one tag, what is missing left out; of a mode the words in place of numbers."""
     name = next(n for n in part.columns if n != _TIME and not is_quality(n))
-    t = seconds(part.columns[_TIME], f"time of {name}", where, place=part.place, notes=part.notes, again=True)
+    t = seconds(
+        part.columns[_TIME],
+        f"time of {name}",
+        where,
+        place=part.place,
+        notes=part.notes,
+        again=True,
+    )
     if role == "mode":
         cells = mode(part.columns[name])
         return (t, cells) if t[0] <= t[-1] else (t[::-1], cells[::-1])
@@ -71,7 +88,10 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
         rows.setdefault(name, []).append(i)
     others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
     also = {n: n for n in others}
-    return {name: sheet.part({_TIME: time, name or "value": value, **also}, mine) for name, mine in rows.items()}
+    return {
+        name: sheet.part({_TIME: time, name or "value": value, **also}, mine)
+        for name, mine in rows.items()
+    }
 
 
 def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
@@ -89,7 +109,11 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
         name = next((n for n in (value, time, of_time) if parse(n).role is not None), None)
         if name is None or name in parts:
             return None
-        there = [i for i, c in enumerate(sheet.columns[time]) if str(c if c is not None else "").strip() not in ("", "NaT")]
+        there = [
+            i
+            for i, c in enumerate(sheet.columns[time])
+            if str(c if c is not None else "").strip() not in ("", "NaT")
+        ]
         after = {n: n for n in names[at + 1 : at + 2] if is_quality(n)}
         parts[name] = sheet.part({_TIME: time, name: value, **after}, there)
     return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None

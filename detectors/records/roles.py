@@ -23,7 +23,10 @@ TIME_NAMES = (
     "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
     "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
-DATES, CLOCKS = ("date", "datum", "fecha", "日期"), ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间")
+DATES, CLOCKS = (
+    ("date", "datum", "fecha", "日期"),
+    ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间"),
+)
 # other words for a signal, its own first; CV and MV mean different things in different plants. Accents are left out
 SIGNAL_WORDS = {
     "pv": ("pv", "meas", "measurement", "measured value", "process value", "process variable", "pv in", "istwert", "ist",
@@ -49,10 +52,44 @@ TAG_COLUMNS = (
     "itemid", "item", "object", "tag path", "path", "series", "metric", "node id", "nodeid", "measurement", "data source",
     "messstelle", "repere", "etiqueta", "nombre", "标签", "标签名", "位号", "点名",
 )  # fmt: skip
-PARAMETER_COLUMNS = ("field", "parameter", "attribute", "property", "signal", "merkmal", "parametre", "parametro", "参数")
-VALUES = ("value", "val", "var value", "varvalue", "wert", "messwert", "valeur", "valor", "值", "数值")
+PARAMETER_COLUMNS = (
+    "field",
+    "parameter",
+    "attribute",
+    "property",
+    "signal",
+    "merkmal",
+    "parametre",
+    "parametro",
+    "参数",
+)
+VALUES = (
+    "value",
+    "val",
+    "var value",
+    "varvalue",
+    "wert",
+    "messwert",
+    "valeur",
+    "valor",
+    "值",
+    "数值",
+)
 # behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
-_VALUE_SUFFIX = ("cv", "value", "val", "f", "actual", "current", "raw", "avg", "mean", "last", "average", "wert")
+_VALUE_SUFFIX = (
+    "cv",
+    "value",
+    "val",
+    "f",
+    "actual",
+    "current",
+    "raw",
+    "avg",
+    "mean",
+    "last",
+    "average",
+    "wert",
+)
 _UNITS = {
     "pct", "percent", "prozent", "%", "kpa", "mpa", "hpa", "pa", "bar", "barg", "mbar", "psi", "psig", "degc", "degf",
     "m3h", "m3hr", "kgh", "kghr", "nm3h", "lpm", "gpm", "lmin", "mm", "cm", "ma", "v", "volt", "counts", "cnt", "ppm", "rpm",
@@ -96,7 +133,11 @@ def parse(name: str) -> Name:
     role, size, rank = _ending(parts)
     if role is not None:
         loop = parts[: len(parts) - size]
-        loose = bool(loop) and not any(c.isdigit() for w in loop for c in w) and bool(re.search(r"[_\-]\w+\W*$", str(name)))
+        loose = (
+            bool(loop)
+            and not any(c.isdigit() for w in loop for c in w)
+            and bool(re.search(r"[_\-]\w+\W*$", str(name)))
+        )
         return Name(tuple(loop), role, unit_of, rank, loose)
     if len(parts) > 1 and parts[-1] in _DIN and any(c.isdigit() for c in parts[-2]):
         return Name(tuple(parts[:-1]), _DIN[parts[-1]], unit_of, 1, False)
@@ -104,7 +145,9 @@ def parse(name: str) -> Name:
         for rank, phrase in enumerate(among):
             size = len(phrase.split())
             numbered = any(c.isdigit() for w in parts[size:] for c in w)
-            if parts[:size] == phrase.split() and (numbered or (phrase in _FIRST and not is_time(name))):
+            if parts[:size] == phrase.split() and (
+                numbered or (phrase in _FIRST and not is_time(name))
+            ):
                 if not numbered:
                     return Name((), role, unit_of, 2, False)
                 return Name(tuple(parts[size:]), role, unit_of, min(rank, 1), False)
@@ -121,7 +164,9 @@ def _parts(name: object) -> list[str]:
     if parts and parts[-1].endswith("%") and len(parts[-1]) > 1:
         parts[-1:] = [parts[-1][:-1], "%"]
     glued = re.fullmatch(r"(.*\d)(pv|op|sp|sv|mv|mode)", parts[-1]) if parts else None
-    counted = re.fullmatch(r"(pv|op|sp|sv|mv|out|mode)(\d{1,4})", parts[0]) if len(parts) == 1 else None
+    counted = (
+        re.fullmatch(r"(pv|op|sp|sv|mv|out|mode)(\d{1,4})", parts[0]) if len(parts) == 1 else None
+    )
     if glued:
         return [*parts[:-1], *glued.groups()]
     return [*reversed(counted.groups())] if counted else parts
@@ -155,24 +200,41 @@ def find_loops(
             groups.setdefault(said.loop, {}).setdefault(said.role, []).append(name)
     for loop, found in groups.items():
         # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may be a valve's position
-        if loop and "op" not in found and len(found.get("mv", [])) == 1 and any(_says_sv(n) for n in found.get("sp", [])):
+        if (
+            loop
+            and "op" not in found
+            and len(found.get("mv", [])) == 1
+            and any(_says_sv(n) for n in found.get("sp", []))
+        ):
             found["op"] = found.pop("mv")
     if {"pv", "op"} & set(fixed):
         return {"": _one(names, groups, fixed, where, tag)}
     whole = {loop: found for loop, found in groups.items() if {"pv", "op"} <= set(found)}
     if len(whole) > 1:  # Mesure débit beside FIC101.PV is something else
-        whole = {k: v for k, v in whole.items() if min(parse(n).rank for n in (*v["pv"], *v["op"])) < 2} or whole
+        whole = {
+            k: v for k, v in whole.items() if min(parse(n).rank for n in (*v["pv"], *v["op"])) < 2
+        } or whole
     if tag is not None:
         whole = _tagged(whole, tag) or {}
         if len(whole) > 1:
-            raise several_loops({_shown_tag(loop, found): _picked(found, {}, where) for loop, found in whole.items()}, where)
+            raise several_loops(
+                {
+                    _shown_tag(loop, found): _picked(found, {}, where)
+                    for loop, found in whole.items()
+                },
+                where,
+            )
         if not whole:
             mine = [n for n in names if _within(_parts(tag), parse(n).loop)]
             if not mine:
                 raise _no_loop(names, groups, tag, where)
             groups = {k: v for k, v in groups.items() if _within(_parts(tag), k)}
     if len(whole) > 1:
-        sure = {loop: found for loop, found in whole.items() if not any(parse(n).loose for c in found.values() for n in c)}
+        sure = {
+            loop: found
+            for loop, found in whole.items()
+            if not any(parse(n).loose for c in found.values() for n in c)
+        }
         whole = sure or whole
     if not whole:
         return {"": _one(names, groups, fixed, where, tag)}
@@ -198,13 +260,17 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
     for given, name in chosen.items():
         role = "t" if plain(given).replace("_", " ") in TIME_NAMES else given
         if role not in (*_ROLES, QUALITY_OF):
-            raise RecordError(f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}")
+            raise RecordError(
+                f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}"
+            )
         if role in ("t", QUALITY_OF):
             continue
         if name not in names:
             raise RecordError(f"{where}: no column {name!r} for {role}, {nearest(name, names)}")
         if name in roles.values():
-            raise RecordError(f"{where}: column {name!r} is named for two roles; each needs a column of its own")
+            raise RecordError(
+                f"{where}: column {name!r} is named for two roles; each needs a column of its own"
+            )
         roles[role] = name
     return roles
 
@@ -239,21 +305,35 @@ def _one(
     """Return the signals of the only loop: its own columns, then such as name no other loop."""
     if loop is None and "pv" in fixed:
         loop = parse(fixed["pv"]).loop
-    own = {role: [n for n in c if not parse(n).loose or loop] for role, c in groups.get(loop or (), {}).items()}
+    own = {
+        role: [n for n in c if not parse(n).loose or loop]
+        for role, c in groups.get(loop or (), {}).items()
+    }
     digits = _digits(loop or ())
     for role in (*SIGNALS, MODE):
         if own.get(role):
             continue
         others = [n for found in groups.values() for n in found.get(role, []) if not parse(n).loose]
-        if loop:  # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
-            others = [n for n in others if not parse(n).loop or (digits and _digits(parse(n).loop) == digits)]
+        if (
+            loop
+        ):  # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
+            others = [
+                n
+                for n in others
+                if not parse(n).loop or (digits and _digits(parse(n).loop) == digits)
+            ]
         if others:
             own[role] = others
     roles = _picked(own, fixed, where)
-    loops = {role: parse(roles[role]).loop for role in ("pv", "op") if role in roles and role not in fixed}
+    loops = {
+        role: parse(roles[role]).loop
+        for role in ("pv", "op")
+        if role in roles and role not in fixed
+    }
     if len(loops) == 2 and all(loops.values()) and tag is None and not _alike(*loops.values()):
         raise RecordError(
-            f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is needed", _columns(roles)
+            f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is needed",
+            _columns(roles),
         )
     return roles
 
@@ -268,14 +348,20 @@ def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> st
     exact = [n for w in TIME_NAMES for n in names if plain(n).replace("_", " ") == w]
     if exact:
         first = exact[0]
-        others = [n for n in names if n not in exact and re.match(r"(date|time)", plain(n)) and not is_quality(n)]
+        others = [
+            n
+            for n in names
+            if n not in exact and re.match(r"(date|time)", plain(n)) and not is_quality(n)
+        ]
         if others and not re.fullmatch(r"time_ms", plain(others[0])):
             said = f"{first!r} and {others[0]!r} may both be times; say which, or export one"
             raise RecordError(f"{where}: {said}", _columns({"t": ASKED}))
         return first
     found = [n for n in names if is_time(n)]
     if len(found) > 1:
-        raise RecordError(f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": ASKED}))
+        raise RecordError(
+            f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": ASKED})
+        )
     return found[0] if found else None
 
 
@@ -283,7 +369,11 @@ def is_time(name: str) -> bool:
     """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
     parts = _parts(name)
     ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
-    return ends or parts in (["t"], ["t", "s"]) or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
+    return (
+        ends
+        or parts in (["t"], ["t", "s"])
+        or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
+    )
 
 
 def is_quality(name: str) -> bool:
@@ -299,12 +389,16 @@ def quality_of(name: str) -> list[str] | None:
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     """Return what a command line says of columns."""
     pairs = {}
-    for text in (part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)):
+    for text in (
+        part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)
+    ):
         role, equals, name = text.partition("=")
         if not (role and equals and name):
             raise RecordError(f"--columns {text!r}: ROLE=NAME is needed, like op=FIC101.OUT")
         if role.strip() in pairs:
-            raise RecordError(f"--columns {text!r}: {role.strip()} is {pairs[role.strip()]!r} already; one is allowed")
+            raise RecordError(
+                f"--columns {text!r}: {role.strip()} is {pairs[role.strip()]!r} already; one is allowed"
+            )
         pairs[role.strip()] = name.strip()
     return pairs or None
 
@@ -315,7 +409,9 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
     if not any(re.search(r"[^\W\d]", n) for n in names):
-        return RecordError(f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first")
+        return RecordError(
+            f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first"
+        )
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
     known = {r: n for r, n in roles.items() if r in ("pv", "op")}
@@ -327,7 +423,9 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
 def unit(name: str) -> str:
     """Return the unit in a name: in brackets at its end, behind a signal, or behind the last underscore of a time."""
     tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", plain(name))
-    return parse(name).unit or (tail.group(1) if tail and tail.group(1) not in ("stamp", "string") else "")
+    return parse(name).unit or (
+        tail.group(1) if tail and tail.group(1) not in ("stamp", "string") else ""
+    )
 
 
 def shown(names: Sequence[str]) -> str:
@@ -351,7 +449,9 @@ def _bracket(name: object) -> str:
 
 def _digits(words: Sequence[str]) -> str:
     """Return the number of a tag: of the last word that has one."""
-    return next((found for w in reversed(words) if (found := "".join(c for c in w if c.isdigit()))), "")
+    return next(
+        (found for w in reversed(words) if (found := "".join(c for c in w if c.isdigit()))), ""
+    )
 
 
 def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
@@ -363,9 +463,15 @@ def _within(words: Sequence[str], loop: Sequence[str]) -> bool:
     return any(list(loop[i : i + n]) == list(words) for i in range(len(loop) - n + 1))
 
 
-def _tagged(whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str) -> dict[tuple[str, ...], dict[str, list[str]]]:
+def _tagged(
+    whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str
+) -> dict[tuple[str, ...], dict[str, list[str]]]:
     words = _parts(tag)
-    for fits in (lambda k: list(k) == words, lambda k: list(k[-len(words) :]) == words, lambda k: _within(words, k)):
+    for fits in (
+        lambda k: list(k) == words,
+        lambda k: list(k[-len(words) :]) == words,
+        lambda k: _within(words, k),
+    ):
         found = {k: v for k, v in whole.items() if fits(k)}
         if found:
             return found
@@ -381,11 +487,18 @@ def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordE
 
 
 def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
-    whole = [_shown_tag(loop, found) for loop, found in groups.items() if loop and {"pv", "op"} <= set(found)]
+    whole = [
+        _shown_tag(loop, found)
+        for loop, found in groups.items()
+        if loop and {"pv", "op"} <= set(found)
+    ]
     said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
     if not whole:
         return RecordError(said)
-    close = max(whole, key=lambda name: SequenceMatcher(None, " ".join(_parts(name)[-1:]), plain(tag)).ratio())
+    close = max(
+        whole,
+        key=lambda name: SequenceMatcher(None, " ".join(_parts(name)[-1:]), plain(tag)).ratio(),
+    )
     return RecordError(said, f"--tag {quote(close)}")
 
 
@@ -394,7 +507,11 @@ def _shown_tag(loop: Sequence[str], found: Mapping[str, list[str]]) -> str:
     name = found["pv"][0]
     lower, last = name.casefold(), (loop[-1] if loop else "")
     at = lower.rfind(last)
-    return name[: at + len(last)].strip(" _-.") if last and at >= 0 and len(lower) == len(name) else " ".join(loop)
+    return (
+        name[: at + len(last)].strip(" _-.")
+        if last and at >= 0 and len(lower) == len(name)
+        else " ".join(loop)
+    )
 
 
 def _columns(roles: Mapping[str, str]) -> str:

@@ -18,7 +18,10 @@ from detectors.errors import RecordError
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
-MOST_PARQUET_ROWS, MOST_PARQUET_BYTES = 10_000_000, 1_000_000_000  # a year of 3 s samples; bytes without compression
+MOST_PARQUET_ROWS, MOST_PARQUET_BYTES = (
+    10_000_000,
+    1_000_000_000,
+)  # a year of 3 s samples; bytes without compression
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
@@ -35,7 +38,9 @@ class Sheet:
     """A table as it stands in its file."""
 
     columns: Columns  # cells by name
-    lines: list[int] = field(default_factory=list)  # of the file on which each row stands; empty where a file has none
+    lines: list[int] = field(
+        default_factory=list
+    )  # of the file on which each row stands; empty where a file has none
     delimiter: str = ""  # between the cells of a CSV
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
 
@@ -47,7 +52,10 @@ class Sheet:
         """Return some rows of some columns, each under a new name, without the notes."""
         index = np.array(rows, dtype=np.intp)
         cells = {new: self.columns[name] for new, name in names.items()}
-        columns: Columns = {n: c[index] if isinstance(c, np.ndarray) else [c[i] for i in rows] for n, c in cells.items()}
+        columns: Columns = {
+            n: c[index] if isinstance(c, np.ndarray) else [c[i] for i in rows]
+            for n, c in cells.items()
+        }
         return Sheet(columns, [self.lines[i] for i in rows] if self.lines else [], self.delimiter)
 
 
@@ -78,13 +86,20 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
             return {"": Sheet(_from_frame(pd.read_parquet(path)))}
         if suffix in (".xlsx", ".xls"):
             sheets = _workbook(path)
-            whose = [name for name, rows in sheets.items() if any(map(is_head, rows[:_PREAMBLE]))] or list(sheets)[:1]
-            return {n: _table(path, sheets[n], list(range(1, len(sheets[n]) + 1)), is_head) for n in whose}
+            whose = [
+                name for name, rows in sheets.items() if any(map(is_head, rows[:_PREAMBLE]))
+            ] or list(sheets)[:1]
+            return {
+                n: _table(path, sheets[n], list(range(1, len(sheets[n]) + 1)), is_head)
+                for n in whose
+            }
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
         said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
-        raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed") from error
+        raise RecordError(
+            f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed"
+        ) from error
     collecting = gc.isenabled()
     gc.disable()  # a million rows, none of them garbage, would be looked through again and again
     try:
@@ -113,7 +128,9 @@ def _refuse_large_parquet(path: Path) -> None:
     about = read_metadata(path)
     size = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
     if about.num_rows > MOST_PARQUET_ROWS:
-        raise RecordError(f"file {path} has {about.num_rows} rows; at most {MOST_PARQUET_ROWS} are read")
+        raise RecordError(
+            f"file {path} has {about.num_rows} rows; at most {MOST_PARQUET_ROWS} are read"
+        )
     if size > MOST_PARQUET_BYTES:
         limit = f"at most {MOST_PARQUET_BYTES / 1e6:.0f} MB are read"
         raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; {limit}")
@@ -127,16 +144,24 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
         with zipfile.ZipFile(path) as packed:
             size = sum(item.file_size for item in packed.infolist())
         if size > MOST_UNPACKED:
-            raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read")
+            raise RecordError(
+                f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read"
+            )
     frames = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2, sheet_name=None)
     if max(map(len, frames.values())) > MOST_ROWS + 1:
         raise RecordError(f"file {path} has more than {MOST_ROWS} rows; at most that many are read")
-    return {n: [[_cell(v) for v in row] for row in f.itertuples(index=False, name=None)] for n, f in frames.items()}
+    return {
+        n: [[_cell(v) for v in row] for row in f.itertuples(index=False, name=None)]
+        for n, f in frames.items()
+    }
 
 
 def _from_frame(frame) -> Columns:
     frame = frame.reset_index() if frame.index.dtype.kind == "M" or frame.index.name else frame
-    return {str(c): frame[c].to_numpy() if frame[c].dtype.kind in "fiuM" else _texts(frame[c]) for c in frame.columns}
+    return {
+        str(c): frame[c].to_numpy() if frame[c].dtype.kind in "fiuM" else _texts(frame[c])
+        for c in frame.columns
+    }
 
 
 def _texts(column) -> list:
@@ -158,13 +183,17 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
     wide = [len(half) > 8 and half.count(0) > 0.4 * len(half) for half in (head[0::2], head[1::2])]
     marked = head.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in head and not marked and (wide[0] == wide[1] or head[wide[0] :: 2].count(0)):
-        raise RecordError(f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed")
+        raise RecordError(
+            f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed"
+        )
     if marked or b"\0" in head:
         code = "utf-16" if marked else "utf-16-be" if wide[0] else "utf-16-le"
         try:
             return data.decode(code), []
         except UnicodeDecodeError as error:
-            raise RecordError(f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed") from error
+            raise RecordError(
+                f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed"
+            ) from error
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError as error:
@@ -182,14 +211,28 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     start, head, above = 0, lines[0] if lines else "", []
     delimiter = max(_DELIMITERS, key=head.count)
     for i, line in enumerate(lines[:_PREAMBLE]):
-        fit = [d for d in _DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
+        fit = [
+            d
+            for d in _DELIMITERS
+            if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])
+        ]
         if fit:
             start, delimiter = i, max(fit, key=line.count)
-            above = next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0] if i and lines[i - 1][:1] != "#" else []
+            above = (
+                next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0]
+                if i and lines[i - 1][:1] != "#"
+                else []
+            )
             break
-    if not any(d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS):  # columns apart by spaces
+    if not any(
+        d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS
+    ):  # columns apart by spaces
         start = next((i for i, line in enumerate(lines[:_PREAMBLE]) if is_head(line.split())), -1)
-        lines = [*lines[:start], *(" ".join(line.split()) for line in lines[start:])] if start >= 0 else lines
+        lines = (
+            [*lines[:start], *(" ".join(line.split()) for line in lines[start:])]
+            if start >= 0
+            else lines
+        )
         start, delimiter = max(start, 0), " " if start >= 0 else delimiter
     rows, numbers = [], []
     for cells, line in _cells(path, lines[start:], delimiter):
@@ -198,7 +241,9 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
             numbers.append(start + line)
     found = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
+    found.notes = (
+        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
+    )
     found.delimiter = delimiter
     return found
 
@@ -209,16 +254,26 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
         for row in rows:
             yield row, rows.line_num
     except csv.Error as error:
-        raise RecordError(f"{path}, line {rows.line_num}: {error}; shorter cells are needed") from error
+        raise RecordError(
+            f"{path}, line {rows.line_num}: {error}; shorter cells are needed"
+        ) from error
 
 
 def _table(
-    path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool], above: Sequence[str] = ()
+    path: Path,
+    rows: list[list[str]],
+    lines: list[int],
+    is_head: Callable[[Sequence[str]], bool],
+    above: Sequence[str] = (),
 ) -> Sheet:
     """Name the columns by the first row that does, else by the first row; a row of loops above it names them further."""
     start = next((i for i, row in enumerate(rows[:_PREAMBLE]) if is_head(row)), 0)
     names = [name.strip() for name in rows[start]] if rows else []
-    while len(names) > 1 and not names[-1] and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:]):
+    while (
+        len(names) > 1
+        and not names[-1]
+        and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:])
+    ):
         names.pop()
     over = rows[start - 1] if start else above
     merged = _merged(names, [c.strip() for c in over])
@@ -236,22 +291,39 @@ def _table(
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
         if len(row) < len(names) and several_times:
-            row += [""] * (len(names) - len(row))  # of a time column per tag, the shorter series have ended
+            row += [""] * (
+                len(names) - len(row)
+            )  # of a time column per tag, the shorter series have ended
         if len(row) != len(names):
-            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed")
+            raise RecordError(
+                f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed"
+            )
         body.append(row)
         kept.append(line)
     names = [name or f"{BLANK}{i}" for i, name in enumerate(names)] if any(names) else names
     if not any(names):
-        raise RecordError(f"file {path} has no header line; the names of its columns are needed first")
+        raise RecordError(
+            f"file {path} has no header line; the names of its columns are needed first"
+        )
     times = Counter(n.lower() for n in names)
     twice = next((n for n in names if n and times[n.lower()] > 1), None)
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
-    columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
+    columns = dict(
+        zip(
+            names,
+            (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names],
+            strict=True,
+        )
+    )
     skipped = sum(any(c.strip() for c in row) for row in rows[:start])
     said = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
-    return Sheet(columns, kept, "", said + [f"file: {again} repetitions of the header left out"] * (again > 0))
+    return Sheet(
+        columns,
+        kept,
+        "",
+        said + [f"file: {again} repetitions of the header left out"] * (again > 0),
+    )
 
 
 def _merged(names: list[str], over: list[str]) -> list[str]:
@@ -264,7 +336,11 @@ def _merged(names: list[str], over: list[str]) -> list[str]:
     out, last = [], ""
     for name, above in zip(names, over, strict=True):
         last = above or last
-        out.append(f"{last}.{name}" if name and last and not (last == over[0] and name == names[0]) else name or above)
+        out.append(
+            f"{last}.{name}"
+            if name and last and not (last == over[0] and name == names[0])
+            else name or above
+        )
     return out
 
 

@@ -41,16 +41,27 @@ class ShownConclusion(Protocol):
 class Report:
     """What was judged and what came out."""
 
-    verdicts: list[tuple[str | None, Verdict]]  # record name (None for a single file) and verdict, records and methods in order
-    refused: dict[str, str] = field(default_factory=dict)  # files of a folder that are no records, each with its sentence
-    scores: list[dict[str, Any]] = field(default_factory=list)  # one row per method, when labels were given
-    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)  # what was judged, by name
+    verdicts: list[
+        tuple[str | None, Verdict]
+    ]  # record name (None for a single file) and verdict, records and methods in order
+    refused: dict[str, str] = field(
+        default_factory=dict
+    )  # files of a folder that are no records, each with its sentence
+    scores: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # one row per method, when labels were given
+    records: dict[str | None, LoopRecord] = field(
+        default_factory=dict, repr=False
+    )  # what was judged, by name
     # what all evidence says of each record, by name; the methods alone conclude nothing
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one object per verdict; `record` is its first key for a folder."""
-        return [{**({} if name is None else {"record": name}), **v.as_json()} for name, v in self.verdicts]
+        return [
+            {**({} if name is None else {"record": name}), **v.as_json()}
+            for name, v in self.verdicts
+        ]
 
     def __len__(self) -> int:
         """Number of verdicts."""
@@ -85,9 +96,14 @@ class Report:
         text = summary.as_text(self.groups(), concluded, why=why, colour=colour)
         if not self.scores:
             return text
-        sticky, units = max(((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores), key=lambda n: n[1])
+        sticky, units = max(
+            ((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores),
+            key=lambda n: n[1],
+        )
         said = f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no costs"
-        said += f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
+        said += (
+            f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
+        )
         return "\n".join([text, "", *table(self.scores), said])
 
     def to_frame(self) -> pd.DataFrame:
@@ -102,9 +118,16 @@ class Report:
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()
-        keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
+        keys = [
+            c
+            for c in ("record", "method", "verdict", "score", "applicable", "reason")
+            if c in frame
+        ]
         groups = self.groups()
-        return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
+        return page_part(
+            summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records",
+            frame[keys],
+        )
 
     def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
         """Return the verdicts record by record: name, verdicts, record."""
@@ -151,9 +174,22 @@ def judge_files(
         names += [a for a in added if a not in names]
         for method in thresholds or {}:
             if method not in names:
-                raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
-        about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
-        about |= {"tag": tag if tag is not None else loop, "loops": loops, "longest_segment": longest_segment or None}
+                raise ParameterError(
+                    f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}"
+                )
+        about = {
+            "process": process,
+            "kind": kind,
+            "op_span": op_span,
+            "pv_span": pv_span,
+            "columns": columns,
+            "Ts": Ts,
+        }
+        about |= {
+            "tag": tag if tag is not None else loop,
+            "loops": loops,
+            "longest_segment": longest_segment or None,
+        }
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
         records, refused, alone = _records(Path(path), known, labels, about)
@@ -165,18 +201,31 @@ def judge_files(
             # of a folder only where the method that costs as much was asked for: a report concludes of every record
             if conclude is not None and (alone or _WEIGHED_BY in names):
                 conclusions[name] = conclude(record)
-        return Report(verdicts, refused, score_units(verdicts, known) if known else [], kept, conclusions)
+        return Report(
+            verdicts, refused, score_units(verdicts, known) if known else [], kept, conclusions
+        )
 
 
-def _records(path: Path, known: Mapping[str, Mapping[str, str]], labels: str | Path | None, about: dict[str, Any]):
+def _records(
+    path: Path,
+    known: Mapping[str, Mapping[str, str]],
+    labels: str | Path | None,
+    about: dict[str, Any],
+):
     """Return records by name, the sentences of those left out, and whether one record alone was asked for."""
-    folder = path.is_dir() or (path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None)
+    folder = path.is_dir() or (
+        path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None
+    )
     if folder:
-        each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+        each = {
+            name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()
+        }
         records, refused = read_folder(path, names=known or None, each=each, **about)
         return records, refused, False
     if labels is not None:
-        raise ParameterError(f"labels score a folder of records; {path} is no folder, which is needed")
+        raise ParameterError(
+            f"labels score a folder of records; {path} is no folder, which is needed"
+        )
     records, refused = read_records(path, **about)
     return records, refused, len(records) + len(refused) == 1
 
@@ -188,7 +237,11 @@ def choose_methods(names: Iterable[str]) -> list[str]:
         if name == PUBLISHED:
             some = registry.variants()
         elif name in _SETS:
-            some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
+            some = [
+                m
+                for m in registry.names()
+                if name != "fast" or registry.load(m).METHOD.budget == "fast"
+            ]
         else:
             registry.load(name)
             some = [name]
@@ -204,12 +257,18 @@ def score_units(
     for name, verdict in verdicts:
         row = labels.get(str(name))
         if row is not None and row["label"] not in ("", "unknown"):
-            units.setdefault(verdict.method, {}).setdefault((row["unit_group"], row["label"]), []).append(verdict)
+            units.setdefault(verdict.method, {}).setdefault(
+                (row["unit_group"], row["label"]), []
+            ).append(verdict)
     rows = []
     for method, groups in units.items():
         votes: dict[bool, list[bool | None]] = {True: [], False: []}
         scores = {True: [], False: []}
-        covered = {key: found for key, found in groups.items() if any(v.applicable is not False for v in found)}
+        covered = {
+            key: found
+            for key, found in groups.items()
+            if any(v.applicable is not False for v in found)
+        }
         for (_, label), found in covered.items():
             decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
             votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
@@ -226,7 +285,13 @@ def score_units(
                 "undecided": sum(v is None for v in votes[True] + votes[False]),
                 "not_applicable": len(groups) - len(covered),
                 "auc": _auc(scores[True], scores[False]),
-                **_cost([_UNDECIDED if v is None else float(v is not sticky) for sticky in votes for v in votes[sticky]]),
+                **_cost(
+                    [
+                        _UNDECIDED if v is None else float(v is not sticky)
+                        for sticky in votes
+                        for v in votes[sticky]
+                    ]
+                ),
             }
         )
     return sorted(rows, key=lambda row: (np.isnan(row["cost"]), row["cost"]))
@@ -243,7 +308,10 @@ def _cost(lost: list[float]) -> dict[str, float]:
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Return rows as lines of equal columns, the head first."""
     head = list(rows[0])
-    return columns([head] + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows])
+    return columns(
+        [head]
+        + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+    )
 
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
@@ -253,7 +321,10 @@ def columns(lines: Sequence[Sequence[str]]) -> list[str]:
     ['a     b', 'long  c']
     """
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
+    return [
+        "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    ]
 
 
 def _auc(positive: list[float], negative: list[float]) -> float:
@@ -261,4 +332,6 @@ def _auc(positive: list[float], negative: list[float]) -> float:
     if not positive or not negative:
         return float("nan")
     # no subtraction: a loop that does not oscillate scores -inf
-    return float(np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative)))
+    return float(
+        np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative))
+    )

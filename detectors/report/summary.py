@@ -69,7 +69,10 @@ def as_text(
             "",
             *_drawn(_table(verdicts), colour),
         ]
-        lines += ["", *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)])]
+        lines += [
+            "",
+            *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
+        ]
     elif found:
         lines += [f"{name}: {concluded[name][0]}" for name, _, _ in found if name in concluded]
         lines += [*_drawn(_matrix(found), colour), _LEGEND]
@@ -77,7 +80,13 @@ def as_text(
         for name, verdicts, record in found:
             shared = set(notes_of(verdicts, record))
             where = "" if name is None else f"{name}: "
-            lines += ["", *(f"{where}{v.method}: {VERDICT_WORDS[v.verdict]}. {own_reason(v, shared)}." for v in verdicts)]
+            lines += [
+                "",
+                *(
+                    f"{where}{v.method}: {VERDICT_WORDS[v.verdict]}. {own_reason(v, shared)}."
+                    for v in verdicts
+                ),
+            ]
     return "\n".join(lines).rstrip()
 
 
@@ -91,7 +100,9 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
         (S_lo, S_hi), (J_lo, J_hi) = level_ends(v.S), level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
         told = {"method": v.method, "verdict": v.verdict, "score": v.score}
-        rows.append({**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices})
+        rows.append(
+            {**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices}
+        )
     return pd.DataFrame(rows)
 
 
@@ -107,20 +118,26 @@ def _about(name: str | None, record: LoopRecord | None) -> list[str]:
         return []
     known = ", ".join(k for k in (record.kind, record.process) if k)
     tag = name or record.tag or "record"
-    return [f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g} s{', ' + known if known else ''}"]
+    return [
+        f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g} s{', ' + known if known else ''}"
+    ]
 
 
 def _table(verdicts: Sequence[Verdict]) -> Any:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    units = " / ".join(dict.fromkeys(v.S_unit for v in verdicts if v.S is not None or v.J is not None))
+    units = " / ".join(
+        dict.fromkeys(v.S_unit for v in verdicts if v.S is not None or v.J is not None)
+    )
     table.add_column("method", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for head in ("score", f"S ({units})" if units else "", "J" if units else ""):
         if head:
             table.add_column(head, justify="right", no_wrap=True)
-    told = any(v.applicable is not None for v in verdicts)  # of a loop of unknown kind a note says so once
+    told = any(
+        v.applicable is not None for v in verdicts
+    )  # of a loop of unknown kind a note says so once
     if told:
         table.add_column("made for this loop", no_wrap=True)
     for v in verdicts:
@@ -128,7 +145,11 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
         fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
         levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
         table.add_row(
-            v.method, f"[{_COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else [])
+            v.method,
+            f"[{_COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]",
+            score,
+            *levels,
+            *([fits] if told else []),
         )
     return table
 
@@ -144,7 +165,10 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
         parts = [part[i : i + 4] for part in name.split("_") for i in range(0, len(part), 4)]
         table.add_column("\n".join(parts), justify="center", no_wrap=True)
     for name, verdicts, _ in groups:
-        signs = [" " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]" for v in verdicts]
+        signs = [
+            " " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]"
+            for v in verdicts
+        ]
         table.add_row(escape(str(name)), *signs)  # a path may begin with [default]
     return table
 
@@ -153,13 +177,19 @@ def _drawn(table: Any, colour: bool) -> list[str]:
     from rich.console import Console
 
     out = io.StringIO()
-    Console(file=out, width=_WIDE, force_terminal=colour, color_system="standard" if colour else None).print(table)
+    Console(
+        file=out, width=_WIDE, force_terminal=colour, color_system="standard" if colour else None
+    ).print(table)
     return [line.rstrip() for line in out.getvalue().splitlines()]
 
 
 def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
     tests = [v.method for v in verdicts if _is_test(v.method)]
-    return [f"nonlinearity tests, not counted for or against stiction: {', '.join(tests)}"] if tests else []
+    return (
+        [f"nonlinearity tests, not counted for or against stiction: {', '.join(tests)}"]
+        if tests
+        else []
+    )
 
 
 def _is_test(method: str) -> bool:

@@ -64,7 +64,9 @@ def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) ->
 def _crossings(x, band, at):
     """Fill `at` with the places where a signal crosses zero for good, as many as there is room for; return their number."""
     count, changes, beyond, up = 0, 0, 0, x.size > 0 and x[0] > 0.0
-    change = np.empty(x.size, dtype=np.int64)  # samples before a change of sign, since the signal was last beyond the band
+    change = np.empty(
+        x.size, dtype=np.int64
+    )  # samples before a change of sign, since the signal was last beyond the band
     for k in range(x.size):
         # a zero lies on the side of what was before, whichever way is up
         if x[k] != 0.0 and (x[k] > 0.0) != up:
@@ -85,7 +87,12 @@ def _crossings(x, band, at):
 
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
     """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the line between neighbours."""
-    first, second, third, fourth = int(np.ceil(at[0])), int(np.ceil(at[1])), int(np.ceil(at[2])), int(np.ceil(at[3]))
+    first, second, third, fourth = (
+        int(np.ceil(at[0])),
+        int(np.ceil(at[1])),
+        int(np.ceil(at[2])),
+        int(np.ceil(at[3])),
+    )
     low1 = first + int(np.argmin(rho[first : second + 1]))
     top = second + int(np.argmax(rho[second : third + 1]))
     low2 = third + int(np.argmin(rho[third : fourth + 1]))
@@ -102,7 +109,10 @@ def lasting(x: np.ndarray, period: float) -> float:
     if third == 0:
         return 0.0
     # summed sample by sample, so that plain and compiled give the same bits
-    first, last = max(power[:third].cumsum()[-1] / third, 0.0), max(power[-third:].cumsum()[-1] / third, 0.0)
+    first, last = (
+        max(power[:third].cumsum()[-1] / third, 0.0),
+        max(power[-third:].cumsum()[-1] / third, 0.0),
+    )
     if first > 0.0:
         return float(np.sqrt(last / first))
     return 1.0 if last > 0.0 else 0.0

@@ -14,8 +14,13 @@ _FEWEST = 4  # segments in a record
 _FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
 _OF_CYCLES = 64  # samples per segment of an oscillation, as its authors have them
-_SAMPLES_PER_CYCLE = _OF_CYCLES / 3.0  # a segment then holds three cycles, the least that Jelali asks for
-LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
+_SAMPLES_PER_CYCLE = (
+    _OF_CYCLES / 3.0
+)  # a segment then holds three cycles, the least that Jelali asks for
+LOWEST, BESIDE = (
+    0.004,
+    0.05,
+)  # cycles per sample: lowest filter boundary, distance of either from the peak
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,9 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     K = X.shape[1]
     product = X[i] * X[j]
     joint = np.einsum("mk,mk->m", product, X[i + j].conj())
-    power = np.einsum("mk,mk->m", product.real, product.real) + np.einsum("mk,mk->m", product.imag, product.imag)
+    power = np.einsum("mk,mk->m", product.real, product.real) + np.einsum(
+        "mk,mk->m", product.imag, product.imag
+    )
     single = (X.real**2 + X.imag**2).sum(axis=1)
     floor = _FLOOR * single.mean()
     bic2 = np.abs(joint) ** 2 / np.maximum((power + floor**2 / K) * (single[i + j] + floor), 1e-300)
@@ -76,7 +83,9 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     ngi = mean - (1.96 + np.sqrt(4.0 * m - 1.0)) ** 2 / (4.0 * K * m)
     top = float(bic2.max())
     nli = top - mean - 2.0 * float(bic2.std())
-    return _Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97)))
+    return _Bicoherence(
+        bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97))
+    )
 
 
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:

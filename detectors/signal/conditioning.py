@@ -64,7 +64,12 @@ def means(x: np.ndarray, step: float) -> np.ndarray:
     if step == 1.0:
         return x
     total = np.concatenate([[0.0], np.cumsum(x)])
-    return np.diff(np.interp(step * np.arange(int(x.size / step + 1e-9) + 1), np.arange(total.size), total)) / step
+    return (
+        np.diff(
+            np.interp(step * np.arange(int(x.size / step + 1e-9) + 1), np.arange(total.size), total)
+        )
+        / step
+    )
 
 
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -88,23 +93,34 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     # running integral of the linearly interpolated signal, read half a period ahead and behind
     total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
     inner = np.arange(first, last + 1)
-    mean = (_integral(total, x, first + half, inner.size) - _integral(total, x, first - half, inner.size)) / (2.0 * half)
+    mean = (
+        _integral(total, x, first + half, inner.size)
+        - _integral(total, x, first - half, inner.size)
+    ) / (2.0 * half)
     out = np.empty(n)
     out[inner] = mean
     reach = min(max(round(half), 1), mean.size - 1)
-    slopes = ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach) if reach > 0 else (0.0, 0.0)
+    slopes = (
+        ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach)
+        if reach > 0
+        else (0.0, 0.0)
+    )
     out[:first] = mean[0] + slopes[0] * np.arange(-first, 0)
     out[last + 1 :] = mean[-1] + slopes[1] * np.arange(1, n - last)
     return out
 
 
-def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None) -> np.ndarray:
+def smooth(
+    x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None
+) -> np.ndarray:
     """Return the signal without what is faster than a period, zero-phase, its ends continued by their mirror image."""
     if shortest <= 2.0:
         return x
     from scipy.fft import idct
 
-    return np.asarray(idct((mirrored_spectrum(x) if waves is None else waves()) * _kept(x.size, shortest)))
+    return np.asarray(
+        idct((mirrored_spectrum(x) if waves is None else waves()) * _kept(x.size, shortest))
+    )
 
 
 @lru_cache(maxsize=16)

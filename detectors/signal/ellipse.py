@@ -28,7 +28,11 @@ class Ellipse:
         half = np.hypot(self.A - self.C, self.B) / 2.0
         middle = (self.A + self.C) / 2.0
         alpha = 0.5 * np.arctan2(-self.B, self.C - self.A)
-        return float(1.0 / np.sqrt(middle - half)), float(1.0 / np.sqrt(middle + half)), float(alpha)
+        return (
+            float(1.0 / np.sqrt(middle - half)),
+            float(1.0 / np.sqrt(middle + half)),
+            float(alpha),
+        )
 
     @property
     def apparent_stiction(self) -> float:

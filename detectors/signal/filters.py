@@ -9,7 +9,12 @@ import numpy as np
 from detectors.compiled import compiled
 
 
-def lfilter(b: Sequence[float] | np.ndarray, a: Sequence[float] | np.ndarray, x: np.ndarray, before: float = 0.0) -> np.ndarray:
+def lfilter(
+    b: Sequence[float] | np.ndarray,
+    a: Sequence[float] | np.ndarray,
+    x: np.ndarray,
+    before: float = 0.0,
+) -> np.ndarray:
     """Filter a signal by b(z)/a(z).
 
     Parameters
@@ -41,7 +46,9 @@ def lfilter(b: Sequence[float] | np.ndarray, a: Sequence[float] | np.ndarray, x:
     state = np.zeros(size)
     state[0] = before
     out = np.empty(len(x))
-    compiled(_recursion)(both[0] / a[0], both[1] / a[0], np.ascontiguousarray(x, dtype=np.float64), state, out)
+    compiled(_recursion)(
+        both[0] / a[0], both[1] / a[0], np.ascontiguousarray(x, dtype=np.float64), state, out
+    )
     return out
 
 

@@ -18,7 +18,9 @@ def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(x.size), 0.5 * (at[1:] + at[:-1]), 0.5 * (x[at[1:]] + x[at[:-1]]))
 
 
-def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest: float = 1.0) -> np.ndarray:
+def split(
+    x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest: float = 1.0
+) -> np.ndarray:
     """Cut an oscillation into its significant half cycles."""
     at = zero_crossings(x, GUARD * float(x.std()))
     start, length = at[:-1], np.diff(at)
@@ -94,7 +96,9 @@ def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     t = (np.arange(points) + 0.5) / points
     tau = np.geomspace(0.02, 200.0, 80)[:, None]
     peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))
-    switch = 1.0 - tau * np.log1p(peak)  # the only switching time for which the half cycle starts at zero
+    switch = 1.0 - tau * np.log1p(
+        peak
+    )  # the only switching time for which the half cycle starts at zero
     rising = 1.0 - (1.0 + peak) * np.exp(-(t - switch + 1.0) / tau)
     falling = -1.0 + (1.0 + peak) * np.exp(-np.maximum(t - switch, 0.0) / tau)
     return _unit(np.where(t <= switch, rising, falling))
@@ -107,7 +111,9 @@ def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     row = np.arange(len(humps))
     left, middle, right = humps[row, top - 1], humps[row, top], humps[row, top + 1]
     bend = left - 2.0 * middle + right
-    shift = np.where(bend < 0.0, 0.5 * (left - right) / np.where(bend < 0.0, bend, 1.0), 0.0).clip(-0.5, 0.5)
+    shift = np.where(bend < 0.0, 0.5 * (left - right) / np.where(bend < 0.0, bend, 1.0), 0.0).clip(
+        -0.5, 0.5
+    )
     # each sample stands for one part; the part that holds the peak is shared
     total = np.cumsum(humps, axis=1) / points
     before = total[row, top] - (0.5 - shift) * middle / points

@@ -20,7 +20,9 @@ def holds(x: np.ndarray) -> np.ndarray:
 
 def runs_of(x: np.ndarray) -> np.ndarray:
     """Return begin and end, shape (k, 2), of every run of true samples, in order."""
-    return np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]]))).reshape(-1, 2)
+    return np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]]))).reshape(
+        -1, 2
+    )
 
 
 def stuck(x: np.ndarray, unit: float = 0.0) -> float:

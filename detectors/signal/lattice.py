@@ -7,13 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 _UNITS = 10.0 ** -np.arange(-3.0, 10.0)
-_COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+_COARSER = (
+    5.0  # times the digits a column is written in, below which a spacing is not told from these
+)
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 _REPEATS = 20  # samples per level from which a lattice is plain
 _BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
 _IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
 _FEWEST_GAPS = 10  # for the mean length of the phases
-_ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+_ON_LATTICE = (
+    0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+)
 
 
 def resolution(x: np.ndarray) -> float:
@@ -33,8 +37,7 @@ def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
-    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice.
-    """
+    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice."""
     unit = resolution(x)
     places = _places(x)
     finest = max([_digits(o) for o in others], default=0.0)

@@ -21,7 +21,9 @@ def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
 def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> float:
     """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance."""
     bend, tolerance = _bends(x, unit, noise)
-    near, beyond, far = np.histogram(bend[np.isfinite(bend)] / tolerance, [0.0, 1.0, 2.0, np.inf])[0]
+    near, beyond, far = np.histogram(bend[np.isfinite(bend)] / tolerance, [0.0, 1.0, 2.0, np.inf])[
+        0
+    ]
     # the bends of a smooth signal become fewer with size at an even rate; lines have theirs within the rounding or far off
     chance = beyond + beyond**2 / max(far, 1e-9)
     return max(near - chance, 0.0) / max(x.size, 1)

@@ -12,7 +12,9 @@ _SUPERVISION = 50.0  # integral times of the controller
 _SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 
 
-def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None) -> Oscillation:
+def oscillation_by_loads(
+    op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None
+) -> Oscillation:
     """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who look at the error alone.
 
     Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50 integral times). The integral
@@ -26,7 +28,9 @@ def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: floa
     if not (np.isfinite(period) and span > 0.0):
         return replace(found, sustained=False, loads=0.0)
     loads = iae_loads(e, Ts, _SMALLEST * span, period, np.exp(-Ts / (_SUPERVISION * period)))
-    return replace(found, sustained=loads > MOST_LOADS and bool(np.isfinite(found.period_s)), loads=loads)
+    return replace(
+        found, sustained=loads > MOST_LOADS and bool(np.isfinite(found.period_s)), loads=loads
+    )
 
 
 def integral_time(op: np.ndarray, e: np.ndarray, Ts: float) -> float | None:

@@ -59,7 +59,16 @@ def _distances(x, embedding, m):
 def nearest(far, embedding, m, neighbours):
     """Return the squared distance of each piece's look-alike number `neighbours` (1 to MOST); infinite if it has fewer."""
     edge = np.empty(m + LANES)
-    n0, n1, n2, n3, n4, n5, n6, n7 = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    n0, n1, n2, n3, n4, n5, n6, n7 = (
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+    )
     for start in range(0, m, LANES):
         for c in range(LANES):
             # smallest first; lists that are not wanted are full from the beginning

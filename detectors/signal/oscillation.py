@@ -14,18 +14,34 @@ from functools import lru_cache
 import numpy as np
 
 from detectors.compiled import quick
-from detectors.signal.autocorrelation import decay_and_lasting, detrend, detrended, fast_size, zero_crossings
+from detectors.signal.autocorrelation import (
+    decay_and_lasting,
+    detrend,
+    detrended,
+    fast_size,
+    zero_crossings,
+)
 from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
-_DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
-LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
-_HIGH_PASS = (1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+_DECAY = (
+    0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
+)
+LASTING = (
+    1.0 / 3.0
+)  # amplitude of the last third over that of the first: below it, a transient has died out
+_HIGH_PASS = (
+    1 / 6,
+    1 / 18,
+    1 / 54,
+)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
-_LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
+_LEAST_SWINGS = np.geomspace(
+    0.08, 0.95, 30
+)  # shares of OP's range tried as the least swing between two reversals
 _BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
 _GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
 _UNDERWAY = 0.3  # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
@@ -39,8 +55,12 @@ class Oscillation:
     regularity: float  # r = (1/3) mean(Tp) / std(Tp)
     period_s: float  # NaN when none was found
     signal: str = ""  # "op" or "pv", the more regular one
-    decay_ratio: float = float("nan")  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
-    lasting: float = float("nan")  # amplitude in the last third of the record over that in the first
+    decay_ratio: float = float(
+        "nan"
+    )  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
+    lasting: float = float(
+        "nan"
+    )  # amplitude in the last third of the record over that in the first
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
     swings: int = 0  # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
 
@@ -49,7 +69,11 @@ class Oscillation:
         """The number that says whether it is sustained."""
         if self.swings and np.isnan(self.loads):
             return f"{self.swings} swings of OP of one size, whose period wanders (r = {self.regularity:.2f})"
-        return f"r = {self.regularity:.2f}" if np.isnan(self.loads) else f"{self.loads:.1f} of more than {MOST_LOADS} loads"
+        return (
+            f"r = {self.regularity:.2f}"
+            if np.isnan(self.loads)
+            else f"{self.loads:.1f} of more than {MOST_LOADS} loads"
+        )
 
 
 NOTHING = Oscillation(False, 0.0, float("nan"))
@@ -91,15 +115,22 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
             break
     # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none is
     held = ((count * _FEWER >= count[:, None]) & (count >= _SWINGS)) | _BEFORE
-    widest = np.where(held.all(axis=1), count.size, held.argmin(axis=1)) - np.arange(1, count.size + 1)
+    widest = np.where(held.all(axis=1), count.size, held.argmin(axis=1)) - np.arange(
+        1, count.size + 1
+    )
     i = int(np.argmax(widest))
     end = i + widest[i]
     if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
         return None
     at = at[1 : turn(x, _LEAST_SWINGS[end], at)]
     size, time = np.abs(np.diff(x[at])), np.diff(at)
-    alike, lasts = size.std() <= _ALIKE_SWINGS * size.mean(), op.size - at[-1] <= _STILL_ON * time.max()
-    middle = np.abs(x[at[0] : at[-1]] - np.repeat(0.5 * (x[at[1:]] + x[at[:-1]]), time)) < 0.25 * np.repeat(size, time)
+    alike, lasts = (
+        size.std() <= _ALIKE_SWINGS * size.mean(),
+        op.size - at[-1] <= _STILL_ON * time.max(),
+    )
+    middle = np.abs(
+        x[at[0] : at[-1]] - np.repeat(0.5 * (x[at[1:]] + x[at[:-1]]), time)
+    ) < 0.25 * np.repeat(size, time)
     underway = np.median(np.add.reduceat(middle, at[:-1] - at[0], dtype=float) / time) >= _UNDERWAY
     return at.copy() if alike and lasts and underway else None
 
@@ -146,8 +177,16 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
     for i, rho in zip(live, np.fft.irfft(power, size)[:, : n // 2], strict=True):
         best[i] = _judge_acf(rows[i], rho / rho[0], Ts)
     for i, spectrum in zip(live, power, strict=True):
-        for rho in () if best[i].sustained else np.fft.irfft(spectrum * _high_passes(size, n), size)[:, : n // 2]:
-            best[i] = max(best[i], _judge_acf(rows[i], rho / rho[0], Ts), key=lambda o: (o.sustained, o.regularity))
+        for rho in (
+            ()
+            if best[i].sustained
+            else np.fft.irfft(spectrum * _high_passes(size, n), size)[:, : n // 2]
+        ):
+            best[i] = max(
+                best[i],
+                _judge_acf(rows[i], rho / rho[0], Ts),
+                key=lambda o: (o.sustained, o.regularity),
+            )
             if best[i].sustained:
                 break
     return best
@@ -157,7 +196,9 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
 def _high_passes(size: int, n: int) -> np.ndarray:
     """Return what taking off moving means over shares of n samples leaves of a power spectrum, a row for each."""
     f = np.arange(size // 2 + 1) / size
-    rows = [(1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN]
+    rows = [
+        (1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN
+    ]
     return np.array(rows).reshape(-1, f.size)
 
 
@@ -176,7 +217,9 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     off = Tp - period
     r = period / max(3.0 * math.sqrt(float(np.add.reduce(off * off)) / (kept - 1)), 1e-6 * period)
     R, lasts = quick(decay_and_lasting)(rho, at, x, period)
-    return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
+    return Oscillation(
+        r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts
+    )
 
 
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
@@ -191,7 +234,10 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
     if length >= n or room < 1:
         return 0, n
     x = detrend(x)
-    total = np.concatenate([np.zeros((3, 1)), np.cumsum([x[lag:] * x[:-lag], x[lag:] ** 2, x[:-lag] ** 2], axis=1)], axis=1)
+    total = np.concatenate(
+        [np.zeros((3, 1)), np.cumsum([x[lag:] * x[:-lag], x[lag:] ** 2, x[:-lag] ** 2], axis=1)],
+        axis=1,
+    )
     both, late, early = total[:, room:] - total[:, :-room]
     start = int(np.argmax(both / np.sqrt(np.maximum(late * early, 1e-12 * room**2))))
     return start, start + length

@@ -39,7 +39,9 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         least = np.maximum((_SPIKE if len(found) < 3 else _FURTHER) * overall, local)
         hit = (size > least) & (size > _ALONE * near)
         # of spikes that touch, only the larger is sure
-        new = {int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))}
+        new = {
+            int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))
+        }
         if not new and len(found) >= 3:
             new = _touching(clean, least)
         if not new:
@@ -69,7 +71,12 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
         for apart in (1, 2):
             both = np.array([k, k + apart])
             at = np.setdiff1d(np.arange(k - 2, k + apart + 3), both)
-            if at[0] < 0 or at[-1] >= x.size or any(j in out for j in at) or any(j in out for j in both):
+            if (
+                at[0] < 0
+                or at[-1] >= x.size
+                or any(j in out for j in at)
+                or any(j in out for j in both)
+            ):
                 continue
             line = np.polyfit(at - k, x[at], 1)
             heights = x[both] - np.polyval(line, both - k)

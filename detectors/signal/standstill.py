@@ -19,7 +19,9 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
-    reach = 2 * max(round(0.025 * period), 1)  # even: read backwards, a record stands still at the same samples
+    reach = 2 * max(
+        round(0.025 * period), 1
+    )  # even: read backwards, a record stands still at the same samples
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
     bound = max(_STILL * spread, 3.0 * left**0.5)
@@ -27,7 +29,9 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     return clean, still, bound < _NOISY * spread
 
 
-def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:
+def stuck_intervals(
+    op: np.ndarray, still: np.ndarray, period: float, least_op: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the intervals in which the valve stands still while OP moves."""
     edges = runs_of(still).ravel()
     start, stop = edges[::2], edges[1::2]

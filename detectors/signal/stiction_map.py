@@ -7,7 +7,9 @@ import numpy as np
 from detectors.compiled import compiled
 from detectors.errors import ParameterError
 
-_State = tuple[float, float, float, float]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
+_State = tuple[
+    float, float, float, float
+]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
 
 
 def start(u0, lo=0.0, hi=100.0):
@@ -41,14 +43,18 @@ def _trace(op, S, J, state, lo, hi, v):
         v[k] = state[0]
 
 
-def valve_position(op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
+def valve_position(
+    op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)
+) -> np.ndarray:
     """Return the position of an (S, J) valve driven by a recorded OP.
 
     Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
     """
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:
-            raise ParameterError(f"valve_position: {name} = {value}; a finite number >= 0 is needed")
+            raise ParameterError(
+                f"valve_position: {name} = {value}; a finite number >= 0 is needed"
+            )
     op = np.array(op, dtype=float)
     v = np.empty(op.size)
     if op.size:

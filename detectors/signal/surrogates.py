@@ -53,13 +53,17 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     return ranked
 
 
-def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS) -> float:
+def prediction_error(
+    x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS
+) -> float:
     """Return the squared error of predicting a signal from what followed its nearest look-alikes.
 
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443.
     """
     if not 1 <= neighbours <= MOST_NEIGHBOURS:
-        raise ParameterError(f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible")
+        raise ParameterError(
+            f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible"
+        )
     return float(compiled(predicted)(np.ascontiguousarray(x), embedding, horizon, neighbours))
 
 
@@ -84,9 +88,14 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     x = end_matched(x[-int((_CYCLES + 2.5) * period) :], period)
     cycles = max(round(x.size / period), 1)
     total = np.concatenate([[0.0], np.cumsum(x)])
-    x = np.diff(np.interp(np.linspace(0.0, x.size, cycles * cycle + 1), np.arange(total.size), total))
+    x = np.diff(
+        np.interp(np.linspace(0.0, x.size, cycles * cycle + 1), np.arange(total.size), total)
+    )
     x = (x - x.mean()) / max(float(x.std()), 1e-300)
     own = prediction_error(x, cycle, cycle)
-    others = [prediction_error(y, cycle, cycle) for y in iaaft(x, _SURROGATES, np.random.default_rng(seed))]
+    others = [
+        prediction_error(y, cycle, cycle)
+        for y in iaaft(x, _SURROGATES, np.random.default_rng(seed))
+    ]
     spread = max(float(np.std(others, ddof=1)), _LEAST_VARIANCE * x.size)
     return _Npi((float(np.mean(others)) - own) / (3.0 * spread), float(cycles))

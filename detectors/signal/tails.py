@@ -6,7 +6,14 @@ from math import lgamma
 
 import numpy as np
 
-_DEGREES = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0)  # of freedom of Student's t that are tried for a noise with heavy tails
+_DEGREES = (
+    2.5,
+    3.0,
+    4.0,
+    5.0,
+    7.0,
+    10.0,
+)  # of freedom of Student's t that are tried for a noise with heavy tails
 _NARROWEST = 0.01  # of the robust variance; values that stand still would draw the mixture's core together to a point
 
 

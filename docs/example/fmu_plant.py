@@ -9,7 +9,11 @@ from simbench.loop.parameters import Number
 
 SOURCE = "FMI 2.0 for co-simulation, modelica.org"
 INTEGRATING = False
-PARAMETERS = {"settle": Number("s", low=0.0, default=0.0, says="time the unit is run under MV = op0 before the loop closes")}
+PARAMETERS = {
+    "settle": Number(
+        "s", low=0.0, default=0.0, says="time the unit is run under MV = op0 before the loop closes"
+    )
+}
 UNIT, INPUT, OUTPUT = os.environ.get("PLANT_FMU", "plant.fmu"), "mv", "pv"
 
 

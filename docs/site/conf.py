@@ -9,7 +9,9 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "written"))
-os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # the tutorials call simbench
+os.environ["PATH"] = os.pathsep.join(
+    [str(Path(sys.executable).parent), os.environ["PATH"]]
+)  # the tutorials call simbench
 
 import architecture
 from api import api_pages
@@ -42,15 +44,25 @@ myst_enable_extensions = ["colon_fence"]
 generated = HERE / "generated"
 startup = generated / "ipython" / "profile_default" / "startup"
 startup.mkdir(parents=True, exist_ok=True)
-(startup / "bash_cell.py").write_text((HERE / "written" / "bash_cell.py").read_text(encoding="utf-8"), encoding="utf-8")
+(startup / "bash_cell.py").write_text(
+    (HERE / "written" / "bash_cell.py").read_text(encoding="utf-8"), encoding="utf-8"
+)
 os.environ["IPYTHONDIR"] = str(generated / "ipython")
 (generated / "api").mkdir(parents=True, exist_ok=True)
-pages = {"methods": methods_page(), "loop": loop_page(), "grid": grid_page(), "commands": commands_page(), **api_pages()}
+pages = {
+    "methods": methods_page(),
+    "loop": loop_page(),
+    "grid": grid_page(),
+    "commands": commands_page(),
+    **api_pages(),
+}
 for page in [*generated.glob("*.rst"), *generated.glob("api/*.rst")]:
     if page.relative_to(generated).with_suffix("").as_posix() not in pages:
         page.unlink()
 for name, text in pages.items():
     path = generated / f"{name}.rst"
-    if not path.exists() or path.read_text(encoding="utf-8") != text:  # an unchanged page is not read again
+    if (
+        not path.exists() or path.read_text(encoding="utf-8") != text
+    ):  # an unchanged page is not read again
         path.write_text(text, encoding="utf-8")
 architecture.write(generated / "architecture.svg")

@@ -27,7 +27,11 @@ from simbench.theory.cycle import cycle_start, exact_cycle
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 SHAPES = ("second order", "lead", "inverse response", "integrator with lag")
-FORMS = tuple((form, windup) for form in ("positional", "velocity") for windup in ("clamping", "back-calculation"))
+FORMS = tuple(
+    (form, windup)
+    for form in ("positional", "velocity")
+    for windup in ("clamping", "back-calculation")
+)
 SAMPLES = 300
 _SETTLE, _CYCLES = 20, 60  # periods of a simulated cycle: left out, and measured
 
@@ -48,7 +52,10 @@ def _random(shape: str, form: str, windup: str, rng: np.random.Generator) -> Loo
     T = float(np.exp(rng.uniform(np.log(5.0), np.log(50.0))))
     other = float(rng.uniform(0.1, 1.0) * T)
     K, Td = float(np.exp(rng.uniform(-1.0, 1.0))), float(rng.uniform(0.05, 0.6) * T)
-    lead = {"lead": rng.uniform(0.1, 0.9) * other, "inverse response": -rng.uniform(0.1, 0.8) * other}.get(shape)
+    lead = {
+        "lead": rng.uniform(0.1, 0.9) * other,
+        "inverse response": -rng.uniform(0.1, 0.8) * other,
+    }.get(shape)
     num = [K] if lead is None else [K * float(lead), K]
     den = [T * other, T, 0.0] if shape == "integrator with lag" else [T * other, T + other, 1.0]
     if shape == "second order" and rng.random() < 0.5:  # underdamped
@@ -88,10 +95,17 @@ def by_control(loop: Loop, sp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     p = pid_numbers(c, c.sign * c.Kc, float(c.Ti or 0.0), Ts, 0.0, 0.0, 100.0)
     integral: Any = control.tf([p.Ki, 0.0], [1.0, -1.0], Ts)
     slope: Any = control.tf([p.Kc * p.kd, -p.Kc * p.kd], [1.0, -p.fade], Ts)
-    of_sp, of_pv = (control.ss(control.tf([p.Kc * b], [1.0], Ts) + integral + d * slope) for b, d in ((p.b, p.c), (1.0, 1.0)))
+    of_sp, of_pv = (
+        control.ss(control.tf([p.Kc * b], [1.0], Ts) + integral + d * slope)
+        for b, d in ((p.b, p.c), (1.0, 1.0))
+    )
     whole = _sampled_plant(loop)
-    left = control.ss(of_sp.A, of_sp.B, of_sp.C, of_sp.D, Ts, inputs="sp", outputs="ahead", name="left")
-    right = control.ss(of_pv.A, of_pv.B, of_pv.C, of_pv.D, Ts, inputs="pv", outputs="back", name="right")
+    left = control.ss(
+        of_sp.A, of_sp.B, of_sp.C, of_sp.D, Ts, inputs="sp", outputs="ahead", name="left"
+    )
+    right = control.ss(
+        of_pv.A, of_pv.B, of_pv.C, of_pv.D, Ts, inputs="pv", outputs="back", name="right"
+    )
     op = control.summing_junction(["ahead", "-back"], "op", name="sum")
     closed = control.interconnect([left, right, op, whole], inputs="sp", outputs=["pv", "op"])
     return tuple(control.forced_response(closed, np.arange(sp.size) * Ts, sp).outputs)  # type: ignore[return-value]
@@ -104,7 +118,11 @@ def _sampled_plant(loop: Loop) -> Any:
     delay = int(np.floor(Td / Ts + 1e-9))
     old = max(Td - delay * Ts, 0.0)
     whole, new = (control.sample_system(G, h, "zoh") for h in (Ts, Ts - old))
-    early: Any = np.asarray(new.A) @ control.sample_system(G, old, "zoh").B if old > 1e-9 * Ts else np.zeros_like(new.B)
+    early: Any = (
+        np.asarray(new.A) @ control.sample_system(G, old, "zoh").B
+        if old > 1e-9 * Ts
+        else np.zeros_like(new.B)
+    )
     n, m = len(whole.A), delay + 1  # the last m inputs, newest first
     A, B, C = np.zeros((n + m, n + m)), np.zeros((n + m, 1)), np.zeros((1, n + m))
     A[:n, :n], C[0, :n] = whole.A, G.C
@@ -120,13 +138,18 @@ def _sampled_plant(loop: Loop) -> Any:
 
 def cycle_errors(loop: Loop, S: float, J: float) -> tuple[float, float] | None:
     """Return the relative errors of the exact cycle's period and amplitude against a simulation; None where there is none."""
-    table = loop.to_table() | {"valve": {"model": "choudhury", "S": S, "J": J}, "setpoint": {"value": 50.0}}
+    table = loop.to_table() | {
+        "valve": {"model": "choudhury", "S": S, "J": J},
+        "setpoint": {"value": 50.0},
+    }
     sticky = Loop.from_table(table)
     cycle = exact_cycle(sampled_loop(sticky))
     if cycle is None or not cycle.amplitude < 40.0 or cycle.period > 1e4 * sticky.sampling.Ts:
         return None
     per = cycle.period / sticky.sampling.Ts
-    run = simulate(sticky.with_("sampling.n", int((_SETTLE + _CYCLES) * per)), start=cycle_start(sticky))
+    run = simulate(
+        sticky.with_("sampling.n", int((_SETTLE + _CYCLES) * per)), start=cycle_start(sticky)
+    )
     late = int(_SETTLE * per)
     op = run.record.op[late:]
     peaks = [np.ptp(op[int(i * per) : int((i + 1) * per)]) / 2.0 for i in range(_CYCLES - 1)]
@@ -153,7 +176,12 @@ def pairs(count: int, seed: int = 2) -> Iterator[Loop]:
         T, slow = float(np.exp(rng.uniform(0.0, 2.0))), float(rng.uniform(5.0, 15.0))
         K, S = float(np.exp(rng.uniform(-0.7, 0.7))), float(rng.uniform(3.0, 8.0))
         outer = {
-            "plant": {"type": "foptd", "K": 1.0, "T": slow * T, "Td": float(rng.uniform(0.5, 2.0)) * T},
+            "plant": {
+                "type": "foptd",
+                "K": 1.0,
+                "T": slow * T,
+                "Td": float(rng.uniform(0.5, 2.0)) * T,
+            },
             "controller": {"type": "PI", "Kc": float(rng.uniform(1.0, 2.5)), "Ti": slow * T},
             "noise": {"std": 0.02 * S},
             "setpoint": {"value": 50.0, "steps": [[20.0 * T, 50.0 + S]]},
@@ -175,18 +203,27 @@ def found_in_pairs(count: int, methods: str = "fast") -> dict[str, tuple[float, 
         names = choose_methods([methods])
         for verdicts, record in ((inner, run.record), (outer, run.outer)):
             verdicts.append({v.method: v.verdict == STICTION for v in judge(record, names)})
-    return {name: tuple(float(np.mean([v[name] for v in side])) for side in (inner, outer)) for name in inner[0]}  # type: ignore[misc]
+    return {
+        name: tuple(float(np.mean([v[name] for v in side])) for side in (inner, outer))
+        for name in inner[0]
+    }  # type: ignore[misc]
 
 
 def main(loops: int = 200, sticky: int = 60, cascades: int = 40) -> int:
     """Print both comparisons; 1 where one falls short."""
     warnings.simplefilter("ignore")
     apart = np.array([difference(loop) for loop in random_loops(loops)])
-    print(f"{loops} loops against python-control, {SAMPLES} samples: largest relative difference {apart.max():.2e} (<= 1e-9)")
+    print(
+        f"{loops} loops against python-control, {SAMPLES} samples: largest relative difference {apart.max():.2e} (<= 1e-9)"
+    )
     found = np.array(cycles(sticky))
     period, amplitude = found.max(axis=0)
-    print(f"{len(found)} exact cycles against simulation: period within {period:.2%} (1 %), OP within {amplitude:.2%} (2 %)")
-    print(f"{cascades} cascades whose inner valve sticks: share called sticky by the inner and by the outer record")
+    print(
+        f"{len(found)} exact cycles against simulation: period within {period:.2%} (1 %), OP within {amplitude:.2%} (2 %)"
+    )
+    print(
+        f"{cascades} cascades whose inner valve sticks: share called sticky by the inner and by the outer record"
+    )
     for name, (inner, outer) in found_in_pairs(cascades).items():
         print(f"  {name:<18} {inner:5.2f} {outer:5.2f}")
     return int(not (apart.max() <= 1e-9 and period <= 0.01 and amplitude <= 0.02))

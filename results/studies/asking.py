@@ -77,10 +77,17 @@ class Mixture:
         ]  # fmt: skip
         strange = [str(e) for e in rng.permutation(foreign)]
         out += [
-            {"kind": "foreign", "effect": strange[i % len(strange)], "strength": ("medium", "strong")[i % 2], "mv": i % 3 == 0}
+            {
+                "kind": "foreign",
+                "effect": strange[i % len(strange)],
+                "strength": ("medium", "strong")[i % 2],
+                "mv": i % 3 == 0,
+            }
             for i in range(self.foreign)
         ]
-        return out + [{"kind": k, "mv": i % 3 == 0} for k in ("none", "two") for i in range(getattr(self, k))]
+        return out + [
+            {"kind": k, "mv": i % 3 == 0} for k in ("none", "two") for i in range(getattr(self, k))
+        ]
 
 
 def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
@@ -88,9 +95,14 @@ def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
     check, key = folder / world, folder / f"{world}.key"
     if not (check / "records").exists():
         make(check, key, plan.seed, plan=plan, jobs=jobs, world=world, tests=True)
-    there, asked = len(list((check / "records").glob("*.csv"))), plan.single + plan.none + plan.two + plan.foreign
+    there, asked = (
+        len(list((check / "records").glob("*.csv"))),
+        plan.single + plan.none + plan.two + plan.foreign,
+    )
     if there != asked:
-        raise ParameterError(f"{check}: {there} records, {asked} were asked for; another folder is needed")
+        raise ParameterError(
+            f"{check}: {there} records, {asked} were asked for; another folder is needed"
+        )
     if not (folder / f"{world}-score" / f"records-{TESTS}.csv").exists():
         answer(check, one_file, jobs, TESTS)
         open_(check, key, folder / f"{world}-score", world)
@@ -104,7 +116,9 @@ def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> No
         if not (place / f"{record.stem}.json").exists():
             todo.append((record, list(PAIR) if strategy == FIXED else ids))
     bar = tqdm(todo, desc=f"{check.name}, {strategy}", file=sys.stderr, delay=1.0)
-    Parallel(n_jobs=jobs)(delayed(_answer_one)(check, make_folder(place), record, ids) for record, ids in bar)
+    Parallel(n_jobs=jobs)(
+        delayed(_answer_one)(check, make_folder(place), record, ids) for record, ids in bar
+    )
 
 
 def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> None:
@@ -126,27 +140,46 @@ def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
     rows = []
     for truth in truths(score):
         found = _read(_answers_by(check, strategy) / f"{truth['id']}.json")
-        rows.append(judge_record(truth, found, true_circumstances(truth, *_baseline_and_record(check, truth))))
+        rows.append(
+            judge_record(
+                truth, found, true_circumstances(truth, *_baseline_and_record(check, truth))
+            )
+        )
     return pd.DataFrame(rows)
 
 
 def truths(score: Path) -> list[dict[str, Any]]:
     """Return the opened answers."""
     rows = pd.read_csv(score / "answers.csv", dtype=str, keep_default_na=False).to_dict("records")
-    return [{str(k): json.loads(v) if v.startswith("{") else v for k, v in row.items()} for row in rows]
+    return [
+        {str(k): json.loads(v) if v.startswith("{") else v for k, v in row.items()} for row in rows
+    ]
 
 
 def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
     """Return of every test asked for what it was to add to a right answer's probability, and added to the truth's."""
     pairs = []
     for world in worlds:
-        for truth, tests in [(t, i) for t in truths(folder / f"{world}-score") for i in range(TESTS)]:
-            before, after = (_read(answers_after(folder / world, tests + i) / f"{truth['id']}.json") for i in (0, 1))
+        for truth, tests in [
+            (t, i) for t in truths(folder / f"{world}-score") for i in range(TESTS)
+        ]:
+            before, after = (
+                _read(answers_after(folder / world, tests + i) / f"{truth['id']}.json")
+                for i in (0, 1)
+            )
             expected = (before.get("next_test") or {}).get("p_right_after")
             if expected is not None and "ranking" in after:
-                ranks = [{r["effect"]: r["probability"] for r in found["ranking"]} for found in (before, after)]
+                ranks = [
+                    {r["effect"]: r["probability"] for r in found["ranking"]}
+                    for found in (before, after)
+                ]
                 name = UNKNOWN if truth["foreign"] else truth["effect"]
-                pairs.append((expected - max(ranks[0].values()), ranks[1].get(name, 0.0) - ranks[0].get(name, 0.0)))
+                pairs.append(
+                    (
+                        expected - max(ranks[0].values()),
+                        ranks[1].get(name, 0.0) - ranks[0].get(name, 0.0),
+                    )
+                )
     return pairs
 
 
@@ -157,9 +190,17 @@ def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, 
         for truth in truths(folder / f"{world}-score"):
             found = _read(answers_after(folder / world, TESTS) / f"{truth['id']}.json")
             claimed = found.get("shrinkage")
-            if claimed is None or truth["foreign"] or truth["effect"] == NONE or truth["effect2"] or len(found["effects"]) > 1:
+            if (
+                claimed is None
+                or truth["foreign"]
+                or truth["effect"] == NONE
+                or truth["effect2"]
+                or len(found["effects"]) > 1
+            ):
                 continue
-            true = fresh_shrinkage(truth, found, *_baseline_and_record(folder / world, truth), world)
+            true = fresh_shrinkage(
+                truth, found, *_baseline_and_record(folder / world, truth), world
+            )
             if true is not None:
                 rows.append((claimed["value"], claimed["lo"], claimed["hi"], true))
     return rows
@@ -196,24 +237,40 @@ def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = 
         for tests in range(TESTS + 1):
             file = score / (f"records-{tests}.csv" if tests else "records.csv")
             if file.exists():
-                found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(file, keep_default_na=False)
+                found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(
+                    file, keep_default_na=False
+                )
         for strategy in against:
             found.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
     for by_world in found.values():
         if len(by_world) > 1:
             by_world["all"] = pd.concat(by_world.values())
-    rows = [(world, _shares(one), tests) for tests, by_world in found.items() for world, one in by_world.items()]
-    out = {tests: {(w, figure): x for w, shares, t in rows for figure, x in shares.items() if t == tests} for tests in found}
+    rows = [
+        (world, _shares(one), tests)
+        for tests, by_world in found.items()
+        for world, one in by_world.items()
+    ]
+    out = {
+        tests: {
+            (w, figure): x for w, shares, t in rows for figure, x in shares.items() if t == tests
+        }
+        for tests in found
+    }
     order = [(world, figure) for world in (*worlds, "all") for figure in rows[0][1]]
     return pd.DataFrame(out).reindex(pd.MultiIndex.from_tuples(order)).dropna(how="all")
 
 
 def _shares(found: pd.DataFrame) -> dict[str, str]:
-    out = {name: _share(_true(found[found.kind == kind][column])) for name, (kind, column) in _OF_KIND.items()}
+    out = {
+        name: _share(_true(found[found.kind == kind][column]))
+        for name, (kind, column) in _OF_KIND.items()
+    }
     none, foreign = found[found.kind == "none"], found[found.kind == "foreign"]
     out["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
     out["none unknown"] = _share(_true(none.called_unknown))
-    out["foreign unknown or block"] = _share(_true(foreign.called_unknown) | _true(foreign.block_right))
+    out["foreign unknown or block"] = _share(
+        _true(foreign.called_unknown) | _true(foreign.block_right)
+    )
     known = found[found.kind.isin(["single", "none"])]
     out["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
     return out
@@ -225,26 +282,42 @@ def _true(x: pd.Series) -> pd.Series:
 
 def _share(x: pd.Series) -> str:
     share = Share("", int(x.sum()), len(x))
-    return f"{share.k}/{share.n} [{share.interval[0]:.2f}, {share.interval[1]:.2f}]" if share.n else "-"
+    return (
+        f"{share.k}/{share.n} [{share.interval[0]:.2f}, {share.interval[1]:.2f}]"
+        if share.n
+        else "-"
+    )
 
 
 def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
     """Print the table of every world, what tests told, and whether claimed shrinkages hold."""
-    print("chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none")
+    print(
+        "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none"
+    )
     print("95 % Wilson intervals")
     found = table(folder, worlds, against)
     for world in found.index.unique(0):
         print(f"\n{world}\n{found.loc[world].to_string()}")
     pairs = np.array(learned(folder, worlds)).reshape(-1, 2)
     rank = stats.spearmanr(*pairs.T).statistic if len(pairs) > 2 else np.nan
-    print(f"\nwhat tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,")
+    print(
+        f"\nwhat tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,"
+    )
     print(f"rank correlation {rank:.2f}")
     value, lo, hi, true = np.array(shrinkages(folder, worlds)).reshape(-1, 4).T
     rank = stats.spearmanr(value, true).statistic if true.size > 2 else np.nan
-    print(f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size} claims,")
-    print(f"interval holds {_share(pd.Series((lo <= true) & (true <= hi)))}, rank correlation {rank:.2f}")
+    print(
+        f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size} claims,"
+    )
+    print(
+        f"interval holds {_share(pd.Series((lo <= true) & (true <= hi)))}, rank correlation {rank:.2f}"
+    )
     for name, x in (("claimed", value), ("true", true)):
-        quarters = ", ".join(f"{q:.2f}" for q in np.quantile(x, (0.0, 0.25, 0.5, 0.75, 1.0))) if x.size else "-"
+        quarters = (
+            ", ".join(f"{q:.2f}" for q in np.quantile(x, (0.0, 0.25, 0.5, 0.75, 1.0)))
+            if x.size
+            else "-"
+        )
         print(f"{name}: least, quartiles, most {quarters}")
 
 
@@ -252,17 +325,48 @@ def main() -> None:
     """Make, answer and open what is not there yet; print seeds, sizes and the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("-n", "--single", type=int, default=Mixture.single, help="Records of one effect in each world.")
+    parser.add_argument(
+        "-n",
+        "--single",
+        type=int,
+        default=Mixture.single,
+        help="Records of one effect in each world.",
+    )
     for kind in ("none", "two", "foreign"):
         parser.add_argument(
-            f"--{kind}", type=int, default=getattr(Mixture, kind), help=f"Records of kind {kind} in each world."
+            f"--{kind}",
+            type=int,
+            default=getattr(Mixture, kind),
+            help=f"Records of kind {kind} in each world.",
         )
-    parser.add_argument("--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next.")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next."
+    )
     parser.add_argument("--worlds", nargs="*", default=THREE, choices=THREE)
-    parser.add_argument("--against", nargs="*", default=[], choices=(FIXED, RANDOM), help="Answer with such tests too.")
-    parser.add_argument("--contradictions", type=int, default=0, metavar="N", help="Contradictory tests, and sound ones.")
-    parser.add_argument("--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run.")
-    parser.add_argument("--claims", type=int, default=0, metavar="N", help="Loops whose claimed shrinkage is looked at again.")
+    parser.add_argument(
+        "--against",
+        nargs="*",
+        default=[],
+        choices=(FIXED, RANDOM),
+        help="Answer with such tests too.",
+    )
+    parser.add_argument(
+        "--contradictions",
+        type=int,
+        default=0,
+        metavar="N",
+        help="Contradictory tests, and sound ones.",
+    )
+    parser.add_argument(
+        "--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run."
+    )
+    parser.add_argument(
+        "--claims",
+        type=int,
+        default=0,
+        metavar="N",
+        help="Loops whose claimed shrinkage is looked at again.",
+    )
     parser.add_argument("-j", "--jobs", type=int, default=1)
     given = parser.parse_args()
     seeds = {world: given.seed + i for i, world in enumerate(THREE) if world in given.worlds}
@@ -276,11 +380,18 @@ def main() -> None:
     if given.contradictions or given.plans or given.claims:
         return
     for world, seed in seeds.items():
-        answer_sealed(given.folder, world, Mixture(seed, given.single, given.none, given.two, given.foreign), given.jobs)
+        answer_sealed(
+            given.folder,
+            world,
+            Mixture(seed, given.single, given.none, given.two, given.foreign),
+            given.jobs,
+        )
     for strategy in given.against:
         for world, seed in seeds.items():
             answer_otherwise(given.folder / world, strategy, seed, given.jobs)
-    print(f"answered sealed; of each world {given.single} single effects (medium, strong), {given.none} none, {given.two} two,")
+    print(
+        f"answered sealed; of each world {given.single} single effects (medium, strong), {given.none} none, {given.two} two,"
+    )
     print(f"{given.foreign} foreign")
     print_sealed(given.folder, list(seeds), given.against)
 

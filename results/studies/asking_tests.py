@@ -37,18 +37,33 @@ from simbench.gap.plan.menu import Limits
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE
 
-OTHER_LOOP, TUNING, SHIFTED = "test of another loop", "tuning not as stated", "mode shifted by a minute"
+OTHER_LOOP, TUNING, SHIFTED = (
+    "test of another loop",
+    "tuning not as stated",
+    "mode shifted by a minute",
+)
 _FRESH = 3  # records of the true loop on which a claimed shrinkage is looked at
-_KINDS = {OTHER_LOOP: ("mv", "sp_steps", "bump", "stairs"), TUNING: ("kc_half",), SHIFTED: ("bump", "stairs")}
+_KINDS = {
+    OTHER_LOOP: ("mv", "sp_steps", "bump", "stairs"),
+    TUNING: ("kc_half",),
+    SHIFTED: ("bump", "stairs"),
+}
 
 
 def contradicted(seeds: Mapping[str, int], n: int, jobs: int = 1) -> pd.DataFrame:
     """Return how many of `n` contradictory tests are found, and how many of as many sound ones refused, by kind."""
     bar = tqdm(range(n), desc="contradictions", file=sys.stderr, delay=1.0)
-    rows = pd.DataFrame(Parallel(n_jobs=jobs)(delayed(_contradict)(list(seeds.items()), i) for i in bar))
+    rows = pd.DataFrame(
+        Parallel(n_jobs=jobs)(delayed(_contradict)(list(seeds.items()), i) for i in bar)
+    )
     kinds = [(kind, rows[rows.kind == kind]) for kind in _KINDS] + [("all", rows)]
     return pd.DataFrame(
-        {"kind": kind, "n": len(one), "found": int(one.found.sum()), "sound ones refused": int(one.wrongly.sum())}
+        {
+            "kind": kind,
+            "n": len(one),
+            "found": int(one.found.sum()),
+            "sound ones refused": int(one.wrongly.sum()),
+        }
         for kind, one in kinds
     )
 
@@ -65,7 +80,14 @@ def _contradict(seeds: list[tuple[str, int]], i: int) -> dict[str, Any]:
     if kind == SHIFTED:
         false["csv"] = _shifted(false["csv"], item, -1 if i % 2 else 1)
     found, wrongly = (_refused(item, texts) for texts in (false, own))
-    return {"kind": kind, "world": world, "test": id_, "found": bool(found), "wrongly": bool(wrongly), "said": wrongly or found}
+    return {
+        "kind": kind,
+        "world": world,
+        "test": id_,
+        "found": bool(found),
+        "wrongly": bool(wrongly),
+        "said": wrongly or found,
+    }
 
 
 def _entry(seed: int, i: int) -> dict[str, Any]:
@@ -74,7 +96,13 @@ def _entry(seed: int, i: int) -> dict[str, Any]:
         return {"kind": "none", "mv": i % 3 == 0}
     effect = str(np.random.default_rng([seed, i]).choice(PLANNED))
     plant = PLANTS[0] if effect == "time_constant_mismatch" else PLANTS[i % 3]
-    return {"kind": "single", "effect": effect, "strength": ("medium", "strong")[i % 2], "mv": i % 3 == 0, "plant": plant}
+    return {
+        "kind": "single",
+        "effect": effect,
+        "strength": ("medium", "strong")[i % 2],
+        "mv": i % 3 == 0,
+        "plant": plant,
+    }
 
 
 def _shifted(csv: str, item: Item, way: int) -> str:
@@ -131,11 +159,22 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
     out = []
     for test in (x.trial for x in found.tests if x.trial.op_travel or x.trial.id == "sp_steps"):
         levels = np.asarray(test.op)
-        run = w.test(item.answer, acts, int(item.answer["seed"]) + 9500, TestPlan(test.id, test.n, np.asarray(test.sp), levels))
-        start, lead = float(run["sp"][0]), int(np.argmax(np.isfinite(levels) | (np.asarray(test.sp) != 0.0)))
+        run = w.test(
+            item.answer,
+            acts,
+            int(item.answer["seed"]) + 9500,
+            TestPlan(test.id, test.n, np.asarray(test.sp), levels),
+        )
+        start, lead = (
+            float(run["sp"][0]),
+            int(np.argmax(np.isfinite(levels) | (np.asarray(test.sp) != 0.0))),
+        )
         far = float(np.abs(np.asarray(run["pv"])[lead:] - start).max())
         moved = np.asarray(run["op"])[lead:]
-        out.append(far > limits.pv_excursion or bool(moved.min() < limits.op[0] - 1e-6 or moved.max() > limits.op[1] + 1e-6))
+        out.append(
+            far > limits.pv_excursion
+            or bool(moved.min() < limits.op[0] - 1e-6 or moved.max() > limits.op[1] + 1e-6)
+        )
     return out
 
 
@@ -143,26 +182,40 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
     """Return in sentences whether the shrinkage claimed after at most `most` tests holds on fresh records of `n` true loops."""
     bar = tqdm(range(n), desc="claims", file=sys.stderr, delay=1.0)
     runs: Any = Parallel(n_jobs=jobs)(delayed(_claim)(list(seeds.items()), i, most) for i in bar)
-    rows = pd.DataFrame([one for one in runs if one is not None], columns=["value", "lo", "hi", "true", "right"])
+    rows = pd.DataFrame(
+        [one for one in runs if one is not None], columns=["value", "lo", "hi", "true", "right"]
+    )
     if len(rows) < 3:
         return f"{len(rows)} claims on {n} loops: too few"
-    said = [f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops, weak, medium, strong,"]
-    said += [f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop each:"]
+    said = [
+        f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops, weak, medium, strong,"
+    ]
+    said += [
+        f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop each:"
+    ]
     for name, part in (("all", rows), ("effect named rightly", rows[rows.right])):
         inside = Share("", int(part.true.between(part.lo, part.hi).sum()), len(part))
         low, high = inside.interval
         rank = stats.spearmanr(part.value, part.true).statistic
         quarters = ", ".join(f"{q:.2f}" for q in part.true.quantile([0.25, 0.5, 0.75]))
-        said.append(f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank correlation {rank:.2f},")
+        said.append(
+            f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank correlation {rank:.2f},"
+        )
         said.append(f"  true quartiles {quarters}")
     return "\n".join(said)
 
 
-def _claim(seeds: list[tuple[str, int]], i: int, most: int) -> tuple[float, float, float, float, bool] | None:
+def _claim(
+    seeds: list[tuple[str, int]], i: int, most: int
+) -> tuple[float, float, float, float, bool] | None:
     """Return a claimed shrinkage, its interval, the true one and whether the effect was right; None where none is claimed."""
     world, seed = seeds[i % len(seeds)]
     w = WORLDS.load(world)
-    single = {**_entry(seed, 4 * i), "strength": ("weak", "medium", "strong")[i // 3 % 3], "mv": i % 2 == 0}
+    single = {
+        **_entry(seed, 4 * i),
+        "strength": ("weak", "medium", "strong")[i // 3 % 3],
+        "mv": i % 2 == 0,
+    }
     item = w.draw(seed, i, {"kind": "two", "mv": i % 2 == 0} if i % 6 == 5 else single)
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
@@ -171,17 +224,29 @@ def _claim(seeds: list[tuple[str, int]], i: int, most: int) -> tuple[float, floa
             report = diagnose(read_record(record), loop)
             while len(run) < most and report.next_test is not None:
                 texts = outcomes.outcome(w.test, item, report.next_test["test"])
-                run.append(read_test(str(outcomes.shown(Path(place), f"test-{len(run)}", texts)), loop))
+                run.append(
+                    read_test(str(outcomes.shown(Path(place), f"test-{len(run)}", texts)), loop)
+                )
                 report = diagnose(read_record(record), loop, tests=run)
         except UserError:
             return None
     if report.shrinkage is None:
         return None
     a = item.answer
-    acts = [{"effect": a[e], "parameters": a[p]} for e, p in (("effect", "parameters"), ("effect2", "parameters2")) if a[e]]
+    acts = [
+        {"effect": a[e], "parameters": a[p]}
+        for e, p in (("effect", "parameters"), ("effect2", "parameters2"))
+        if a[e]
+    ]
     fresh = [w.simulate(a, acts, int(a["seed"]) + 7000 + k) for k in range(_FRESH)]
     right = report.effect in (a["effect"], a["effect2"])
-    return report.shrinkage["value"], report.shrinkage["lo"], report.shrinkage["hi"], _closes(report, fresh), right
+    return (
+        report.shrinkage["value"],
+        report.shrinkage["lo"],
+        report.shrinkage["hi"],
+        _closes(report, fresh),
+        right,
+    )
 
 
 def _closes(report: GapReport, fresh: list[dict[str, np.ndarray]]) -> float:
@@ -191,4 +256,8 @@ def _closes(report: GapReport, fresh: list[dict[str, np.ndarray]]) -> float:
     for columns in fresh:
         op, pv = (np.asarray(columns[name], dtype=float) for name in ("op", "pv"))
         gaps.append(measure(replace(s, op=op, record=replace(s.record, op=op, pv=pv)), *runs))
-    return closed(float(np.mean([g.before for g in gaps])), float(np.mean([g.after for g in gaps])), gaps[0].floor)
+    return closed(
+        float(np.mean([g.before for g in gaps])),
+        float(np.mean([g.after for g in gaps])),
+        gaps[0].floor,
+    )

@@ -28,7 +28,9 @@ from simbench.usage import exit_code
 GRID = "table-11-3"  # every repeat has the same cells, so that time per scenario can be compared between sizes
 
 
-def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yamashita", jobs: int = 2) -> dict[str, Any]:
+def kills(
+    n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yamashita", jobs: int = 2
+) -> dict[str, Any]:
     """Kill runs at random moments, resume each, and compare the tables with an undisturbed run's.
 
     `n`: kills (SIGKILL to the run and its workers), spread over as many runs as it takes.
@@ -50,7 +52,9 @@ def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yama
                 process = _run(target, grid, methods, jobs, sets, group=True)
                 try:
                     # often enough in mid-run, sometimes not before the end
-                    process.wait(timeout=float(rng.uniform(0.05, 0.7) * length) if done < n else None)
+                    process.wait(
+                        timeout=float(rng.uniform(0.05, 0.7) * length) if done < n else None
+                    )
                     break
                 except subprocess.TimeoutExpired:
                     late += any(target.glob("receipts/*.json"))
@@ -84,7 +88,9 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
     for count in counts:
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder) / "run"
-            process = _run(target, grid, methods, 1, {"repeats": max(round(count / each), 1)}, measure=True)
+            process = _run(
+                target, grid, methods, 1, {"repeats": max(round(count / each), 1)}, measure=True
+            )
             used = json.loads(process.communicate()[0])
             manifest = read_manifest(target)
             size = sum(f.stat().st_size for f in target.glob("*.parquet/*"))
@@ -96,14 +102,18 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
                 "ms_per_scenario": round(1e3 * times["wall"] / n, 3),
                 "cpu_ms": round(1e3 * used["cpu"] / n, 3),
                 "bytes": round(size / n, 1),
-                "overhead": round(1.0 - (times["simulating"] + times["judging"]) / times["wall"], 4),
+                "overhead": round(
+                    1.0 - (times["simulating"] + times["judging"]) / times["wall"], 4
+                ),
             }
         )
         print(json.dumps(rows[-1]), file=sys.stderr)
     return rows
 
 
-def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 2) -> dict[str, Any]:
+def speed(
+    count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 2
+) -> dict[str, Any]:
     """Time a run on several workers against as many independent processes.
 
     Keys: scenarios, seconds, seconds_for_10000, independent_seconds, share (of the independent processes' speed), and
@@ -117,7 +127,10 @@ def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 
         _run(where / "together", grid, methods, jobs, {"repeats": repeats * jobs}).wait()
         together, cpu_together = time.monotonic() - since, _cpu() - used
         since, used = time.monotonic(), _cpu()
-        alone = [_run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i}) for i in range(jobs)]
+        alone = [
+            _run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i})
+            for i in range(jobs)
+        ]
         for process in alone:
             process.wait()
         apart, cpu_apart = time.monotonic() - since, _cpu() - used
@@ -132,7 +145,9 @@ def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 
     }
 
 
-def adaptive_cost(width: float, grid: str = "smoke", methods: str = "he,yamashita", jobs: int = 2) -> dict[str, Any]:
+def adaptive_cost(
+    width: float, grid: str = "smoke", methods: str = "he,yamashita", jobs: int = 2
+) -> dict[str, Any]:
     """Compare an adaptive sweep with the full product that reaches the same width in every cell.
 
     Keys: width, widest, scenarios, full_product, saved (share of the full product not needed).
@@ -150,12 +165,20 @@ def _cpu() -> float:
 
 
 def _run(
-    target: Path, grid: str, methods: str, jobs: int, sets: dict[str, Any], measure: bool = False, group: bool = False
+    target: Path,
+    grid: str,
+    methods: str,
+    jobs: int,
+    sets: dict[str, Any],
+    measure: bool = False,
+    group: bool = False,
 ) -> subprocess.Popen:
     words = ["child", str(target), grid, methods, str(jobs), json.dumps(sets)]
     command = [sys.executable, "-m", "results.studies.benchmark_cost", *words]
     # a group of its own lets a kill take the workers too; a busy machine shares itself out by group, so timing does without
-    return subprocess.Popen(command, start_new_session=group, stdout=subprocess.PIPE if measure else subprocess.DEVNULL)
+    return subprocess.Popen(
+        command, start_new_session=group, stdout=subprocess.PIPE if measure else subprocess.DEVNULL
+    )
 
 
 def _child(target: str, grid: str, methods: str, jobs: str, sets: str) -> int:
@@ -177,9 +200,13 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = list(sys.argv[1:] if arguments is None else arguments)
     if chosen[:1] == ["child"]:
         return _child(*chosen[1:])
-    parser = argparse.ArgumentParser(prog="python -m results.studies.benchmark_cost", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.benchmark_cost", description=__doc__
+    )
     parser.add_argument("what", choices=["kills", "sizes", "speed", "adaptive"])
-    parser.add_argument("--n", type=int, nargs="+", default=None, help="kills, or scenarios (several for sizes)")
+    parser.add_argument(
+        "--n", type=int, nargs="+", default=None, help="kills, or scenarios (several for sizes)"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--methods", default=None)
     parser.add_argument("--grid", default=None)

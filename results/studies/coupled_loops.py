@@ -36,11 +36,17 @@ class Culprit:
 
     culprit: int | None  # index of the loop; None when no gain, or more than one, sets the period
     reason: str  # why, in one sentence
-    phases: tuple[tuple[Phase, Phase], ...]  # per loop, its OP before and after the change of its own gain
-    shifts: tuple[float, ...]  # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    phases: tuple[
+        tuple[Phase, Phase], ...
+    ]  # per loop, its OP before and after the change of its own gain
+    shifts: tuple[
+        float, ...
+    ]  # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
-    op: np.ndarray  # (loops, loops, n) [i, j]: OP (%) of loop j in the run in which the gain of loop i changed
+    op: (
+        np.ndarray
+    )  # (loops, loops, n) [i, j]: OP (%) of loop j in the run in which the gain of loop i changed
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals."""
@@ -62,7 +68,9 @@ class Culprit:
         return figure
 
 
-def find_culprit(loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0) -> Culprit:
+def find_culprit(
+    loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0
+) -> Culprit:
     """Change the gain of each coupled loop in a run of its own and name the loop that sets the period.
 
     `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its rest value; `factor`: new Kc
@@ -83,7 +91,9 @@ def find_culprit(loops: Sequence[Loop], influence: np.ndarray, factor: float = 0
     return found
 
 
-def _with_nudge(loops: Sequence[Loop], influence: np.ndarray, factor: float, seed: int, nudge: float) -> Culprit:
+def _with_nudge(
+    loops: Sequence[Loop], influence: np.ndarray, factor: float, seed: int, nudge: float
+) -> Culprit:
     count, Ts = len(loops), loops[0].sampling.Ts
     changed = max(loops[0].sampling.n, 300)
     while True:
@@ -92,7 +102,9 @@ def _with_nudge(loops: Sequence[Loop], influence: np.ndarray, factor: float, see
         op = np.empty((count, count, n))
         for i in range(count):
             setups = [resolved(loop, seed + j, n, nudge) for j, loop in enumerate(loops)]
-            traces = run_rig(setups, gain=[step if j == i else None for j in range(count)], influence=influence)
+            traces = run_rig(
+                setups, gain=[step if j == i else None for j in range(count)], influence=influence
+            )
             op[i] = [trace.op for trace in traces]
         phases = [_phases(op[i, i], changed, Ts, factor) for i in range(count)]
         short = any(changed * Ts < 1.5 * PERIODS * p.period for pair in phases for p in pair)
@@ -110,13 +122,19 @@ def _phases(op: np.ndarray, changed: int, Ts: float, factor: float) -> tuple[Pha
 
 
 def _named(shifts: Sequence[float]) -> tuple[int | None, str]:
-    said = ", ".join(f"loop {i + 1}: {'no oscillation' if np.isnan(s) else f'{100 * s:.1f} %'}" for i, s in enumerate(shifts))
+    said = ", ".join(
+        f"loop {i + 1}: {'no oscillation' if np.isnan(s) else f'{100 * s:.1f} %'}"
+        for i, s in enumerate(shifts)
+    )
     known = np.nan_to_num(np.asarray(shifts), nan=0.0)
     first, *rest = np.argsort(-known)
     if np.isnan(shifts).all():
         return None, "the loops have no sustained oscillation to confirm"
     if known[first] <= SHIFT:
-        return None, f"no gain moves the period ({said}): the oscillation comes from outside these loops"
+        return (
+            None,
+            f"no gain moves the period ({said}): the oscillation comes from outside these loops",
+        )
     if known[first] < 2 * known[rest[0]]:
         return None, f"more than one gain moves the period ({said})"
     return int(first), f"the gain of loop {first + 1} sets the period ({said})"
@@ -133,7 +151,11 @@ def drawn_pair(rng: np.random.Generator, sticky: int) -> tuple[list[Loop], np.nd
         T = rng.uniform(5, 20)
         Td = T * rng.uniform(0.1, 0.5)
         Kc = rng.uniform(0.2, 0.5) * (0.5 * np.pi * T / Td)  # about the ultimate gain
-        valve = {"model": "choudhury", "S": 5.0, "J": 5.0 * rng.uniform(0.2, 1.0)} if i == sticky else {"model": "ideal"}
+        valve = (
+            {"model": "choudhury", "S": 5.0, "J": 5.0 * rng.uniform(0.2, 1.0)}
+            if i == sticky
+            else {"model": "ideal"}
+        )
         table = {
             "plant": {"type": "foptd", "K": 1.0, "T": T, "Td": Td},
             "controller": {"type": "PI", "Kc": Kc, "Ti": T * rng.uniform(0.7, 1.5)},

@@ -52,8 +52,15 @@ _SPELLS = {
     "rough": {"std": 0.5, "share": 0.2, "length": 40.0}, "bursts": {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0},
 }  # fmt: skip
 _WINDOWS = 12  # records of each form that comes and goes
-_FLAT = ("stiction", "deadzone", "saturation", "quantisation")  # known effects whose law must be named after them
-_SOLVED = 0.2  # share of the gap that the true effect leaves, up to which a law is asked to close it
+_FLAT = (
+    "stiction",
+    "deadzone",
+    "saturation",
+    "quantisation",
+)  # known effects whose law must be named after them
+_SOLVED = (
+    0.2  # share of the gap that the true effect leaves, up to which a law is asked to close it
+)
 _RUNS, _ANEW = 8, 5000  # runs of the true effect, and how far their seeds lie from the record's
 _PLAIN = 0.9  # probability of a block, from which it is said plainly
 _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
@@ -61,7 +68,11 @@ _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
 
 def gap_left(gap: Shrinkage | None) -> float | None:
     """Return the share of a gap above its floor that is left, None where nothing stands out of the floor."""
-    return max(gap.after - gap.floor, 0.0) / max(gap.before - gap.floor, 1e-6) if gap is not None and gap.resolvable else None
+    return (
+        max(gap.after - gap.floor, 0.0) / max(gap.before - gap.floor, 1e-6)
+        if gap is not None and gap.resolvable
+        else None
+    )
 
 
 def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> float | None:
@@ -78,7 +89,9 @@ def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> flo
     return gap_left(measure(s, before, before, after))
 
 
-def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED) -> dict[str, Any]:
+def asked(
+    world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED
+) -> dict[str, Any]:
     """Return what a discovery says of one drawn record, and what a file of its law keeps."""
     drawn_by, began = WORLDS.load(world), time.process_time()
     drawn_as = {k: v for k, v in entry.items() if k != "asked"}
@@ -86,7 +99,12 @@ def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int 
     files = write_item(item, place, f"{world}_{index}")
     drawn = time.process_time()
     effect = entry.get("effect", "none")
-    row: dict[str, Any] = {"world": world, "effect": effect, "asked": entry.get("asked", ""), "drawing_s": drawn - began}
+    row: dict[str, Any] = {
+        "world": world,
+        "effect": effect,
+        "asked": entry.get("asked", ""),
+        "drawing_s": drawn - began,
+    }
     try:
         record, loop = read_record(files[0]), load_loop(files[1])
         if entry["kind"] == "none":
@@ -99,11 +117,21 @@ def asked(world: str, index: int, entry: dict[str, Any], place: Path, seed: int 
             found = discover(record, loop)
     except UserError as error:
         return row | {"error": str(error)}
-    row |= {"cpu_s": time.process_time() - drawn, "block": found.block, "probability": found.probability, "form": None}
+    row |= {
+        "cpu_s": time.process_time() - drawn,
+        "block": found.block,
+        "probability": found.probability,
+        "form": None,
+    }
     row |= {"why": found.why, "oracle": oracle(found.situation, world, item.answer, effect)}
     row |= {"true": drawn_by.FOREIGN.get(effect) or block_of(effect)}
     if found.law is not None and found.gap is not None:
-        row |= {"form": found.law.form, "left": gap_left(found.gap), "nats": found.law.nats, "nearest": found.nearest}
+        row |= {
+            "form": found.law.form,
+            "left": gap_left(found.gap),
+            "nats": found.law.nats,
+            "nearest": found.nearest,
+        }
         file = place / f"law_{world}_{index}.py"
         write_effect(found.law, file, found.law.text, file.stem)
         row["kept"] = check_file(file).kept
@@ -120,10 +148,20 @@ def entries(world: str, none: int, times: int = 3) -> list[dict[str, Any]]:
         for i, kind in enumerate(WORLDS.load(world).FOREIGN)
     ]
     left = [
-        {"kind": "single", "asked": "left", "effect": e, "strength": "strong", "mv": i % 3 == 0, "plant": "foptd"}
+        {
+            "kind": "single",
+            "asked": "left",
+            "effect": e,
+            "strength": "strong",
+            "mv": i % 3 == 0,
+            "plant": "foptd",
+        }
         for i, e in enumerate(WORLD_EFFECTS)
     ]
-    known = [{"kind": "single", "effect": e, "strength": "strong", "mv": False, "plant": "foptd"} for e in _FLAT]
+    known = [
+        {"kind": "single", "effect": e, "strength": "strong", "mv": False, "plant": "foptd"}
+        for e in _FLAT
+    ]
     return [*foreign, *left, *known, *({"kind": "none", "mv": i % 2 == 0} for i in range(none))]
 
 
@@ -139,7 +177,9 @@ def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
     with patch.object(forms, "spells", kept), lent_effect(FoundLaw(form, numbers, 0.0)) as name:
         loop = _LOOP | {"effect": [{"name": name, **numbers}]}
         record = simulate(Loop.from_table(loop), seed).record
-    found = discover(record, Loop.from_table({k: v for k, v in _LOOP.items() if k != "disturbance"}))
+    found = discover(
+        record, Loop.from_table({k: v for k, v in _LOOP.items() if k != "disturbance"})
+    )
     if found.law is None:
         return None
     on = true[0][: record.n] > 0.0
@@ -152,11 +192,19 @@ def summary(rows: list[dict[str, Any]]) -> list[str]:
     out = [f"{len(rows)} records, {len(rows) - len(good)} refused, seed {SEED}"]
     for world in WORLD_NAMES:
         part = [row for row in good if row["world"] == world]
-        out += [f"{world}, {says}: {_strange([r for r in part if r['asked'] == k])}" for k, says in _KINDS.items()]
+        out += [
+            f"{world}, {says}: {_strange([r for r in part if r['asked'] == k])}"
+            for k, says in _KINDS.items()
+        ]
         none = [row["form"] is not None for row in part if row["effect"] == "none"]
         out.append(f"{world}, none: law found {share(none)}")
-    out += [f"all, {says}: {_strange([r for r in good if r['asked'] == k])}" for k, says in _KINDS.items()]
-    out.append(f"all, none: law found {share([r['form'] is not None for r in good if r['effect'] == 'none'])}")
+    out += [
+        f"all, {says}: {_strange([r for r in good if r['asked'] == k])}"
+        for k, says in _KINDS.items()
+    ]
+    out.append(
+        f"all, none: law found {share([r['form'] is not None for r in good if r['effect'] == 'none'])}"
+    )
     known = [row for row in good if row["effect"] in _FLAT and not row["asked"]]
     laws = [row for row in known if row["form"] is not None]
     out.append(
@@ -222,13 +270,19 @@ def recorded(where: Path) -> list[str]:
             f"{line.id}: {report.effect}, gap {gap.before:.2f} to {gap.after:.2f}, floor {gap.floor:.2f}; {law.one_line()}"
         )
     lines.append(f"{len(pairs)} loops; none beside a resolvable gap {silent}")
-    lines += [f"share of a resolvable gap closed by the {name}: {_median(x)}" for name, x in closed.items()]
+    lines += [
+        f"share of a resolvable gap closed by the {name}: {_median(x)}"
+        for name, x in closed.items()
+    ]
     return lines
 
 
 def main(none: int = 67, times: int = 2) -> None:
     """Print one line a record as it comes, then the table."""
-    rows, drawn = [], [(w, i, entry) for w in WORLD_NAMES for i, entry in enumerate(entries(w, none, times))]
+    rows, drawn = (
+        [],
+        [(w, i, entry) for w in WORLD_NAMES for i, entry in enumerate(entries(w, none, times))],
+    )
     with TemporaryDirectory() as place:
         for world, i, entry in drawn:
             rows.append(asked(world, i, entry, Path(place)))

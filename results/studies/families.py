@@ -40,7 +40,9 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
         odds = _odds(loops, loops.valve != family)
         hit = loops.assign(hit=(odds >= ODDS_HIGH) & loops.oscillating)
         cycling = hit[hit.cycled]
-        own, like = (cycling[cycling.valve == v].set_index("group").hit.astype(float) for v in (family, LIKE))
+        own, like = (
+            cycling[cycling.valve == v].set_index("group").hit.astype(float) for v in (family, LIKE)
+        )
         less = (like - own).dropna()
         seen = cycling[(cycling.valve == family) & cycling.oscillating]
         still = hit[~hit.cycled]
@@ -69,10 +71,25 @@ def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
         method, parameter, family = tuple(key)  # type: ignore[arg-type]
         held = rows.held.dropna()
         lo, hi = wilson(held.sum(), max(held.size, 1))
-        ends = {"width": float(rows.width.median()), "held": float(held.mean()), "lo": float(lo), "hi": float(hi)}
+        ends = {
+            "width": float(rows.width.median()),
+            "held": float(held.mean()),
+            "lo": float(lo),
+            "hi": float(hi),
+        }
         home = home_of(method, books[0])
-        place = {"method": method, "home": home, "parameter": parameter, "family": family, "n": len(rows)}
-        yield {**place, "median error": float(rows.error.median()), **(ends if held.size else dict.fromkeys(ends, "-"))}
+        place = {
+            "method": method,
+            "home": home,
+            "parameter": parameter,
+            "family": family,
+            "n": len(rows),
+        }
+        yield {
+            **place,
+            "median error": float(rows.error.median()),
+            **(ends if held.size else dict.fromkeys(ends, "-")),
+        }
 
 
 def _evidence(rows: pd.DataFrame) -> pd.DataFrame:
@@ -108,12 +125,13 @@ def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print tables of runs of grid families, the first of the first alone: `python -m results.studies.families RUN [RUN ...]`.
-    """
+    """Print tables of runs of grid families, the first of the first alone: `python -m results.studies.families RUN [RUN ...]`."""
     runs = sys.argv[1:] if arguments is None else arguments
     print("the procedure on each family, its weights fitted without it")
     print("\n".join(table(list(left_out(read(runs[0]))))))
-    print(f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of the valve's S")
+    print(
+        f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of the valve's S"
+    )
     print("\n".join(table(list(sizes([RunArrays.read(run) for run in runs])))))
     return 0
 

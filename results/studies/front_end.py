@@ -21,7 +21,9 @@ STRONG = "buried"  # disturbances that are larger than the cycle itself: counted
 REST = "not cycling"
 
 
-def loops(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> Iterator[tuple[str, bool, list[bool]]]:
+def loops(
+    grid: str, every: int, seed: int = SEED, repeats: int = 1
+) -> Iterator[tuple[str, bool, list[bool]]]:
     """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings."""
     content = load_grid(grid, {"seed": seed, "repeats": repeats})
     for index in range(0, content.group_count, every):
@@ -32,7 +34,11 @@ def loops(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> Iterator
             record = run.record.without_mv()
             found = prepare(record).oscillation
             family = str(scenario.tags["valve"]) if cycled.answer == "yes" else REST
-            yield family, scenario.tags["disturbance"] == STRONG, [found.sustained, found.swings > 0]
+            yield (
+                family,
+                scenario.tags["disturbance"] == STRONG,
+                [found.sustained, found.swings > 0],
+            )
 
 
 def rows(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> list[dict[str, Any]]:
@@ -50,11 +56,18 @@ def rows(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> list[dict
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.front_end`."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.front_end", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.front_end", description=__doc__
+    )
     parser.add_argument("--grid", default="families")
     parser.add_argument("--every", type=int, default=1, help="one group in so many")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--repeats", type=int, default=1, help="draws of each cell; 4 give 100 cycling loops of each family")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        default=1,
+        help="draws of each cell; 4 give 100 cycling loops of each family",
+    )
     chosen = parser.parse_args(arguments)
     groups = "every group" if chosen.every == 1 else f"one group in {chosen.every}"
     draws = "one draw" if chosen.repeats == 1 else f"{chosen.repeats} draws"

@@ -34,14 +34,24 @@ def gallery(pictures: Path, page: Path) -> str:
     for name in figure_ids():
         module = FIGURES.load(name.replace("-", "_"))
         first, _, rest = inspect.cleandoc(module.__doc__ or "").partition("\n")
-        lines += [f"## `{name}`", "", f"**{first}** {' '.join(rest.split())}".rstrip(), "", f"Source: {module.SOURCE}.", ""]
+        lines += [
+            f"## `{name}`",
+            "",
+            f"**{first}** {' '.join(rest.split())}".rstrip(),
+            "",
+            f"Source: {module.SOURCE}.",
+            "",
+        ]
         needs = [NEEDS[p] for p in inspect.signature(module.data).parameters if p in NEEDS]
         picture = pictures / f"{name}.svg"
         if picture.is_file():
             link = Path(*[".."] * len(page.parent.parts), picture).as_posix()
             lines += [f"![{first}]({link})", "", f"[numbers]({link.removesuffix('.svg')}.csv)", ""]
         elif "ISDB" in needs:
-            lines += [f"Needs the real records: `simbench figure {name} -o DIR --isdb isdb10.mat`.", ""]
+            lines += [
+                f"Needs the real records: `simbench figure {name} -o DIR --isdb isdb10.mat`.",
+                "",
+            ]
         else:
             lines += [f"Needs a run: `simbench figure {name} -o DIR --run RUN`.", ""]
     return "\n".join(lines)
@@ -49,7 +59,9 @@ def gallery(pictures: Path, page: Path) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page; exit code 2 with one sentence when it cannot be written."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.gallery", description="Write the gallery of figures.")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.gallery", description="Write the gallery of figures."
+    )
     parser.add_argument("--pictures", type=Path, default=Path("results/figures"))
     parser.add_argument("-o", "--out", type=Path, default=Path("docs/gallery.md"))
     given = parser.parse_args(arguments)

@@ -15,7 +15,15 @@ from unittest.mock import patch
 import numpy as np
 
 from detectors.judge import judge_one
-from detectors.methods import ellipse, he, horch, horch_histogram, rossi_scali, singhal_salsbury, yamashita
+from detectors.methods import (
+    ellipse,
+    he,
+    horch,
+    horch_histogram,
+    rossi_scali,
+    singhal_salsbury,
+    yamashita,
+)
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import prepare
 from detectors.record import LoopRecord
@@ -38,7 +46,10 @@ AT_RANDOM = 0.02  # of the answers of a detector that is not itself
 BROKEN = {
     "always stiction": lambda said, score: (np.full_like(said, CODES[STICTION]), score),
     "never stiction": lambda said, score: (np.full_like(said, CODES[NO_STICTION]), score),
-    "never decides": lambda said, score: (np.full_like(said, CODES[NO_DECISION]), np.full_like(score, np.nan)),
+    "never decides": lambda said, score: (
+        np.full_like(said, CODES[NO_DECISION]),
+        np.full_like(score, np.nan),
+    ),
     "answers another record": lambda said, score: (np.roll(said, 7), np.roll(score, 7)),
     "score upside down": lambda said, score: (said, -score),
 }
@@ -78,7 +89,11 @@ REWRITES: _Changes = {
         (
             (he, "triangles", lambda old: lambda *a: _unit(finer(old(*a)))),
             (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
-            (horch_histogram, "_densities", lambda old: lambda *a: tuple(finer(x) for x in old(*a))),
+            (
+                horch_histogram,
+                "_densities",
+                lambda old: lambda *a: tuple(finer(x) for x in old(*a)),
+            ),
             (hammerstein, "S_FINE", finer),
         ),
         ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure"),
@@ -89,17 +104,31 @@ REWRITES: _Changes = {
 
 def _scaled_index(place: int, factor: float) -> Callable:
     """Return a change of a function that gives several indices: one of them multiplied."""
-    return lambda old: lambda *a: tuple(factor * x if k == place else x for k, x in enumerate(old(*a)))
+    return lambda old: (
+        lambda *a: tuple(factor * x if k == place else x for k, x in enumerate(old(*a)))
+    )
 
 
 # small changes of what a method computes that a comparison of rates does not see
 SEMANTIC: _Changes = {
-    "last half cycle lost": (((he, "triangle_indices", lambda old: lambda humps: old(humps[:-1])),), ("he",)),
-    "R + 10 %": (((singhal_salsbury, "area_ratio", lambda old: lambda *a: 1.1 * old(*a)),), ("singhal_salsbury",)),
+    "last half cycle lost": (
+        ((he, "triangle_indices", lambda old: lambda humps: old(humps[:-1])),),
+        ("he",),
+    ),
+    "R + 10 %": (
+        ((singhal_salsbury, "area_ratio", lambda old: lambda *a: 1.1 * old(*a)),),
+        ("singhal_salsbury",),
+    ),
     "dtau + 10 %": (((horch, "correlation_indices", _scaled_index(0, 1.1)),), ("horch",)),
     "rho3 + 10 %": (((yamashita, "movement_indices", _scaled_index(2, 1.1)),), ("yamashita",)),
     "every second sample": (
-        ((yamashita, "movement_indices", lambda old: lambda op, mv, step: old(op[::2], mv[::2], step)),),
+        (
+            (
+                yamashita,
+                "movement_indices",
+                lambda old: lambda op, mv, step: old(op[::2], mv[::2], step),
+            ),
+        ),
         ("yamashita",),
     ),
 }
@@ -115,8 +144,13 @@ def rewritten(
     plan = [(m, how) for how, (_, who) in changed_by.items() for m in who if m in base.methods]
     plan += [(m, "last bits") for m in base.methods] if last_bits else []
     hows = (*changed_by, *(["last bits"] if last_bits else []))
-    ways = {how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in hows}
-    said, score = np.empty((len(plan), base.ids.size), np.int8), np.empty((len(plan), base.ids.size), np.float32)
+    ways = {
+        how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in hows
+    }
+    said, score = (
+        np.empty((len(plan), base.ids.size), np.int8),
+        np.empty((len(plan), base.ids.size), np.float32),
+    )
     rng = np.random.default_rng(0)
     for k, row in enumerate(read_table(folder, "scenarios", ["loop", "seed"]).to_pylist()):
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
@@ -141,21 +175,37 @@ def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     return replace(record, op=shaken(record.op), pv=shaken(record.pv), mv=mv)
 
 
-def worsened(base: RunArrays, method: str, rng: np.random.Generator) -> Iterator[tuple[str, RunArrays]]:
+def worsened(
+    base: RunArrays, method: str, rng: np.random.Generator
+) -> Iterator[tuple[str, RunArrays]]:
     """Yield a run in which one method has become a little worse on the loops that it covers, in each way of its own."""
     i = base.methods.index(method)
-    said, score, truth, covered = base.verdict[i], base.score[i], base.truth["cycled"], base.applicable[i] != 0
+    said, score, truth, covered = (
+        base.verdict[i],
+        base.score[i],
+        base.truth["cycled"],
+        base.applicable[i] != 0,
+    )
 
     def moved(at: np.ndarray, share: float, to: str) -> RunArrays:
-        chosen = rng.choice(np.flatnonzero(at), round(share * (at | (covered & (truth == truth[at][0]))).sum()), replace=False)
+        chosen = rng.choice(
+            np.flatnonzero(at),
+            round(share * (at | (covered & (truth == truth[at][0]))).sum()),
+            replace=False,
+        )
         other = said.copy()
         other[chosen] = CODES[to]
         return _with(base, i, other, score)
 
     yield "finds 2 points less", moved(covered & (truth == 1) & (said == 1), 0.02, NO_STICTION)
-    yield "2.2 points more false alarms", moved(covered & (truth == 0) & (said == 0), 0.022, STICTION)
+    yield (
+        "2.2 points more false alarms",
+        moved(covered & (truth == 0) & (said == 0), 0.022, STICTION),
+    )
     right = covered & (said == truth) & (truth >= 0)
-    lost = rng.choice(np.flatnonzero(right), round(0.02 * (covered & (truth >= 0)).sum()), replace=False)
+    lost = rng.choice(
+        np.flatnonzero(right), round(0.02 * (covered & (truth >= 0)).sum()), replace=False
+    )
     other = said.copy()
     other[lost] = 1 - other[lost]
     yield "right on 2 points less", _with(base, i, other, score)
@@ -167,9 +217,18 @@ def worsened(base: RunArrays, method: str, rng: np.random.Generator) -> Iterator
 def few(base: RunArrays, method: str, cells: str | None) -> RunArrays:
     """Return two loops that call themselves the grid, a method wrong on both."""
     at = [
-        int(np.flatnonzero((base.truth["cycled"] == k) & (base.applicable[base.methods.index(method)] != 0))[0]) for k in (0, 1)
+        int(
+            np.flatnonzero(
+                (base.truth["cycled"] == k) & (base.applicable[base.methods.index(method)] != 0)
+            )[0]
+        )
+        for k in (0, 1)
     ]
-    about = {**base.manifest, "grid_hash": "two loops", "cells_hash": cells or base.manifest.get("cells_hash")}
+    about = {
+        **base.manifest,
+        "grid_hash": "two loops",
+        "cells_hash": cells or base.manifest.get("cells_hash"),
+    }
     two = replace(_loops(base, np.array(at)), manifest=about, ids=np.array(["x", "y"], dtype="S16"))
     i = base.methods.index(method)
     return _with(two, i, 1 - two.truth["cycled"], two.score[i])
@@ -190,7 +249,11 @@ def _at_random(folder: Path, method: str) -> bool:
 
     def moody(prepared, **thresholds) -> Verdict:
         verdict = honest(prepared, **thresholds)
-        return verdict if rng.random() > AT_RANDOM else replace(verdict, verdict=STICTION, score=rng.random())
+        return (
+            verdict
+            if rng.random() > AT_RANDOM
+            else replace(verdict, verdict=STICTION, score=rng.random())
+        )
 
     with patch.object(module, "detect", moody):
         return any(f"method {method} " in said for said in differing(folder))
@@ -201,7 +264,12 @@ def _without(base: RunArrays, i: int) -> RunArrays:
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
     levels = base.levels[base.levels["method"] != i]  # a copy
     levels["method"] -= levels["method"] > i
-    return replace(base, methods=kept, levels=levels, **{name: np.delete(getattr(base, name), i, axis=0) for name in wide})
+    return replace(
+        base,
+        methods=kept,
+        levels=levels,
+        **{name: np.delete(getattr(base, name), i, axis=0) for name in wide},
+    )
 
 
 def _reordered(base: RunArrays, seed: int) -> RunArrays:
@@ -212,8 +280,12 @@ def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
     """Return a run of some of the loops, in the order given."""
     wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
     long = ("ids", "hashes", "places", "oscillating", "groups", "design", "friction")
-    tables = {name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
-    arrays = {name: getattr(base, name)[:, at] for name in wide} | {name: getattr(base, name)[at] for name in long}
+    tables = {
+        name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")
+    }
+    arrays = {name: getattr(base, name)[:, at] for name in wide} | {
+        name: getattr(base, name)[at] for name in long
+    }
     place = np.full(base.ids.size, -1)
     place[at] = np.arange(at.size)
     levels = base.levels[place[base.levels["loop"]] >= 0]  # a copy
@@ -227,7 +299,9 @@ def small_changes(folder: Path) -> list[dict[str, object]]:
     Keys as in `study`.
     """
     base = RunArrays.read(folder)
-    cases = [(m, how, now, True) for m, how, now in rewritten(base, folder, SEMANTIC, last_bits=False)]
+    cases = [
+        (m, how, now, True) for m, how, now in rewritten(base, folder, SEMANTIC, last_bits=False)
+    ]
     return [_row(case, base) for case in cases]
 
 
@@ -235,12 +309,25 @@ def _row(case: tuple[str, str, RunArrays, bool], base: RunArrays) -> dict[str, o
     """Return one line of the study: what matters must be caught by `--exact`, what does not matter must pass without it."""
     method, what, now, wanted = case
     failed, exact = caught(now, base), caught(now, base, exact=True)
-    flips = int((now.verdict != base.verdict).sum()) if now.verdict.shape == base.verdict.shape else None
+    flips = (
+        int((now.verdict != base.verdict).sum())
+        if now.verdict.shape == base.verdict.shape
+        else None
+    )
     good = exact and (failed or what in SEMANTIC) if wanted else not failed
-    return {"method": method, "what": what, "flips": flips, "failed": failed, "exact": exact, "as_wanted": good}
+    return {
+        "method": method,
+        "what": what,
+        "flips": flips,
+        "failed": failed,
+        "exact": exact,
+        "as_wanted": good,
+    }
 
 
-def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:
+def study(
+    grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
+) -> list[dict[str, object]]:
     """Return what the gate reports of every broken and every harmlessly changed detector.
 
     `grid`: name or path, or the folder of a finished run of built-in methods.
@@ -256,17 +343,34 @@ def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
             base = _without(base, base.methods.index(ORACLE))
         small = [base.methods[k % len(base.methods)] for k in (0, 3, 6, 9)]
         cases = [(m, how, now, True) for m in small for how, now in worsened(base, m, rng)]
-        cases += [(m, f"2 loops of {of}", few(base, m, of), True) for m in small[:2] for of in (None, "another grid")]
+        cases += [
+            (m, f"2 loops of {of}", few(base, m, of), True)
+            for m in small[:2]
+            for of in (None, "another grid")
+        ]
         ways = [(m, how) for how in BROKEN for m in base.methods]
         left = BREAKS - len(cases) - 2  # two answer at random
-        chosen = [ways[k] for k in np.linspace(0, len(ways) - 1, min(left, len(ways))).round().astype(int)]
+        chosen = [
+            ways[k] for k in np.linspace(0, len(ways) - 1, min(left, len(ways))).round().astype(int)
+        ]
         cases += [(m, how, _broken(base, m, how), True) for m, how in chosen]
         cases += [(m, how, now, False) for m, how, now in rewritten(base, folder)]
         others = HARMLESS - sum(not wanted for *_, wanted in cases)
-        cases += [("all", f"other order {seed}", _reordered(base, seed), False) for seed in range(max(others, 0))]
+        cases += [
+            ("all", f"other order {seed}", _reordered(base, seed), False)
+            for seed in range(max(others, 0))
+        ]
         moody = [(m, _at_random(folder, m)) for m in small[:2]]
         rows: list[dict[str, object]] = [
-            {"method": m, "what": "2 % at random", "flips": None, "failed": k, "exact": k, "as_wanted": k} for m, k in moody
+            {
+                "method": m,
+                "what": "2 % at random",
+                "flips": None,
+                "failed": k,
+                "exact": k,
+                "as_wanted": k,
+            }
+            for m, k in moody
         ]
         rows += [_row(case, base) for case in cases]
         rows += small_changes(folder)
@@ -284,14 +388,22 @@ def _with(base: RunArrays, i: int, said: np.ndarray, score: np.ndarray) -> RunAr
     return replace(base, verdict=verdict, score=scores)
 
 
-def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> list[tuple[int, float]]:
+def _answers(
+    record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]
+) -> list[tuple[int, float]]:
     blind = prepare(record.without_mv())
     sighted = blind.with_mv(record)
     found = []
     for name, values in chosen:
         module = registry.load(name)
-        verdict = judge_one(name, module, sighted if module.METHOD.needs_mv else blind, False, values)
-        unheard = module.METHOD.front_end and not blind.oscillation.sustained and verdict.verdict != NO_DECISION
+        verdict = judge_one(
+            name, module, sighted if module.METHOD.needs_mv else blind, False, values
+        )
+        unheard = (
+            module.METHOD.front_end
+            and not blind.oscillation.sustained
+            and verdict.verdict != NO_DECISION
+        )
         found.append((CODES[verdict.verdict], -np.inf if unheard else verdict.score))
     return found
 
@@ -299,9 +411,15 @@ def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> 
 def main(arguments: list[str] | None = None) -> int:
     """Print every case and how many came out as wanted: `python -m results.studies.gate`; 1 unless all did."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.gate", description=__doc__)
-    parser.add_argument("grid", nargs="?", default="ci", help="name or file, or the folder of a run")
+    parser.add_argument(
+        "grid", nargs="?", default="ci", help="name or file, or the folder of a run"
+    )
     parser.add_argument("--disturbance", nargs="+", help="only loops with these (default: all)")
-    parser.add_argument("--small", action="store_true", help="only the small changes, on the loops of a run or a baseline")
+    parser.add_argument(
+        "--small",
+        action="store_true",
+        help="only the small changes, on the loops of a run or a baseline",
+    )
     chosen = parser.parse_args(arguments)
     axes = {"disturbance": chosen.disturbance} if chosen.disturbance else {}
     rows = small_changes(Path(chosen.grid)) if chosen.small else study(chosen.grid, axes)

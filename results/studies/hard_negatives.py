@@ -29,19 +29,27 @@ def read_case(path: str | Path) -> WorstCase:
 def recorded(path: str | Path) -> dict[str, Any]:
     """Return what the comments of a case say: method, seed, verdict, score."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
-    said = tomllib.loads("\n".join(line[2:] for line in lines if line.startswith("# ") and " = " in line))
+    said = tomllib.loads(
+        "\n".join(line[2:] for line in lines if line.startswith("# ") and " = " in line)
+    )
     missing = [k for k in ("method", "seed", "verdict", "score") if k not in said]
     if missing:
-        raise UserError(f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench worst`")
+        raise UserError(
+            f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench worst`"
+        )
     return said
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Search and write one case per method, or judge the written ones again."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.hard_negatives", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.hard_negatives", description=__doc__
+    )
     parser.add_argument("methods", nargs="*", metavar="METHOD", help="method ids")
     parser.add_argument("--all", action="store_true", help="every method")
-    parser.add_argument("--rejudge", action="store_true", help="keep the loops, write today's answers")
+    parser.add_argument(
+        "--rejudge", action="store_true", help="keep the loops, write today's answers"
+    )
     parser.add_argument("--budget", type=int, default=2000, help="loops to try for each method")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)

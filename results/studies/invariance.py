@@ -37,7 +37,12 @@ def _scaled(record: LoopRecord) -> LoopRecord:
 
 
 def _shifted(record: LoopRecord) -> LoopRecord:
-    return replace(record, pv=record.pv + 2000.0, sp=None if record.sp is None else record.sp + 2000.0, pv_span=None)
+    return replace(
+        record,
+        pv=record.pv + 2000.0,
+        sp=None if record.sp is None else record.sp + 2000.0,
+        pv_span=None,
+    )
 
 
 TRANSFORMATIONS: dict[str, Callable[[LoopRecord], LoopRecord]] = {
@@ -54,9 +59,13 @@ def dense_records(grids: dict[str, int], seed: int = SEED) -> Iterator[LoopRecor
     for grid, wanted in grids.items():
         content = load_grid(grid, {"seed": seed, "repeats": 1})
         step = max(content.group_count // wanted, 1)
-        places = (index for first in range(step) for index in range(first, content.group_count, step))
+        places = (
+            index for first in range(step) for index in range(first, content.group_count, step)
+        )
         groups = ((index // step, resolve(content.group(index))) for index in places)
-        yield from islice(filter(None, (_dense(group[k % len(group)]) for k, group in groups)), wanted)
+        yield from islice(
+            filter(None, (_dense(group[k % len(group)]) for k, group in groups)), wanted
+        )
 
 
 def _dense(scenario: Scenario) -> LoopRecord | None:
@@ -65,14 +74,18 @@ def _dense(scenario: Scenario) -> LoopRecord | None:
         loop = scenario.loop.with_("sampling.Ts", at.Ts / times).with_("sampling.n", at.n * times)
         record = simulate(loop, scenario.seed).record
         # one sample of eight may oscillate where the dense record does not
-        seen = [prepare(thinned(record.without_mv(), k)).oscillation.period_s for k in (1, max(THINNED))]
+        seen = [
+            prepare(thinned(record.without_mv(), k)).oscillation.period_s for k in (1, max(THINNED))
+        ]
         if not np.fmin(*seen) <= max(THINNED) * DENSEST / 2 * record.Ts:
             return replace(record, op_span=record.op_span or (0.0, 100.0))
         times *= 2
     return None
 
 
-def _said(record: LoopRecord, seen: LoopRecord, blind: list[str], mv: list[str], **how: bool) -> list[str]:
+def _said(
+    record: LoopRecord, seen: LoopRecord, blind: list[str], mv: list[str], **how: bool
+) -> list[str]:
     """Return the verdicts of methods that see OP and PV, then of those that see MV."""
     return [v.verdict for v in (*judge(record.without_mv(), blind, **how), *judge(seen, mv, **how))]
 
@@ -85,7 +98,11 @@ def _read(record: LoopRecord, oscillation: Oscillation, names: list[str]) -> lis
     sighted, said = blind.with_mv(record), []
     for name in names:
         method = registry.load(name).METHOD
-        said.append(answers(name, sighted if method.needs_mv else blind, (True,), method.defaults())[0][0].verdict)
+        said.append(
+            answers(name, sighted if method.needs_mv else blind, (True,), method.defaults())[0][
+                0
+            ].verdict
+        )
     return said
 
 
@@ -104,7 +121,9 @@ def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object
         said = {"": _said(record, record, blind, mv)}
         for what, change in TRANSFORMATIONS.items():
             # MV is in % whatever the unit of OP: the methods that see it keep OP's unit
-            said[what] = _said(change(record), record if what == UNIT else change(record), blind, mv)
+            said[what] = _said(
+                change(record), record if what == UNIT else change(record), blind, mv
+            )
         pairs = [
             (what, name, a, b)
             for what in TRANSFORMATIONS
@@ -114,8 +133,12 @@ def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object
         both = (_read(r, oscillation, reversible) for r in (record, backwards(record)))
         pairs += [(BACKWARDS, name, a, b) for name, a, b in zip(reversible, *both, strict=True)]
         for what, name, before, after in pairs:
-            kind = "same" if before == after else "open" if NO_DECISION in (before, after) else "flip"
-            flips += [f"loop {number}, {what}: {name} says {after} in place of {before}"] * (kind == "flip")
+            kind = (
+                "same" if before == after else "open" if NO_DECISION in (before, after) else "flip"
+            )
+            flips += [f"loop {number}, {what}: {name} says {after} in place of {before}"] * (
+                kind == "flip"
+            )
             for key in (what, name):
                 asked[key, ""] += 1
                 found[key, kind] += 1
@@ -123,18 +146,27 @@ def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object
     for key in (*TRANSFORMATIONS, BACKWARDS, *names):
         n, opened = asked[key, ""], found[key, "open"]
         if n:
-            row = {"": key, "n": n, "flips": found[key, "flip"], "to or from no decision": f"{opened} ({opened / n:.2%})"}
+            row = {
+                "": key,
+                "n": n,
+                "flips": found[key, "flip"],
+                "to or from no decision": f"{opened} ({opened / n:.2%})",
+            }
             table_rows.append(row)
     return table_rows, flips
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.invariance`."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.invariance", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.invariance", description=__doc__
+    )
     parser.add_argument("-n", type=int, default=250, help="loops of either grid, chapter and plant")
     parser.add_argument("--seed", type=int, default=SEED)
     chosen = parser.parse_args(arguments)
-    print(f"{chosen.n} loops of chapter and of plant, seed {chosen.seed}, at 1000 samples a period or more")
+    print(
+        f"{chosen.n} loops of chapter and of plant, seed {chosen.seed}, at 1000 samples a period or more"
+    )
     print("flips: stiction against no stiction")
     table_rows, flips = rows({"chapter": chosen.n, "plant": chosen.n}, chosen.seed)
     print("\n".join([*table(table_rows), *flips]))

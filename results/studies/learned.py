@@ -27,7 +27,10 @@ from simbench.bench.statistics import auc
 from simbench.usage import exit_code
 
 LEARN, JUDGE = 640917, 640918  # seeds of no other study, and of no grid
-PERIODS, POINTS = 8, 24  # of a window, points of a period: as many as the coarsest loops of the grids have
+PERIODS, POINTS = (
+    8,
+    24,
+)  # of a window, points of a period: as many as the coarsest loops of the grids have
 KERNELS = 1000
 KERNEL_SEED = 1
 
@@ -36,7 +39,9 @@ KERNEL_SEED = 1
 class Loops:
     """Loops of a grid that oscillate and last for `PERIODS` periods."""
 
-    window: np.ndarray  # OP and PV, each about 0 with standard deviation 1, shape (m, 2, PERIODS * POINTS)
+    window: (
+        np.ndarray
+    )  # OP and PV, each about 0 with standard deviation 1, shape (m, 2, PERIODS * POINTS)
     plain: np.ndarray  # what no waveform is needed for, shape (m, 8)
     cycling: np.ndarray  # the truth `cycled`, shape (m,)
     records: list[LoopRecord]
@@ -75,7 +80,18 @@ def loops(grid: str, seed: int, count: int) -> Loops:
             window = window_of(record.op, record.pv, oscillation.period_s / record.Ts)
             if window is not None:
                 op, pv = record.op, record.pv
-                plain.append([op.std(), pv.std(), op.mean(), op.min(), op.max(), record.n, record.Ts, oscillation.period_s])
+                plain.append(
+                    [
+                        op.std(),
+                        pv.std(),
+                        op.mean(),
+                        op.min(),
+                        op.max(),
+                        record.n,
+                        record.Ts,
+                        oscillation.period_s,
+                    ]
+                )
                 windows.append(window)
                 cycling.append(cycled.answer == YES)
                 records.append(record)
@@ -105,7 +121,9 @@ def features(window: np.ndarray) -> np.ndarray:
     return np.column_stack(found)
 
 
-def rows(grids: Sequence[str], learn: int, ask: int, methods: Sequence[str]) -> list[dict[str, str]]:
+def rows(
+    grids: Sequence[str], learn: int, ask: int, methods: Sequence[str]
+) -> list[dict[str, str]]:
     """Return a row for every classifier on every grid, and for every method on the same loops."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.linear_model import RidgeClassifierCV
@@ -114,7 +132,9 @@ def rows(grids: Sequence[str], learn: int, ask: int, methods: Sequence[str]) -> 
 
     known = {grid: loops(grid, LEARN, learn) for grid in grids}
     ridge = {
-        grid: make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13))).fit(features(of.window), of.cycling)
+        grid: make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13))).fit(
+            features(of.window), of.cycling
+        )
         for grid, of in known.items()
     }
     found = []
@@ -124,9 +144,18 @@ def rows(grids: Sequence[str], learn: int, ask: int, methods: Sequence[str]) -> 
         for home, model in ridge.items():
             score = model.decision_function(seen)
             found.append(
-                _row(grid, "random kernels", f"{home}, other seeds" if home == grid else home, score, score > 0, truth)
+                _row(
+                    grid,
+                    "random kernels",
+                    f"{home}, other seeds" if home == grid else home,
+                    score,
+                    score > 0,
+                    truth,
+                )
             )
-        trees = HistGradientBoostingClassifier(random_state=0).fit(known[grid].plain, known[grid].cycling)
+        trees = HistGradientBoostingClassifier(random_state=0).fit(
+            known[grid].plain, known[grid].cycling
+        )
         score = trees.predict_proba(asked.plain)[:, 1]
         found.append(_row(grid, "no waveform", f"{grid}, other seeds", score, score > 0.5, truth))
         for method in methods:
@@ -155,15 +184,34 @@ def _row(grid, method, home, score, answer, truth, decided=True) -> dict[str, st
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.learned`."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.learned", description=__doc__.partition("\n")[0])
-    parser.add_argument("--grid", nargs="+", default=["chapter", "plant"], help="each judges, and is learned on")
-    parser.add_argument("--learn", type=int, default=1500, help="loops that oscillate, of each grid")
-    parser.add_argument("--ask", type=int, default=1000, help="loops that oscillate, of each grid, of another seed")
-    parser.add_argument("--method", nargs="*", default=["procedure"], help="detectors that are asked about the same loops")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.learned", description=__doc__.partition("\n")[0]
+    )
+    parser.add_argument(
+        "--grid", nargs="+", default=["chapter", "plant"], help="each judges, and is learned on"
+    )
+    parser.add_argument(
+        "--learn", type=int, default=1500, help="loops that oscillate, of each grid"
+    )
+    parser.add_argument(
+        "--ask", type=int, default=1000, help="loops that oscillate, of each grid, of another seed"
+    )
+    parser.add_argument(
+        "--method",
+        nargs="*",
+        default=["procedure"],
+        help="detectors that are asked about the same loops",
+    )
     chosen = parser.parse_args(arguments)
-    print(f"loops that oscillate; {chosen.learn} learned, seed {LEARN}, {chosen.ask} judged, seed {JUDGE}, of each grid")
-    print("an error costs 1, no decision .5; random kernels are given standardised periods of OP and PV: neither amplitude,")
-    print("nor offset, nor period; no waveform: standard deviations, mean and extremes, sampling and period, and nothing else")
+    print(
+        f"loops that oscillate; {chosen.learn} learned, seed {LEARN}, {chosen.ask} judged, seed {JUDGE}, of each grid"
+    )
+    print(
+        "an error costs 1, no decision .5; random kernels are given standardised periods of OP and PV: neither amplitude,"
+    )
+    print(
+        "nor offset, nor period; no waveform: standard deviations, mean and extremes, sampling and period, and nothing else"
+    )
     print("\n".join(table(rows(chosen.grid, chosen.learn, chosen.ask, chosen.method))))
     return 0
 

@@ -39,7 +39,10 @@ def sections(run: str | Path) -> pd.DataFrame:
         i = book.methods.index(method)
         here = (book.axes["block"] == section) & (book.truth["cycled"] >= 0)
         noises = book.axes["noise_ratio"]
-        levels = [("all", here), *((f"{x:g}", here & (noises == x)) for x in np.unique(noises[here]))]
+        levels = [
+            ("all", here),
+            *((f"{x:g}", here & (noises == x)) for x in np.unique(noises[here])),
+        ]
         for noise, use in levels:
             said, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
             decided = int((said != 2).sum())

@@ -52,9 +52,17 @@ def changes(item: Item) -> dict[str, tuple[dict[str, str], float, float]]:
 
     SP moves by what one standard deviation of OP does at rest, on an integrating plant by two standard deviations of PV.
     """
-    columns, plant, Kc = item.columns, item.baseline["plant"], float(item.baseline["controller"]["Kc"])
+    columns, plant, Kc = (
+        item.columns,
+        item.baseline["plant"],
+        float(item.baseline["controller"]["Kc"]),
+    )
     integrates = plant["type"] == "integrating"
-    by = 2.0 * float(np.std(columns["pv"])) if integrates else abs(float(plant["K"])) * float(np.std(columns["op"]))
+    by = (
+        2.0 * float(np.std(columns["pv"]))
+        if integrates
+        else abs(float(plant["K"])) * float(np.std(columns["op"]))
+    )
     value = float(columns["sp"][0]) + by
     return {
         "Kc / 2": ({"controller.Kc": repr(0.5 * Kc)}, 0.5, 0.0),
@@ -69,8 +77,13 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
     settle = sp.size // 2
     moves = np.concatenate([np.zeros(settle), sp - sp[0]]) + by
     plan = TestPlan("predict", moves.size, moves, np.full(moves.size, np.nan), Kc_ratio=ratio)
-    pairs = ((a.get("foreign") or a["effect"], a.get("parameters")), (a.get("effect2", ""), a.get("parameters2")))
-    acts = [{"effect": name, "parameters": p} for name, p in pairs if name not in ("", NONE, UNKNOWN)]
+    pairs = (
+        (a.get("foreign") or a["effect"], a.get("parameters")),
+        (a.get("effect2", ""), a.get("parameters2")),
+    )
+    acts = [
+        {"effect": name, "parameters": p} for name, p in pairs if name not in ("", NONE, UNKNOWN)
+    ]
     out = []
     for i in range(FRESH):
         run = WORLDS.load(world).test(a, acts, int(a["seed"]) + 8000 + i, plan)
@@ -88,11 +101,17 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
         loop = load_loop(baseline)
         try:
             report = diagnose_files([record], baseline)
-            said = {name: predict(report, read_settings(words, loop)).as_json() for name, (words, _, _) in tried.items()}
+            said = {
+                name: predict(report, read_settings(words, loop)).as_json()
+                for name, (words, _, _) in tried.items()
+            }
         except UserError as error:  # a record that is refused has no valid prediction
             said = {name: {"valid": False, "reason": str(error)} for name in tried}
     about = {"world": world, "kind": item.answer["kind"]}
-    return [{**about, "change": name, **said[name], "truth": truth(item, world, *tried[name][1:])} for name in tried]
+    return [
+        {**about, "change": name, **said[name], "truth": truth(item, world, *tried[name][1:])}
+        for name in tried
+    ]
 
 
 def judged(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,7 +124,11 @@ def judged(row: Mapping[str, Any]) -> dict[str, Any]:
     for name in _MEASURED:
         one = row.get(name)
         both = one is not None and true[name] is not None
-        near = abs(one["value"] / true[name] - 1.0) < NEAR if both else one is None and true[name] is None
+        near = (
+            abs(one["value"] / true[name] - 1.0) < NEAR
+            if both
+            else one is None and true[name] is None
+        )
         inside = fresh[name].dropna().between(one["lo"], one["hi"]).mean() if both else np.nan
         out |= {f"{name} near": near, f"{name} inside": inside}
     return out | {"right": out["pv_std near"] and out["period_s near"]}
@@ -113,9 +136,16 @@ def judged(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def table(rows: pd.DataFrame) -> str:
     """Return shares of valid answers, of right ones among them, and coverage of the intervals; by world and change."""
-    groups = [("all", rows), *rows.groupby("world", sort=False), *rows.groupby("change", sort=False)]
+    groups = [
+        ("all", rows),
+        *rows.groupby("world", sort=False),
+        *rows.groupby("change", sort=False),
+    ]
     heads = f"{'':18s}{'n':>5s}{'valid':>7s}{'right':>21s}{'PV near':>9s}{'period near':>13s}"
-    lines = [f"{heads}{'PV':>8s}{'OP':>6s}{'travel':>8s}{'period':>8s}", f"{'':73s}{'coverage of the interval of':>30s}"]
+    lines = [
+        f"{heads}{'PV':>8s}{'OP':>6s}{'travel':>8s}{'period':>8s}",
+        f"{'':73s}{'coverage of the interval of':>30s}",
+    ]
     for name, part in groups:
         valid = part[part.valid.astype(bool)]
         right = Share("", int(valid.right.sum()), len(valid))
@@ -135,15 +165,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("-n", type=int, default=N, help="Records of each world.")
-    parser.add_argument("--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next.")
-    parser.add_argument("--print", action="store_true", help="Print what is answered, and answer nothing more.")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next."
+    )
+    parser.add_argument(
+        "--print", action="store_true", help="Print what is answered, and answer nothing more."
+    )
     given = parser.parse_args()
     place, todo, done = make_folder(given.folder), [], []
     for k, world in enumerate(THREE):
         entries = mixture(given.seed + k, given.n).entries(list(WORLDS.load(world).FOREIGN))
         order = np.random.default_rng(given.seed + k).permutation(len(entries))
         todo += [(i, world, given.seed + k, entries[at]) for i, at in enumerate(order)]
-    for i, world, seed, entry in tqdm(sorted(todo, key=lambda x: x[:2]), desc="records", file=sys.stderr, delay=1.0):
+    for i, world, seed, entry in tqdm(
+        sorted(todo, key=lambda x: x[:2]), desc="records", file=sys.stderr, delay=1.0
+    ):
         file = place / f"{world}-{seed}-{i}.json"
         if not file.exists() and not given.print:
             rows = answer(world, seed, i, entry)
@@ -153,11 +189,20 @@ def main() -> None:
     rows = pd.DataFrame([judged(row) for row in done])
     seeds = ", ".join(f"{world} {given.seed + k}" for k, world in enumerate(THREE))
     print(f"seeds {seeds}; {len(done) // 3} of {len(todo)} records, three changes each")
-    print(f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {FRESH} fresh records of the true loop")
-    print("(period: none in both, or the median's); coverage: share of single fresh records inside the 90 % interval\n")
+    print(
+        f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {FRESH} fresh records of the true loop"
+    )
+    print(
+        "(period: none in both, or the median's); coverage: share of single fresh records inside the 90 % interval\n"
+    )
     print(table(rows))
     print("\nwhy answers are not valid (first reason):")
-    reasons = rows[~rows.valid.astype(bool)].reason.str.split("; ").str[0].str.replace(r"-?\d[-\d.e+]*", "#", regex=True)
+    reasons = (
+        rows[~rows.valid.astype(bool)]
+        .reason.str.split("; ")
+        .str[0]
+        .str.replace(r"-?\d[-\d.e+]*", "#", regex=True)
+    )
     print(reasons.str[:90].value_counts().to_string() if len(reasons) else "all are")
 
 

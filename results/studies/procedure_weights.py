@@ -17,7 +17,11 @@ from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.usage import exit_code
 
 PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from many
-BOUNDED = ("hammerstein", "stenman", "horch_isaksson")  # whose score_low and score_high no source gives
+BOUNDED = (
+    "hammerstein",
+    "stenman",
+    "horch_isaksson",
+)  # whose score_low and score_high no source gives
 _TRIED = 60  # quantiles of the scores that are tried as bounds
 
 
@@ -34,13 +38,21 @@ def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray
         for scenario in resolve(content.group(index)):
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             prepared = prepare(run.record.without_mv())
-            if cycled.answer in ("yes", "no") and prepared.oscillation.sustained and "saturated" not in prepared.flags:
+            if (
+                cycled.answer in ("yes", "no")
+                and prepared.oscillation.sustained
+                and "saturated" not in prepared.flags
+            ):
                 case = prepared.integrating
                 rows[case].append((centred(prepared, EVIDENCE[case]), cycled.answer == "yes"))
-    return {case: (np.array([x for x, _ in r]), np.array([y for _, y in r])) for case, r in rows.items()}
+    return {
+        case: (np.array([x for x, _ in r]), np.array([y for _, y in r])) for case, r in rows.items()
+    }
 
 
-def scores(names: Sequence[str], grid: str, seed: int, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def scores(
+    names: Sequence[str], grid: str, seed: int, every: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the scores of methods on the oscillating loops of a grid, shape (methods, loops), and cycling, shape (loops,)."""
     content, found, cycling = load_grid(grid, {"seed": seed, "repeats": 1}), [], []
     modules = [methods.load(name) for name in names]
@@ -50,7 +62,9 @@ def scores(names: Sequence[str], grid: str, seed: int, every: int = 1) -> tuple[
             prepared = prepare(run.record.without_mv())
             if cycled.answer in ("yes", "no") and prepared.oscillation.sustained:
                 asked = zip(names, modules, strict=True)
-                found.append([judge_one(n, m, prepared, True, m.METHOD.defaults()).score for n, m in asked])
+                found.append(
+                    [judge_one(n, m, prepared, True, m.METHOD.defaults()).score for n, m in asked]
+                )
                 cycling.append(cycled.answer == "yes")
     return np.array(found).T, np.array(cycling)
 
@@ -62,7 +76,10 @@ def bound(score: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """
     known = np.isfinite(score)
     tried = np.unique(np.quantile(score[known], np.linspace(0.0, 1.0, _TRIED)))
-    wrong = [0.5 * np.mean(score[known & y] < at) + 0.5 * np.mean(score[known & ~y] >= at) for at in tried]
+    wrong = [
+        0.5 * np.mean(score[known & y] < at) + 0.5 * np.mean(score[known & ~y] >= at)
+        for at in tried
+    ]
     best = int(np.argmin(wrong))
     return float(tried[best]), float(wrong[best])
 
@@ -86,31 +103,47 @@ def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the weights that belong into detectors/evidence.py, or the bounds of methods into their files."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.procedure_weights", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.procedure_weights", description=__doc__
+    )
     parser.add_argument("--grid", nargs="+", default=["chapter", "plant"])
     parser.add_argument("--seed", type=int, default=111, help="other than the grids' own")
     parser.add_argument("--every", type=int, default=1, help="every so many-th group only")
-    parser.add_argument("--bounds", nargs="*", metavar="METHOD", help=f"bounds of scores instead [{', '.join(BOUNDED)}]")
+    parser.add_argument(
+        "--bounds",
+        nargs="*",
+        metavar="METHOD",
+        help=f"bounds of scores instead [{', '.join(BOUNDED)}]",
+    )
     chosen = parser.parse_args(arguments)
     if chosen.bounds is not None:
         names = chosen.bounds or BOUNDED
         found = [scores(names, grid, chosen.seed, chosen.every) for grid in chosen.grid]
-        value, y = np.concatenate([f[0] for f in found], axis=1), np.concatenate([f[1] for f in found])
+        value, y = (
+            np.concatenate([f[0] for f in found], axis=1),
+            np.concatenate([f[1] for f in found]),
+        )
         for name, score in zip(names, value, strict=True):
             at, wrong = bound(score, y)
-            print(f"{name}: {y.size} loops, {y.mean():.0%} cycling; score_low and score_high {at:.3g}, {wrong:.1%} wrong")
+            print(
+                f"{name}: {y.size} loops, {y.mean():.0%} cycling; score_low and score_high {at:.3g}, {wrong:.1%} wrong"
+            )
         return 0
     parts = [collect(grid, chosen.seed, chosen.every) for grid in chosen.grid]
     for case in (False, True):
         x, y = (np.concatenate([part[case][i] for part in parts]) for i in (0, 1))
         bias, weights = fit(x, y)
         right = np.mean((x @ weights + bias > 0) == y)
-        print(f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias {bias:+.2f}")
+        print(
+            f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias {bias:+.2f}"
+        )
         for e, w in zip(EVIDENCE[case], weights, strict=True):
             print(f"  {e.method} {e.index}: {w:+.2f}")
         odds = x @ weights + bias
         low, high = np.quantile(odds[y], 0.05), np.quantile(odds[~y], 0.95)
-        print(f"  1 in 20 healthy loops exceed {high:+.2f}, 1 in 20 cycling ones stay below {low:+.2f}")
+        print(
+            f"  1 in 20 healthy loops exceed {high:+.2f}, 1 in 20 cycling ones stay below {low:+.2f}"
+        )
     return 0
 
 

@@ -56,12 +56,16 @@ def simulated(grid: str, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """
     said, applies, cycling = [], [], []
     for content in (load_grid(grid, {"seed": seed, "repeats": 1}) for seed in SEEDS):
-        for scenario in chain.from_iterable(resolve(content.group(i)) for i in range(0, content.group_count, every)):
+        for scenario in chain.from_iterable(
+            resolve(content.group(i)) for i in range(0, content.group_count, every)
+        ):
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
             found = _answers(run.record)
-            said.append([-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found])
+            said.append(
+                [-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found]
+            )
             applies.append([v.applicable is not False for v in found])
             cycling.append(cycled.answer == "yes")
     return np.array(said).T, np.array(applies).T, np.array(cycling)
@@ -80,7 +84,9 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
     table_rows: list[dict[str, object]] = []
     for m, v, _ in variants():
         home = registry.load(m).METHOD.fitted_on if v not in (PUBLISHED, CHAPTER) else ()
-        table_rows.append({"method": m, "variant": v, "fitted on": ", ".join(g for g in grids if g in home)})
+        table_rows.append(
+            {"method": m, "variant": v, "fitted on": ", ".join(g for g in grids if g in home)}
+        )
     for grid, every in grids.items():
         said, applies, cycling = simulated(grid, every)
         best = 0
@@ -90,9 +96,17 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
     if labels.exists():
         units = {unit["method"]: unit for unit in _real(records, labels)}
         for i, row in enumerate(table_rows):
-            unit = units.get(str(i), dict.fromkeys(("found", "n_stiction", "false_alarms", "n_other", "undecided", "cost"), 0))
+            unit = units.get(
+                str(i),
+                dict.fromkeys(
+                    ("found", "n_stiction", "false_alarms", "n_other", "undecided", "cost"), 0
+                ),
+            )
             best = i if row["variant"] in (IMPROVED, NO_RULE) else best
-            mine, other = unit["found"] - unit["false_alarms"], units[str(best)]["found"] - units[str(best)]["false_alarms"]
+            mine, other = (
+                unit["found"] - unit["false_alarms"],
+                units[str(best)]["found"] - units[str(best)]["false_alarms"],
+            )
             row["real found"] = f"{unit['found']}/{unit['n_stiction']}"
             row["false"] = f"{unit['false_alarms']}/{unit['n_other']}"
             row["open"], row["real cost"] = str(unit["undecided"]), unit["cost"]
@@ -119,7 +133,9 @@ def _real(records: Path, labels: Path) -> list[dict[str, Any]]:
     return score_units(found, read_labels(labels))
 
 
-def _columns(grid: str, said: np.ndarray, applies: np.ndarray, cycling: np.ndarray, best: np.ndarray) -> dict[str, object]:
+def _columns(
+    grid: str, said: np.ndarray, applies: np.ndarray, cycling: np.ndarray, best: np.ndarray
+) -> dict[str, object]:
     said, best, cycling = said[applies], best[applies], cycling[applies]
     right, other = said == cycling, best == cycling
     lost, won = int((right & ~other).sum()), int((other & ~right).sum())
@@ -136,13 +152,24 @@ def _columns(grid: str, said: np.ndarray, applies: np.ndarray, cycling: np.ndarr
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.published --records FOLDER`."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.published", description=__doc__)
-    parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
-    parser.add_argument("--every", type=int, default=1, help="every so many-th of the groups looked at by default")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.published", description=__doc__
+    )
+    parser.add_argument(
+        "--records",
+        type=Path,
+        default=Path("../shared/data/real"),
+        help="real records with a records.csv",
+    )
+    parser.add_argument(
+        "--every", type=int, default=1, help="every so many-th of the groups looked at by default"
+    )
     chosen = parser.parse_args(arguments)
     grids = {grid: every * chosen.every for grid, every in GRIDS.items()}
     looked = ", ".join(f"every {every}th group of {grid}" for grid, every in grids.items())
-    print(f"{looked}, seeds {' and '.join(map(str, SEEDS))}, truth: cycled, with the oscillation front end")
+    print(
+        f"{looked}, seeds {' and '.join(map(str, SEEDS))}, truth: cycled, with the oscillation front end"
+    )
     gain = "how much oftener the improved method is right than this variant; McNemar's p"
     print(f"cost: an error 1, no decision .5; gain: {gain}")
     print("\n".join(table(rows(grids, chosen.records, chosen.records / "records.csv"))))

@@ -18,7 +18,10 @@ ROOT = Path(__file__).parents[2]
 def listed(text: str) -> dict[str, list[str]]:
     """Return, for every row of the table, its file or folder and the shell commands that write it, in their order."""
     rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| `")]
-    return {re.findall(r"`([^`]+)`", file)[0]: re.findall(r"`([^`]+)`", commands) for file, commands in rows}
+    return {
+        re.findall(r"`([^`]+)`", file)[0]: re.findall(r"`([^`]+)`", commands)
+        for file, commands in rows
+    }
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -30,14 +33,22 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     for name in chosen.files:
         if name not in table:
-            raise ParameterError(f"no row of results/README.md is called {name!r}: {nearest(name, table)}")
+            raise ParameterError(
+                f"no row of results/README.md is called {name!r}: {nearest(name, table)}"
+            )
     failed = []
     # what this interpreter's environment offers comes first
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    }
     for name in chosen.files or table:
         for command in table[name]:
             print(f"{name}: {command}", flush=True)
-            if not chosen.list and subprocess.run(["bash", "-ec", command], cwd=ROOT, env=environment).returncode:
+            if (
+                not chosen.list
+                and subprocess.run(["bash", "-ec", command], cwd=ROOT, env=environment).returncode
+            ):
                 failed.append(name)
                 break
     if failed:

@@ -48,7 +48,9 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
     total = sum(1 for _ in chunks(load_grid(grid, {"repeats": repeats})))
     with tempfile.TemporaryDirectory() as home:
         target, alone = Path(home) / "cluster", Path(home) / "alone"
-        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=40) as workers:
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=40
+        ) as workers:
             what = (grid, method, str(repeats))
             killed, address = [], workers.scheduler_address
             with Client(workers, set_as_default=False) as control:
@@ -67,8 +69,20 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
         equal = same_tables(target, alone)
         count = read_manifest(target)["counts"]["scenarios"]
     costs = {"dask_us": on_dask, "processes_us": on_processes}
-    told = {"scenarios": count, "pieces": total, "killed_after": killed, "found": found, "equal": equal}
-    return {**told, **{k: {name: round(1e6 * s / count, 2) for name, s in cost.items()} for k, cost in costs.items()}}
+    told = {
+        "scenarios": count,
+        "pieces": total,
+        "killed_after": killed,
+        "found": found,
+        "equal": equal,
+    }
+    return {
+        **told,
+        **{
+            k: {name: round(1e6 * s / count, 2) for name, s in cost.items()}
+            for k, cost in costs.items()
+        },
+    }
 
 
 def _started(target: Path, *what: str) -> subprocess.Popen:
@@ -79,7 +93,9 @@ def _started(target: Path, *what: str) -> subprocess.Popen:
 def _wait(target: Path, count: int, client: subprocess.Popen) -> int:
     while (whole := len(list(target.glob("receipts/*.json")))) < count:
         if client.poll() is not None:
-            raise RuntimeError(f"the client ended after {whole} pieces, before it could be killed; more scenarios are needed")
+            raise RuntimeError(
+                f"the client ended after {whole} pieces, before it could be killed; more scenarios are needed"
+            )
         time.sleep(0.05)
     return whole
 
@@ -123,13 +139,20 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
             each = len(manifest["methods"])
             number = -(-count // each // PIECE)
             pieces.open_run(place, manifest, resume=False)
-            receipts = [pieces.write_piece(place, piece, "") for piece in _made_up(model, each, number)]
+            receipts = [
+                pieces.write_piece(place, piece, "") for piece in _made_up(model, each, number)
+            ]
         since = time.process_time()
         pieces.finish(place, receipts, manifest)
         used = time.process_time() - since
     total = number * PIECE * each
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {"rows": total, "scenarios": number * PIECE, "cpu_s": round(used, 2), "peak_MB": round(peak, 1)}
+    return {
+        "rows": total,
+        "scenarios": number * PIECE,
+        "cpu_s": round(used, 2),
+        "peak_MB": round(peak, 1),
+    }
 
 
 @contextmanager
@@ -137,7 +160,11 @@ def _model(methods: str) -> Iterator[tuple[Path, dict[str, Any]]]:
     with tempfile.TemporaryDirectory() as home:
         model = run_grid("smoke", Path(home) / "run", [methods])
         said = read_manifest(model)
-        yield model, {k: v for k, v in said.items() if k not in ("tables", "counts", "records_hash")} | {"complete": False}
+        yield (
+            model,
+            {k: v for k, v in said.items() if k not in ("tables", "counts", "records_hash")}
+            | {"complete": False},
+        )
 
 
 def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
@@ -146,14 +173,20 @@ def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
     many = scenarios.take(at), verdicts.take((at[:, None] * each + np.arange(each)).ravel())
     for k in range(number):
         ids = np.array([f"{k * PIECE + i:016x}" for i in range(PIECE)])
-        said = _with(_with(many[1], "scenario_id", np.repeat(ids, each)), "score", rng.normal(size=PIECE * each))
+        said = _with(
+            _with(many[1], "scenario_id", np.repeat(ids, each)),
+            "score",
+            rng.normal(size=PIECE * each),
+        )
         both = (tables.as_parquet(table, k) for table in (_with(many[0], "scenario_id", ids), said))
         yield Chunk(k, *both, PIECE, 0, 0.0, 0.0, 0.0)
 
 
 def _with(table: pa.Table, column: str, values: np.ndarray) -> pa.Table:
     at = table.schema.get_field_index(column)
-    return table.set_column(at, table.schema.field(at), pa.array(values, table.schema.field(at).type))
+    return table.set_column(
+        at, table.schema.field(at), pa.array(values, table.schema.field(at).type)
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -164,13 +197,21 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = list(sys.argv[1:] if arguments is None else arguments)
     if chosen[:1] == ["client"]:
         return _client(*chosen[1:])
-    parser = argparse.ArgumentParser(prog="python -m results.studies.store_study", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.store_study", description=__doc__
+    )
     parser.add_argument("what", choices=["cluster", "rows"])
-    parser.add_argument("--n", type=int, default=None, help="scenarios (100 000), or rows (10 000 000)")
+    parser.add_argument(
+        "--n", type=int, default=None, help="scenarios (100 000), or rows (10 000 000)"
+    )
     parser.add_argument("--grid", default="smoke", help="name or file")
     parser.add_argument("--method", default="horch", choices=registry.names())
     asked = parser.parse_args(chosen)
-    found = cluster(asked.n or 100_000, asked.grid, asked.method) if asked.what == "cluster" else rows(asked.n or 10_000_000)
+    found = (
+        cluster(asked.n or 100_000, asked.grid, asked.method)
+        if asked.what == "cluster"
+        else rows(asked.n or 10_000_000)
+    )
     print(json.dumps(found, indent=1))
     return int(not found.get("equal", True))
 

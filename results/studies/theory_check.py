@@ -42,7 +42,9 @@ class Errors:
         for name, errors in (("period", self.period), ("amplitude", self.amplitude)):
             if errors.size:
                 median, high, largest = 100 * np.percentile(errors, [50, 95, 100])
-                lines.append(f"{name} error: median {median:.3f} %, 95th percentile {high:.3f} %, largest {largest:.2f} %")
+                lines.append(
+                    f"{name} error: median {median:.3f} %, 95th percentile {high:.3f} %, largest {largest:.2f} %"
+                )
         return "\n".join(lines)
 
 
@@ -59,15 +61,23 @@ def drawn_loops(seed: int) -> Iterator[Loop]:
         ratio, per_delay = np.exp(rng.uniform(np.log([0.05, 3]), np.log([2, 50])))
         Ti = 10.0 if integrating else 10.0 * np.exp(rng.uniform(np.log(0.3), np.log(3)))
         share, J = rng.uniform([0.1, 0.1], [0.9, 1.5])
-        yield tuned(bool(integrating), 10 * ratio, Ti if pi else None, share, J, 10 * ratio / per_delay)
+        yield tuned(
+            bool(integrating), 10 * ratio, Ti if pi else None, share, J, 10 * ratio / per_delay
+        )
 
 
-def tuned(integrating: bool, Td: float, Ti: float | None, share: float, J_over_S: float, Ts: float) -> Loop:
+def tuned(
+    integrating: bool, Td: float, Ti: float | None, share: float, J_over_S: float, Ts: float
+) -> Loop:
     """Return a loop (T = 10 s, S = 5 %) whose Kc is `share` of its ultimate gain; of P's where PI has none."""
-    plant = {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
+    plant = (
+        {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
+    )
     table: dict[str, Any] = {
         "plant": {**plant, "Td": Td},
-        "controller": {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti},
+        "controller": {"type": "P", "Kc": 1.0}
+        if Ti is None
+        else {"type": "PI", "Kc": 1.0, "Ti": Ti},
         "valve": {"model": "choudhury", "S": S, "J": J_over_S * S},
         "sampling": {"Ts": Ts},
     }
@@ -105,7 +115,9 @@ def simulated_cycle(loop: Loop, periods: int = 40, **start: Any) -> tuple[float,
     turns = turns[-2 * periods - 1 :]
     swings = np.abs(np.diff(mv[turns - 1]))
     third = swings.size // 3
-    if np.median(swings) < sampled.least_swing or np.median(swings[-third:]) < 0.8 * np.median(swings[:third]):
+    if np.median(swings) < sampled.least_swing or np.median(swings[-third:]) < 0.8 * np.median(
+        swings[:third]
+    ):
         return None
     parts = [record.op[a : b + 1] for a, b in pairwise(turns)]
     tops = [part.max() if mv[a] > mv[a - 1] else part.min() for a, part in zip(turns[:-1], parts)]
@@ -123,7 +135,12 @@ def starts(loop: Loop) -> Iterator[tuple[Loop, dict[str, float]]]:
         yield Loop.from_table({**table, "disturbance": [step]}), {}
     for size in (0.6, 2.0):
         to = loop.setpoint.value + size * fs / loop.controller.Kc
-        yield Loop.from_table({**table, "setpoint": {"value": loop.setpoint.value, "steps": [[Ts, to]]}}), {}
+        yield (
+            Loop.from_table(
+                {**table, "setpoint": {"value": loop.setpoint.value, "steps": [[Ts, to]]}}
+            ),
+            {},
+        )
 
 
 def predictions(loops: int, seed: int) -> tuple[Errors, Errors]:
@@ -198,7 +215,9 @@ def _cycles_from_midway(gain: float, Td: float, J: float) -> bool:
         }
     )
     v = 50.0 - J / 2  # midway between (r0 + fs)/(1 + g) - J and (r0 - fs)/(1 + g), at r0 = 0
-    mv = simulate(loop, start=Start(op=50.0, error=0.0, pv=50.0, valve=(v, 0.0, 0.0, 50.0), mv=(v,))).record.mv
+    mv = simulate(
+        loop, start=Start(op=50.0, error=0.0, pv=50.0, valve=(v, 0.0, 0.0, 50.0), mv=(v,))
+    ).record.mv
     assert mv is not None
     return all(np.ptp(part) >= J / 2 for part in np.split(mv[-10_000:], 2))
 
@@ -221,7 +240,9 @@ def existence_pi(loops: int, seed: int) -> Errors:
         simulated = [c for moved, start in starts(loop) if (c := simulated_cycle(moved, **start))]
         table[int(refined(sampled, cycle)), int(bool(simulated))] += 1
         if cycle is not None:
-            errors.extend(np.abs(np.array(c) / (cycle.period, cycle.amplitude) - 1) for c in simulated)
+            errors.extend(
+                np.abs(np.array(c) / (cycle.period, cycle.amplitude) - 1) for c in simulated
+            )
     return Errors(table, *np.array(errors).reshape(-1, 2).T)
 
 
@@ -232,13 +253,18 @@ def main() -> None:
     parser.add_argument("--loops", type=int)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    loops = asked.loops or {"predictions": 60, "kicks": 100, "existence-p": 100, "existence-pi": 300}[asked.what]
+    loops = (
+        asked.loops
+        or {"predictions": 60, "kicks": 100, "existence-p": 100, "existence-pi": 300}[asked.what]
+    )
     if asked.what == "predictions":
         exact, switching = predictions(loops, asked.seed)
         print(f"exact cycle\n{exact}\n\nswitching times alone\n{switching}")
     elif asked.what == "kicks":
         right, unreachable = kicks(loops, asked.seed)
-        print(f"1.02 kick_min starts the cycle and 0.9 does not: {right} of {loops}; no kick starts {unreachable} others")
+        print(
+            f"1.02 kick_min starts the cycle and 0.9 does not: {right} of {loops}; no kick starts {unreachable} others"
+        )
     elif asked.what == "existence-p":
         above, below = existence_p(loops, asked.seed)
         print(f"K Kc J/S in 1.05..4: {above} of {loops} cycle; in 0.3..0.95: {below} of {loops}")

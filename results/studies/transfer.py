@@ -77,7 +77,10 @@ def asked(home: str, number: int, names: list[str]) -> dict[str, Any]:
 
 
 def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
-    source, rng = load_grid(grid, {"seed": SEED}), np.random.default_rng([SEED, GRIDS.index(grid), number])
+    source, rng = (
+        load_grid(grid, {"seed": SEED}),
+        np.random.default_rng([SEED, GRIDS.index(grid), number]),
+    )
     while True:
         members = list(resolve(source.group(int(rng.integers(source.group_count)))))
         for i in rng.permutation(len(members)):
@@ -87,8 +90,17 @@ def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
 
 
 def _judged(record: LoopRecord, sticky: bool, group: Any, names: list[str]) -> dict[str, Any]:
-    said = {v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in judge(record, names)}
-    return {"sticky": sticky, "group": group, "said": said, "features": features(record), "trace": trace(record)}
+    said = {
+        v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION)
+        for v in judge(record, names)
+    }
+    return {
+        "sticky": sticky,
+        "group": group,
+        "said": said,
+        "features": features(record),
+        "trace": trace(record),
+    }
 
 
 def features(record: LoopRecord) -> list[float]:
@@ -102,10 +114,19 @@ def features(record: LoopRecord) -> list[float]:
         power = np.abs(np.fft.rfft(x * np.hanning(x.size))) ** 2
         at, total = np.fft.rfftfreq(x.size) * period, power.sum() or 1.0
         lines = [power[np.abs(at - k) < 0.25].sum() / total for k in (1, 2, 3, 5)]
-        found += [stats.skew(x), stats.kurtosis(x), stats.skew(moves), stats.kurtosis(moves), *lines]
+        found += [
+            stats.skew(x),
+            stats.kurtosis(x),
+            stats.skew(moves),
+            stats.kurtosis(moves),
+            *lines,
+        ]
         found += [np.mean(np.abs(moves) < 0.1 * (moves.std() or 1.0)), power[at > 10].sum() / total]
     lags = [round(k * period / 8) for k in range(-4, 5)]
-    found += [float(np.mean(op[max(k, 0) : op.size + min(k, 0)] * pv[max(-k, 0) : pv.size + min(-k, 0)])) for k in lags]
+    found += [
+        float(np.mean(op[max(k, 0) : op.size + min(k, 0)] * pv[max(-k, 0) : pv.size + min(-k, 0)]))
+        for k in lags
+    ]
     found.append(float(np.mean(op[:-1] * pv[1:] - op[1:] * pv[:-1])) * period)
     return [float(np.clip(x, -1e6, 1e6)) if np.isfinite(x) else 0.0 for x in found]
 
@@ -116,7 +137,10 @@ def trace(record: LoopRecord) -> list[list[float]]:
     wanted = CYCLES * swing.period_s / record.Ts if swing.sustained else record.n
     half = 0.5 * min(wanted, record.n - 1)
     at = np.linspace(0.5 * (record.n - 1) - half, 0.5 * (record.n - 1) + half, LENGTH)
-    return [np.round(_scaled(np.interp(at, np.arange(record.n), x)), 4).tolist() for x in (record.op, record.pv)]
+    return [
+        np.round(_scaled(np.interp(at, np.arange(record.n), x)), 4).tolist()
+        for x in (record.op, record.pv)
+    ]
 
 
 def _scaled(x: np.ndarray) -> np.ndarray:
@@ -157,7 +181,10 @@ def _ridge() -> Any:
     return make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(0, 5, 8)))
 
 
-LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {"boosting": ("features", _boosting), "convolutions": ("kernels", _ridge)}
+LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {
+    "boosting": ("features", _boosting),
+    "convolutions": ("kernels", _ridge),
+}
 
 
 class Home:
@@ -171,7 +198,9 @@ class Home:
         self.x["kernels"] = convolved(np.array([r["trace"] for r in rows]))
         # NaN where a slow method was not asked
         said = {m: np.array([r["said"].get(m, np.nan) for r in rows]) for m in rows[0]["said"]}
-        self.costs = {m: np.where(np.isnan(x), np.nan, _cost(x, self.sticky)) for m, x in said.items()}
+        self.costs = {
+            m: np.where(np.isnan(x), np.nan, _cost(x, self.sticky)) for m, x in said.items()
+        }
 
     def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
         """Train a yardstick here and judge every home; its own by folds."""
@@ -184,7 +213,11 @@ class Home:
                     here = home.groups % FOLDS == k
                     if not here.any():
                         continue
-                    said[here] = make().fit(self.x[kind][~here], self.sticky[~here]).predict(self.x[kind][here])
+                    said[here] = (
+                        make()
+                        .fit(self.x[kind][~here], self.sticky[~here])
+                        .predict(self.x[kind][here])
+                    )
             home.costs[f"{name}, {source}"] = _cost(said.astype(int), home.sticky)
 
     def mean(self, names: list[str], at: np.ndarray | None = None) -> np.ndarray:
@@ -200,7 +233,9 @@ class Home:
         """
         size = len(self._members)
         while True:
-            chosen = rng.integers(size, size=size) if half is None else rng.permutation(size)[half::2]
+            chosen = (
+                rng.integers(size, size=size) if half is None else rng.permutation(size)[half::2]
+            )
             at = np.concatenate([self._members[g] for g in chosen])
             if 0 < self.sticky[at].sum() < at.size:
                 return at
@@ -222,16 +257,34 @@ def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
     """
     rng = np.random.default_rng(SEED)
     for a, b in combinations(homes, 2):
-        many = [_rank(*(homes[h].mean(names, homes[h].drawn(rng)) for h in (a, b))) for _ in range(DRAWS)]
-        value, ends = _rank(homes[a].mean(names), homes[b].mean(names)), np.nanquantile(many, [0.025, 0.975])
-        yield {"first": a, "second": b, "spearman": value, "lo": float(ends[0]), "hi": float(ends[1])}
+        many = [
+            _rank(*(homes[h].mean(names, homes[h].drawn(rng)) for h in (a, b)))
+            for _ in range(DRAWS)
+        ]
+        value, ends = (
+            _rank(homes[a].mean(names), homes[b].mean(names)),
+            np.nanquantile(many, [0.025, 0.975]),
+        )
+        yield {
+            "first": a,
+            "second": b,
+            "spearman": value,
+            "lo": float(ends[0]),
+            "hi": float(ends[1]),
+        }
     for name, home in homes.items():
         many = []
         for k in range(DRAWS // 5):
             halves = [home.drawn(np.random.default_rng([SEED, k]), half) for half in (0, 1)]
             many.append(_rank(*(home.mean(names, at) for at in halves)))
         ends = np.nanquantile(many, [0.025, 0.5, 0.975])
-        half = {"first": name, "second": name, "spearman": float(ends[1]), "lo": float(ends[0]), "hi": float(ends[2])}
+        half = {
+            "first": name,
+            "second": name,
+            "spearman": float(ends[1]),
+            "lo": float(ends[0]),
+            "hi": float(ends[2]),
+        }
         whole, loops = reliability(half["spearman"], home.sticky.size)
         yield {**half, "whole": whole, "loops": loops}
 
@@ -249,7 +302,9 @@ def reliability(half: float, loops: int) -> tuple[float, float]:
     if not half > 0.0:
         return float("nan"), float("nan")
     whole = 2.0 * half / (1.0 + half)
-    return whole, loops * WANTED * (1.0 - whole) / (whole * (1.0 - WANTED)) if whole < 1.0 else float(loops)
+    return whole, loops * WANTED * (1.0 - whole) / (
+        whole * (1.0 - WANTED)
+    ) if whole < 1.0 else float(loops)
 
 
 def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
@@ -268,21 +323,37 @@ def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
             row["said"] |= answered(out / f"{h}-{i}-slow.json", partial(asked, h, i, dear))["said"]
         rows[h].append(row)
     if real.exists():
-        ask = [(m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group, names)) for m, r in records(real)]
-        rows[REAL] = [answered(out / f"{REAL}-{m.id}.json", one) for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)]
+        ask = [
+            (m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group, names))
+            for m, r in records(real)
+        ]
+        rows[REAL] = [
+            answered(out / f"{REAL}-{m.id}.json", one)
+            for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)
+        ]
     return {h: Home(found) for h, found in rows.items()}
 
 
 def table(homes: dict[str, Home], names: list[str]) -> list[str]:
-    """Return costs of methods and learned yardsticks in every home, best first on all but their own; * learned or fitted there.
-    """
+    """Return costs of methods and learned yardsticks in every home, best first on all but their own; * learned or fitted there."""
     fitted = {m: set(registry.load(m).METHOD.fitted_on) for m in names}
-    fitted |= {m: {m.partition(", ")[2]} for m in next(iter(homes.values())).costs if m not in names}
+    fitted |= {
+        m: {m.partition(", ")[2]} for m in next(iter(homes.values())).costs if m not in names
+    }
     rows = {m: {h: float(home.mean([m])[0]) for h, home in homes.items()} for m in fitted}
-    abroad = {m: float(np.mean([c for h, c in row.items() if h not in fitted[m]])) for m, row in rows.items()}
+    abroad = {
+        m: float(np.mean([c for h, c in row.items() if h not in fitted[m]]))
+        for m, row in rows.items()
+    }
     lines = [("method", "abroad", *homes)]
     for m in sorted(rows, key=abroad.__getitem__):
-        lines.append((m, f"{abroad[m]:.3f}", *(f"{c:.3f}{'*' * (h in fitted[m])}" for h, c in rows[m].items())))
+        lines.append(
+            (
+                m,
+                f"{abroad[m]:.3f}",
+                *(f"{c:.3f}{'*' * (h in fitted[m])}" for h, c in rows[m].items()),
+            )
+        )
     return columns(lines)
 
 
@@ -295,7 +366,13 @@ def agreement(found: list[dict[str, Any]]) -> list[str]:
            for row, f in zip(rows, found, strict=True) if "whole" in f]  # fmt: skip
     text = "agreement of each home with itself: halves (median, spread), the whole by Spearman and Brown, and loops for .9"
     head = ("home", "halves", "lo", "hi", "whole", "loops for .9")
-    return [*columns([("first", "second", "spearman", "lo", "hi"), *between]), "", text, "", *columns([head, *own])]
+    return [
+        *columns([("first", "second", "spearman", "lo", "hi"), *between]),
+        "",
+        text,
+        "",
+        *columns([head, *own]),
+    ]
 
 
 def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
@@ -320,7 +397,9 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
             axis.set_ticks(range(len(where)), where)
         for k, m in enumerate(names):
             costs = [float(h.mean([m])[0]) for h in homes.values()]
-            right.plot(range(len(where)), costs, "-" if k < 7 else "--", marker="o", markersize=3, label=m)
+            right.plot(
+                range(len(where)), costs, "-" if k < 7 else "--", marker="o", markersize=3, label=m
+            )
         label(right, "", "cost", "methods from home to home")
         right.set_xticks(range(len(where)), where)
         right.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -333,10 +412,19 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
 def main(arguments: list[str] | None = None) -> int:
     """Print costs, how far the order of the methods holds, and draw both."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.transfer", description=__doc__)
-    parser.add_argument("out", type=Path, metavar="FOLDER", help="Where answers are kept; goes on where it stopped.")
+    parser.add_argument(
+        "out", type=Path, metavar="FOLDER", help="Where answers are kept; goes on where it stopped."
+    )
     parser.add_argument("-n", type=int, default=1000, help="Loops of each grid and world [1000].")
-    parser.add_argument("--slow", type=int, default=60, metavar="N", help="Of these, loops for slow methods [60].")
-    parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
+    parser.add_argument(
+        "--slow", type=int, default=60, metavar="N", help="Of these, loops for slow methods [60]."
+    )
+    parser.add_argument(
+        "--records",
+        type=Path,
+        default=Path("../shared/data/real"),
+        help="real records with a records.csv",
+    )
     parser.add_argument("--picture", type=Path, help="SVG to write")
     given = parser.parse_args(arguments)
     homes = kept(given.out, given.n, given.slow, given.records)
@@ -353,11 +441,17 @@ def main(arguments: list[str] | None = None) -> int:
     print(
         "cost: an error 1, no decision .5, sticky and sound loops counting the same; abroad: mean over homes without *, where"
     )
-    print("a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n")
+    print(
+        "a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n"
+    )
     print("\n".join(table(homes, names)))
     few = min(given.slow, given.n)
-    print(f"{', '.join(dear) or 'no slow method'}: on the first {few} loops of each grid and world, and on all real ones")
-    print(f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops again\n")
+    print(
+        f"{', '.join(dear) or 'no slow method'}: on the first {few} loops of each grid and world, and on all real ones"
+    )
+    print(
+        f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops again\n"
+    )
     print("\n".join(agreement(found)))
     if given.picture is not None:
         draw(found, homes, fast, given.picture)

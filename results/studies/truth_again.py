@@ -28,7 +28,9 @@ def goes_on(loop, seed: int, period_s: float) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the share of cycling loops that go on: exit code 1 when it is too small."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.truth_again", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.truth_again", description=__doc__
+    )
     parser.add_argument("grid", nargs="?", default="chapter")
     parser.add_argument("--loops", type=int, default=300, help="number of cycling loops")
     parser.add_argument("--seed", type=int, help="seed in place of that of the grid")
@@ -43,7 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
                 on += goes_on(scenario.loop, scenario.seed, cycled.period)
         if looked == asked.loops:
             break
-    print(f"{asked.grid}: {on} of {looked} cycling loops go on without noise ({on / max(looked, 1):.3f}; at least {LEAST})")
+    print(
+        f"{asked.grid}: {on} of {looked} cycling loops go on without noise ({on / max(looked, 1):.3f}; at least {LEAST})"
+    )
     return int(on < LEAST * looked)
 
 

@@ -42,13 +42,20 @@ class _Calibration:
     @property
     def thresholds(self) -> dict[str, dict[str, float]]:
         """What `judge` and `run_grid` take as thresholds: the cuts for the wanted false alarms."""
-        return {r.method: {"stiction_above": float(r.cut)} for r in self.table.itertuples() if math.isfinite(r.cut)}
+        return {
+            r.method: {"stiction_above": float(r.cut)}
+            for r in self.table.itertuples()
+            if math.isfinite(r.cut)
+        }
 
     @property
     def abstaining(self) -> dict[str, dict[str, float]]:
         """The same with a band in which a method abstains; for runs without the front end (raw)."""
         return {
-            r.method: {"stiction_above": float(r.stiction_above), "no_stiction_below": float(r.no_stiction_below)}
+            r.method: {
+                "stiction_above": float(r.stiction_above),
+                "no_stiction_below": float(r.no_stiction_below),
+            }
             for r in self.table.itertuples()
             if math.isfinite(r.stiction_above) and math.isfinite(r.no_stiction_below)
         }
@@ -108,7 +115,17 @@ def calibrate(
     with tempfile.TemporaryDirectory() as temporary:
         where = Path(temporary) if out is None else folder(out)
         books = [
-            RunArrays.read(run_grid(grid, where / name, methods, jobs, resume=True, sets={**sets, "seed": seed}, **settings))
+            RunArrays.read(
+                run_grid(
+                    grid,
+                    where / name,
+                    methods,
+                    jobs,
+                    resume=True,
+                    sets={**sets, "seed": seed},
+                    **settings,
+                )
+            )
             for name, seed in (("seeds-a", seed_a), ("seeds-b", seed_b))
         ]
     found = calibrate_books(*books, false_alarm)
@@ -136,7 +153,12 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
         area = auc(score_b[known], positive[known])
         row: dict[str, Any] = {"method": method, "cut": cut}
         row.update(_rate("false_alarm", above[~positive]), **_rate("detection", above[positive]))
-        row.update(auc=area.value, auc_lo=area.lo, auc_hi=area.hi, informative=not area.lo <= 0.5 <= area.hi)
+        row.update(
+            auc=area.value,
+            auc_lo=area.lo,
+            auc_hi=area.hi,
+            informative=not area.lo <= 0.5 <= area.hi,
+        )
         row.update(
             published_false_alarm=float((said[~positive] == 1).mean()),
             published_detection=float((said[positive] == 1).mean()),
@@ -155,13 +177,19 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
         "positives": int(positive.sum()),
         "negatives": int((~positive).sum()),
     }
-    return _Calibration(false_alarm, pd.DataFrame(rows), pd.concat(curves, ignore_index=True), about)
+    return _Calibration(
+        false_alarm, pd.DataFrame(rows), pd.concat(curves, ignore_index=True), about
+    )
 
 
 def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
     """Return the lowest cut that no more than the wanted share of healthy loops' scores exceed."""
     ranked = np.sort(np.where(np.isnan(healthy), -np.inf, healthy))
-    return float(ranked[max(math.ceil((1.0 - false_alarm) * ranked.size) - 1, 0)]) if ranked.size else math.nan
+    return (
+        float(ranked[max(math.ceil((1.0 - false_alarm) * ranked.size) - 1, 0)])
+        if ranked.size
+        else math.nan
+    )
 
 
 def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[float, float]:
@@ -206,7 +234,11 @@ def _scores(scores: np.ndarray, book: RunArrays, method: int) -> np.ndarray:
 
 def _rate(name: str, hits: np.ndarray) -> dict[str, float]:
     lo, hi = wilson(int(hits.sum()), hits.size)
-    return {name: float(hits.mean()) if hits.size else math.nan, f"{name}_lo": float(lo), f"{name}_hi": float(hi)}
+    return {
+        name: float(hits.mean()) if hits.size else math.nan,
+        f"{name}_lo": float(lo),
+        f"{name}_hi": float(hi),
+    }
 
 
 def _range(lo: float, hi: float) -> str:

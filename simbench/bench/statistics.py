@@ -165,7 +165,11 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
 
 
 def auc_drop_unpaired(
-    before: ArrayLike, positive_before: ArrayLike, now: ArrayLike, positive_now: ArrayLike, margin: float = 0.0
+    before: ArrayLike,
+    positive_before: ArrayLike,
+    now: ArrayLike,
+    positive_now: ArrayLike,
+    margin: float = 0.0,
 ) -> float:
     """Return the p-value of "the AUC fell by no more than the margin", from two independent samples.
 
@@ -176,7 +180,9 @@ def auc_drop_unpaired(
         return 1.0
     (one, v1), (two, v2) = (_auc_variance(s, t) for s, t in zip((before, now), truths))
     excess = one - two - margin
-    return float(scipy.stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
+    return (
+        float(scipy.stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
+    )
 
 
 class _Ranking(NamedTuple):
@@ -187,7 +193,9 @@ class _Ranking(NamedTuple):
     critical_difference: float
 
 
-def mean_ranks(results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None) -> _Ranking:
+def mean_ranks(
+    results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None
+) -> _Ranking:
     """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's.
 
     `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the difference is then the level's
@@ -198,7 +206,9 @@ def mean_ranks(results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | No
     """
     x = np.asarray(results, dtype=float)
     if x.ndim != 2 or x.shape[0] < 2 or x.shape[1] < 3:
-        raise ValueError(f"ranks need at least 2 cases and 3 methods, not an array of shape {x.shape}")
+        raise ValueError(
+            f"ranks need at least 2 cases and 3 methods, not an array of shape {x.shape}"
+        )
     cases, methods = x.shape
     ranks = scipy.stats.rankdata(-x, axis=1)
     q = scipy.stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)

@@ -42,7 +42,15 @@ RANGES = {
     "step": (0.1, 10.0),  # of the set point, PV units
 }
 # switches: share of loops that have it
-OPTION_SHARES = {"P": 0.15, "input": 0.3, "noisy": 0.7, "coarse": 0.25, "limited": 0.2, "curved": 0.2, "stepped": 0.3}
+OPTION_SHARES = {
+    "P": 0.15,
+    "input": 0.3,
+    "noisy": 0.7,
+    "coarse": 0.25,
+    "limited": 0.2,
+    "curved": 0.2,
+    "stepped": 0.3,
+}
 KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 
@@ -66,7 +74,11 @@ class WorstCase:
 
     def as_text(self) -> str:
         """Return the finding in a few lines, then the loop."""
-        wrong = "is most confidently wrong" if self.verdict.verdict == STICTION else "comes nearest to being wrong"
+        wrong = (
+            "is most confidently wrong"
+            if self.verdict.verdict == STICTION
+            else "comes nearest to being wrong"
+        )
         return (
             f"{self.method} {wrong} on this healthy loop: {self.verdict.verdict}, score {self.score:.4g}\n"
             f"reason: {self.verdict.reason}\n"
@@ -76,13 +88,21 @@ class WorstCase:
 
     def as_json(self) -> dict[str, Any]:
         """Return the finding as JSON types."""
-        found = {"method": self.method, "seed": self.seed, "tried": self.tried, "drawn": self.drawn, "fooled": self.fooled}
+        found = {
+            "method": self.method,
+            "seed": self.seed,
+            "tried": self.tried,
+            "drawn": self.drawn,
+            "fooled": self.fooled,
+        }
         return {**found, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
 
     def to_toml(self) -> str:
         """Return the loop file, with seed and answer in comments."""
         head = [
-            "# A healthy loop that this method calls sticky." if self.verdict.verdict == STICTION else "# A healthy loop.",
+            "# A healthy loop that this method calls sticky."
+            if self.verdict.verdict == STICTION
+            else "# A healthy loop.",
             f'# method = "{self.method}"',
             f"# seed = {self.seed}",
             f'# verdict = "{self.verdict.verdict}"',
@@ -116,7 +136,10 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
             parent = elite[int(rng.integers(len(elite)))]
             spread = 0.25 * 0.02 ** ((number - explore) / max(budget - explore, 1))
             changed = rng.random(len(KEYS)) < 0.4
-            point, run_seed = np.abs(parent[1] + changed * spread * rng.standard_normal(len(KEYS))), parent[2].seed
+            point, run_seed = (
+                np.abs(parent[1] + changed * spread * rng.standard_normal(len(KEYS))),
+                parent[2].seed,
+            )
             point = np.minimum(1 - np.abs(1 - point), 1 - 1e-9)
         tried += 1
         loop = healthy_loop(dict(zip(KEYS, point)), process)
@@ -132,24 +155,35 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
 
 def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
     """Turn a point of the unit cube into a loop whose valve has no friction."""
-    x = {k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo)))) for k, (lo, hi) in RANGES.items()}
+    x = {
+        k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo))))
+        for k, (lo, hi) in RANGES.items()
+    }
     on = {k: at[k] < share for k, share in OPTION_SHARES.items()}
     integrating = process[int(at["process"] * len(process))] == "integrating"
     kind = _DISTURBANCES[int(at["disturbance"] * len(_DISTURBANCES))]
     T = 10.0
     Td = significant(x["Td_over_T"] * T)
-    plant = {"type": "integrating", "K": 1 / T, "Td": Td} if integrating else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
+    plant = (
+        {"type": "integrating", "K": 1 / T, "Td": Td}
+        if integrating
+        else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
+    )
     # without an oscillation from outside, the loop's own sets the pace: about four dead times and lags
     period = x["period"] * (T + 2 * Td) if kind in OSCILLATING else 4 * Td + T
     table: dict[str, Any] = {
         "plant": plant,
-        "controller": {"type": "P", "Kc": 1.0} if on["P"] else {"type": "PI", "Kc": 1.0, "Ti": significant(x["Ti"] * T)},
+        "controller": {"type": "P", "Kc": 1.0}
+        if on["P"]
+        else {"type": "PI", "Kc": 1.0, "Ti": significant(x["Ti"] * T)},
         "sampling": {
             "Ts": significant(period / x["samples_per_period"]),
             "n": round(x["samples_per_period"] * x["periods"]),
         },
         "noise": {"std": significant(x["noise"] * x["amplitude"]) if on["noisy"] else 0.0},
-        "valve": {"model": "gain_ratio", "R": x["rangeability"]} if on["curved"] else {"model": "ideal"},
+        "valve": {"model": "gain_ratio", "R": x["rangeability"]}
+        if on["curved"]
+        else {"model": "ideal"},
         "effect": [],
     }
     if on["stepped"] or kind == "none":
@@ -158,11 +192,20 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
         load = {"type": kind, "amplitude": x["amplitude"], "period": significant(period)}
         load["at"] = "input" if on["input"] else "output"
         if kind == "propagated":
-            load.update(S=5.0, J=significant(5.0 * x["J_over_S"]), lag=significant(x["lag"] * period), noise=x["other_noise"])
+            load.update(
+                S=5.0,
+                J=significant(5.0 * x["J_over_S"]),
+                lag=significant(x["lag"] * period),
+                noise=x["other_noise"],
+            )
         table["disturbance"] = [load]
     if on["coarse"]:
-        table["effect"].append({"name": "quantisation", "step": significant(x["quantum"] * x["amplitude"])})
+        table["effect"].append(
+            {"name": "quantisation", "step": significant(x["quantum"] * x["amplitude"])}
+        )
     if on["limited"]:
-        table["effect"].append({"name": "saturation", "lo": 50.0 - x["limit"], "hi": 50.0 + x["limit"]})
+        table["effect"].append(
+            {"name": "saturation", "lo": 50.0 - x["limit"], "hi": 50.0 + x["limit"]}
+        )
     loop = Loop.from_table(table)
     return loop.with_("controller.Kc", significant(x["gain"] * sampled_ultimate_gain(loop)))

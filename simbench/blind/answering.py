@@ -35,18 +35,24 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
     opened: dict[str, list[str]] = {}
     for order in range(1, tests + 1):
         before, place = answers_after(folder, order - 1), make_folder(answers_after(folder, order))
-        answers = {file.name: file.read_text(encoding="utf-8") for file in sorted(before.glob("*.json"))}
+        answers = {
+            file.name: file.read_text(encoding="utf-8") for file in sorted(before.glob("*.json"))
+        }
         for name, text in answers.items():
             asked = (json.loads(text).get("next_test") or {}).get("test")
             if asked is None:
                 _write(place / name, text)
             else:
                 record = name.removesuffix(".json")
-                opened.setdefault(record, []).append(str(outcomes.open_one(folder, record, asked, order)))
+                opened.setdefault(record, []).append(
+                    str(outcomes.open_one(folder, record, asked, order))
+                )
         _round(folder, diagnose, jobs, opened, place)
         for name in answers:
             if not _answered(place / name):
-                print(f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands")
+                print(
+                    f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands"
+                )
                 _write(place / name, answers[name])
     return done
 
@@ -62,21 +68,27 @@ def answers_after(folder: Path, tests: int) -> Path:
     return folder / (f"answers-{tests}" if tests else "answers")
 
 
-def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[str]], place: Path) -> int:
+def _round(
+    folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[str]], place: Path
+) -> int:
     """Diagnose every record that has no answer in `place` yet, each with its tests."""
     records = sorted((folder / "records").glob("*.csv"))
     if not records:
         raise ParameterError(f"withheld: no records/*.csv in {folder}")
     bare = [r.name for r in records if not r.with_suffix(".toml").exists()]
     if bare:
-        raise ParameterError(f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it")
+        raise ParameterError(
+            f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it"
+        )
     remove_stale_temporaries(make_folder(place))
     remove_stale_temporaries(folder)
     todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
     cost = folder / COST
     costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
     questions = {r.stem: (diagnose, str(r), tests.get(r.stem, [])) for r in todo}
-    bar = Progress(total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0)
+    bar = Progress(
+        total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
+    )
     with bar:
         for name, (found, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"
@@ -96,7 +108,9 @@ def _answered(path: Path) -> bool:
 def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, Any], float]:
     start = time.process_time()
     try:
-        found = diagnose(Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else []))
+        found = diagnose(
+            Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else [])
+        )
     except Exception as error:  # one bad record must not cost the others
         found = {"error": f"{type(error).__name__}: {error}"}
     return found, time.process_time() - start

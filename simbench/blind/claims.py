@@ -31,7 +31,10 @@ def true_shrinkages(
 
     Before: the true loop without its effect. After: the same with the claimed one; what no world draws is passed over.
     """
-    simulate, scale = WORLDS.load(world).simulate, _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
+    simulate, scale = (
+        WORLDS.load(world).simulate,
+        _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0)),
+    )
     seeds = [int(truth["seed"]) + 5000 + i for i in range(_SEEDS)]
 
     def runs(effects: list[dict[str, Any]]) -> list[Signals]:
@@ -44,19 +47,35 @@ def true_shrinkages(
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     group = indistinguishable(str(truth["effect"]), here)
     rows = []
-    for candidate in [r for r in ranked if r["effect"] in WORLD_EFFECTS and r.get("parameters")][:_CANDIDATES]:
+    for candidate in [r for r in ranked if r["effect"] in WORLD_EFFECTS and r.get("parameters")][
+        :_CANDIDATES
+    ]:
         claimed = claimed_shrinkage(candidate, found)
         if claimed is None:
             continue
         effect = str(candidate["effect"])
         try:
-            after = cloud(runs([{"effect": effect, "parameters": _inside(effect, candidate["parameters"])}]), scale)
+            after = cloud(
+                runs([{"effect": effect, "parameters": _inside(effect, candidate["parameters"])}]),
+                scale,
+            )
         except ParameterError:
             continue
         # one yardstick for both, the claimed loop's own
         start, floor = after._replace(mean=before.mean).distance(values), after.floor
-        true = 1.0 - max(after.distance(values) - floor, 0.0) / (start - floor) if start > floor else 0.0
-        rows.append({"effect": effect, "right": effect in group, "claimed": claimed, "true": float(np.clip(true, -1.0, 1.0))})
+        true = (
+            1.0 - max(after.distance(values) - floor, 0.0) / (start - floor)
+            if start > floor
+            else 0.0
+        )
+        rows.append(
+            {
+                "effect": effect,
+                "right": effect in group,
+                "claimed": claimed,
+                "true": float(np.clip(true, -1.0, 1.0)),
+            }
+        )
     return rows
 
 
@@ -85,5 +104,11 @@ def _inside(effect: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
             whole[name] = word if word in quantity.names else quantity.names[0]
         elif name in parameters or quantity.default is not FOLLOWS:
             value = parameters.get(name)
-            whole[name] = float(np.clip(quantity.identity if value is None else float(value), quantity.low, quantity.high))
+            whole[name] = float(
+                np.clip(
+                    quantity.identity if value is None else float(value),
+                    quantity.low,
+                    quantity.high,
+                )
+            )
     return whole

@@ -117,7 +117,10 @@ def _answer_to_steps(s: Signals, scale: Scale, lag: int) -> list[float]:
     out = []
     for x, unit in ((s.pv, 1.0), (s.op, scale.step_unit)):
         for a, b in pairwise(edges):
-            moved = [x[t + a : t + b].mean() - x[max(t - lag, 0) : t].mean() if t + a < x.size else 0.0 for t in times]
+            moved = [
+                x[t + a : t + b].mean() - x[max(t - lag, 0) : t].mean() if t + a < x.size else 0.0
+                for t in times
+            ]
             out.append(float(np.dot(moved, size) / np.dot(size, size) * unit))
     return out
 
@@ -144,4 +147,8 @@ def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
         others = np.delete(table, i, axis=0)
         own = Cloud(others.mean(0), np.hypot(others.std(0, ddof=1), blur), 0.0)
         left_out.append(own.distance(table[i]))
-    return Cloud(table.mean(0), np.hypot(table.std(0, ddof=1), blur), max(float(np.mean(left_out)), _LEAST_FLOOR))
+    return Cloud(
+        table.mean(0),
+        np.hypot(table.std(0, ddof=1), blur),
+        max(float(np.mean(left_out)), _LEAST_FLOOR),
+    )

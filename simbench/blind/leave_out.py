@@ -34,7 +34,9 @@ LEAVE_OUT_COLUMNS = (
 )  # fmt: skip
 
 
-def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1, tests: int = 0) -> pd.DataFrame:
+def leave_out(
+    out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1, tests: int = 0
+) -> pd.DataFrame:
     """Diagnose records of every effect without and with the effect in the library, each with at most so many tests asked for.
 
     `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law that describes what has no
@@ -43,24 +45,36 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     out = Path(out)
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
-        raise ParameterError(f"leave-out: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)")
+        raise ParameterError(
+            f"leave-out: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)"
+        )
     one = (f"after-{tests}-" if tests else "") + f"{world}-{seed}-"
     names = {f"{one}{e}-{i}": (i, e) for e in WORLD_EFFECTS for i in range(n)}
     table = out / "leave_out.csv"
     remove_stale_temporaries(folder(out))
     # as text: numbers that are written once more must not lose a digit
-    done = pd.read_csv(table, keep_default_na=False, dtype=str) if table.exists() else pd.DataFrame(columns=LEAVE_OUT_COLUMNS)
+    done = (
+        pd.read_csv(table, keep_default_na=False, dtype=str)
+        if table.exists()
+        else pd.DataFrame(columns=LEAVE_OUT_COLUMNS)
+    )
     strange = [r for r in done.record if not str(r).startswith(one)]
     if strange:
-        raise ParameterError(f"leave-out: {table} holds {strange[0]}, not what begins with {one!r}; choose a new folder")
+        raise ParameterError(
+            f"leave-out: {table} holds {strange[0]}, not what begins with {one!r}; choose a new folder"
+        )
     remove_stale_temporaries(folder(out / "records"))
     todo = [name for name in names if name not in set(done.record)]
     # processes that live on from another call may stand in another folder
     records = (out / "records").absolute()
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         world_of = drawn_by.draw, getattr(drawn_by, "test", None)
-        rows = parallel(delayed(_one)(records, name, *names[name], *world_of, seed, tests) for name in todo)
-        for row in Progress(rows, total=len(names), initial=len(names) - len(todo), desc="left out", delay=1.0):
+        rows = parallel(
+            delayed(_one)(records, name, *names[name], *world_of, seed, tests) for name in todo
+        )
+        for row in Progress(
+            rows, total=len(names), initial=len(names) - len(todo), desc="left out", delay=1.0
+        ):
             done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
     found = pd.read_csv(table, keep_default_na=False)
@@ -69,12 +83,31 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     return found
 
 
-def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, run_test: Any, seed: int, tests: int) -> dict[str, Any]:
+def _one(
+    place: Path,
+    name: str,
+    i: int,
+    effect: str,
+    draw_item: Any,
+    run_test: Any,
+    seed: int,
+    tests: int,
+) -> dict[str, Any]:
     """Draw one record, and diagnose it without and with its effect, beside the tests that were asked for without it."""
     strength = _STRENGTHS[i % 2]
-    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
+    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {
+        "record": name,
+        "effect": effect,
+        "strength": strength,
+    }
     number = 1000 * list(WORLD_EFFECTS).index(effect) + i
-    entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
+    entry = {
+        "kind": "single",
+        "effect": effect,
+        "strength": strength,
+        "mv": i % 4 < 2,
+        "plant": PLANTS[i % 3],
+    }
     try:
         item = draw_item(seed, number, entry)
         record_file, baseline_file = write_item(item, place, name)
@@ -85,13 +118,19 @@ def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, run_test: 
             while len(run) < tests and without.next_test is not None:
                 asked.append(without.next_test["test"])
                 texts = outcomes.outcome(run_test, item, asked[-1])
-                run.append(read_test(str(outcomes.shown(place, f"{name}-{asked[-1]}", texts)), baseline))
+                run.append(
+                    read_test(str(outcomes.shown(place, f"{name}-{asked[-1]}", texts)), baseline)
+                )
                 without = diagnose(record, baseline, tests=run)
         whole = diagnose(record, baseline, tests=run)
     except UserError as e:
         return row | {"error": str(e)}
     known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
-    law = without.looks_like.gap if without.looks_like is not None and without.looks_like.law is not None else None
+    law = (
+        without.looks_like.gap
+        if without.looks_like is not None and without.looks_like.law is not None
+        else None
+    )
     gap = law or without.gap
     here = true_circumstances(item.answer, item.baseline, pd.DataFrame(item.columns))
     return row | {
@@ -122,7 +161,9 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
         "unknown": seen.said == UNKNOWN, "right": seen.right.astype(str) == "True",
         "block_right": seen.block == seen.effect.map(block_of),
     }  # fmt: skip
-    before, left, floor, after = (seen[c].astype(float) for c in ("before", "left", "floor", "after"))
+    before, left, floor, after = (
+        seen[c].astype(float) for c in ("before", "left", "floor", "after")
+    )
     wrong = seen.nearest[~seen.said.isin([UNKNOWN, NONE])]
     row |= {name: float(hits.mean()) for name, hits in shares.items()} | {
         "nearest": wrong.mode().iloc[0] if not wrong.empty else "",

@@ -78,7 +78,11 @@ def _holds(value: float | None, level: float | None, at_most: bool) -> bool | No
 
 def levels(table: pd.DataFrame) -> list[Share | Figure]:
     """Return every figure that has a level, in the order of the contract."""
-    counted = _COUNTED if table.strength.isin(("weak", *_COUNTED)).any() else tuple(table.strength.unique())
+    counted = (
+        _COUNTED
+        if table.strength.isin(("weak", *_COUNTED)).any()
+        else tuple(table.strength.unique())
+    )
     single = table[(table.kind == "single") & table.strength.isin(counted)]
     none, two = table[table.kind == "none"], table[(table.kind == "two")]
     foreign = table[(table.kind == "foreign") & table.resolvable]
@@ -91,38 +95,72 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("block right (within group)", single.block_right, 0.95),
         share("controller and sample-level effects", direct["first"], 0.97),
         share("valve effects with MV", valve["first"], 0.92),
-        share("effect named where there is none", ~none.called_none & ~none.called_unknown & none.answered, 0.05, at_most=True),
+        share(
+            "effect named where there is none",
+            ~none.called_none & ~none.called_unknown & none.answered,
+            0.05,
+            at_most=True,
+        ),
         share("none called unknown", none.called_unknown),
         share("two effects: both among the first three", two.both_top3, 0.75),
         share("two effects: exactly these two named", two.both_named),
         share("two effects: the first named is one of them", two.one_of_two),
-        share("foreign: unknown, of the resolvable", foreign["first"], 0.75),  # or called by its own name
+        share(
+            "foreign: unknown, of the resolvable", foreign["first"], 0.75
+        ),  # or called by its own name
         share("foreign: block right, of the resolvable", foreign.block_right),
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),
         share("known effect called none", single.called_none),
         share("not answered", ~table.answered),
         median("claimed shrinkage of the true group, median", single.claim_right, 0.7),
-        median("claimed shrinkage of the best wrong group, median", single.claim_wrong, 0.2, at_most=True),
-        rank("rank correlation of claimed with true shrinkage", single.shrinkage_claimed, single.shrinkage_true, 0.8),
+        median(
+            "claimed shrinkage of the best wrong group, median",
+            single.claim_wrong,
+            0.2,
+            at_most=True,
+        ),
+        rank(
+            "rank correlation of claimed with true shrinkage",
+            single.shrinkage_claimed,
+            single.shrinkage_true,
+            0.8,
+        ),
         calibration(table),
-        median("parameters of the right effect, median error", single.parameter_error, 0.10, at_most=True),
+        median(
+            "parameters of the right effect, median error",
+            single.parameter_error,
+            0.10,
+            at_most=True,
+        ),
     ]
 
 
 def by_effect(table: pd.DataFrame) -> pd.DataFrame:
     """Return first / group / top-3 / block / unknown / none shares per effect (or foreign kind) and strength."""
     rows = []
-    what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign).where(table.kind != "two", "two effects")
+    what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign).where(
+        table.kind != "two", "two effects"
+    )
     for cell, part in table.groupby([table.kind, what, table.strength.replace("", "all")]):
         kind, effect, strength = cell  # type: ignore[misc]
-        for measure in ("first", "in_group", "top3", "block_right", "called_unknown", "called_none", "both_top3"):
+        for measure in (
+            "first",
+            "in_group",
+            "top3",
+            "block_right",
+            "called_unknown",
+            "called_none",
+            "both_top3",
+        ):
             found = share(measure, part[measure]).row()
             about = {"kind": kind, "effect": effect, "strength": strength, "measure": measure}
             rows.append(about | {k: found[k] for k in ("k", "n", "value", "lo", "hi")})
     return pd.DataFrame(rows)
 
 
-def share(name: str, hits: Iterable[bool], level: float | None = None, at_most: bool = False) -> Share:
+def share(
+    name: str, hits: Iterable[bool], level: float | None = None, at_most: bool = False
+) -> Share:
     """Return how many of `hits` are true as a share."""
     values = [bool(x) for x in hits]
     return Share(name, sum(values), len(values), level, at_most)
@@ -131,11 +169,17 @@ def share(name: str, hits: Iterable[bool], level: float | None = None, at_most: 
 def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
     """Return the expected calibration error of the named effect's probability (Naeini et al. 2015), equal-width bins."""
     part = table[table.answered & (table.kind != "two")]
-    error = calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins) if len(part) else None
+    error = (
+        calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins)
+        if len(part)
+        else None
+    )
     return Figure("expected calibration error", error, len(part), 0.05, at_most=True)
 
 
-def median(name: str, values: pd.Series, level: float | None = None, at_most: bool = False) -> Figure:
+def median(
+    name: str, values: pd.Series, level: float | None = None, at_most: bool = False
+) -> Figure:
     """Return the median of what is known."""
     known = values.dropna().astype(float)
     return Figure(name, float(known.median()) if len(known) else None, len(known), level, at_most)

@@ -63,7 +63,13 @@ class Plan:
     def entries(self, foreign: Sequence[str]) -> list[dict[str, Any]]:
         """Return one entry per record, in order: what it must hold; `foreign` are the world's foreign kinds."""
         single = [
-            {"kind": "single", "effect": e, "strength": s, "mv": (i + j + k) % 2 == 0, "plant": _plant(e, i + j + 2 * k)}
+            {
+                "kind": "single",
+                "effect": e,
+                "strength": s,
+                "mv": (i + j + k) % 2 == 0,
+                "plant": _plant(e, i + j + 2 * k),
+            }
             for j, e in enumerate(self.effects)
             for k, s in enumerate(self.strengths)
             for i in range(self.per_cell)
@@ -77,7 +83,11 @@ class Plan:
             }
             for i in range(self.foreign)
         ]
-        others = [{"kind": kind, "mv": i % 2 == 0} for kind in ("none", "two") for i in range(getattr(self, kind))]
+        others = [
+            {"kind": kind, "mv": i % 2 == 0}
+            for kind in ("none", "two")
+            for i in range(getattr(self, kind))
+        ]
         return single + others + unexplained
 
 
@@ -92,14 +102,19 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
     writer = csv.DictWriter(text, _ANSWER_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     for row in answers:
-        writer.writerow({k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()})
+        writer.writerow(
+            {k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()}
+        )
     return text.getvalue()
 
 
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
     """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    for file, text in ((record, csv_of(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
+    for file, text in (
+        (record, csv_of(item.columns)),
+        (baseline, Loop.from_table(item.baseline, name).to_toml()),
+    ):
         with whole_file(file) as f:
             f.write(text)
     return record, baseline
@@ -125,7 +140,9 @@ def make(
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
-        raise ParameterError(f"withheld: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)")
+        raise ParameterError(
+            f"withheld: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)"
+        )
     refuse_unwritable_key(key)
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
@@ -135,7 +152,12 @@ def make(
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
-    text = _answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
+    text = _answers_csv(
+        [
+            item.answer | {"id": name, "world": world}
+            for name, item in zip(names, items, strict=True)
+        ]
+    )
     sealed = seal.seal(text)
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it stands; a call that was killed begins anew

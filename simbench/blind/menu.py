@@ -29,7 +29,9 @@ class TestPlan:
     faster: int = 1  # samples of the log in one of the controller
     raw: bool = False  # whether no archive stands between
     mv: bool = False  # whether the stem position is logged
-    lab: np.ndarray | None = None  # samples at which the true process value is taken, and the std of its error (PV units)
+    lab: np.ndarray | None = (
+        None  # samples at which the true process value is taken, and the std of its error (PV units)
+    )
     lab_std: float = 0.0
 
     @property
@@ -58,15 +60,25 @@ class TestPlan:
 
 def plan(id_: str, columns: Mapping[str, np.ndarray], baseline: Mapping[str, Any]) -> TestPlan:
     """Return a test of the menu for a loop."""
-    plant, control, Ts = baseline["plant"], baseline["controller"], float(baseline["sampling"]["Ts"])
+    plant, control, Ts = (
+        baseline["plant"],
+        baseline["controller"],
+        float(baseline["sampling"]["Ts"]),
+    )
     integrating = plant["type"] == "integrating"
     gain, Td = abs(float(plant["K"])), float(plant["Td"]) / Ts
-    pace = Td + (1.0 / (gain * float(control["Kc"]) * Ts) if integrating else float(plant["T"]) / Ts)
+    pace = Td + (
+        1.0 / (gain * float(control["Kc"]) * Ts) if integrating else float(plant["T"]) / Ts
+    )
     op = np.asarray(columns["op"])
     room = 0.5 * min(float(op[:_LEAD].mean()), 100.0 - float(op[:_LEAD].mean()))
     d = float(np.clip(2.0 * op.std(), 1.0, max(min(10.0, room), 1.0)))
     size = d * gain * (Ts * pace if integrating else 1.0)
-    hold = int(np.clip(12.0 * pace, 20, _MOST // 5)) if id_ == "sp_steps" else int(np.clip(6.0 * pace, 15, _MOST // 8))
+    hold = (
+        int(np.clip(12.0 * pace, 20, _MOST // 5))
+        if id_ == "sp_steps"
+        else int(np.clip(6.0 * pace, 15, _MOST // 8))
+    )
     levels: list[float] = []
     if id_ in ("sp_steps", "bump"):
         levels = [0.0, 1.0, -1.0, 0.0] if id_ == "bump" else [1.0, -1.0, 0.0, -1.0, 1.0]
@@ -75,7 +87,10 @@ def plan(id_: str, columns: Mapping[str, np.ndarray], baseline: Mapping[str, Any
     elif id_ == "stairs":
         levels = [0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0, -0.25, -0.5, -0.25, 0.0]
         if integrating:
-            hold, levels = max(int(pace), 5), [x * s for x in (0.25, 0.5, 0.75, 1.0) for s in (1.0, 0.0, -1.0, 0.0)]
+            hold, levels = (
+                max(int(pace), 5),
+                [x * s for x in (0.25, 0.5, 0.75, 1.0) for s in (1.0, 0.0, -1.0, 0.0)],
+            )
     elif id_ == "still":
         levels, hold = [0.0], int(np.clip(20.0 * pace, 200, _MOST))
     moves = np.repeat(levels, hold)
@@ -96,7 +111,9 @@ def plan(id_: str, columns: Mapping[str, np.ndarray], baseline: Mapping[str, Any
     )  # fmt: skip
 
 
-def operated(columns: dict[str, np.ndarray], true: np.ndarray, test: TestPlan, seed: int) -> dict[str, np.ndarray]:
+def operated(
+    columns: dict[str, np.ndarray], true: np.ndarray, test: TestPlan, seed: int
+) -> dict[str, np.ndarray]:
     """Return the columns of a test with its mode (1 in manual) and its lab samples of the true PV (NaN between)."""
     if test.manual.any():
         columns["mode"] = test.manual.astype(float)
@@ -122,5 +139,8 @@ def _cell(name: str, x: float) -> str:
 def settings_toml(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """Return a test's settings as TOML."""
     # of plain words, numbers and lists of numbers JSON is TOML
-    rows = [[f"[{name}]", *(f"{k} = {json.dumps(v)}" for k, v in table.items())] for name, table in settings.items()]
+    rows = [
+        [f"[{name}]", *(f"{k} = {json.dumps(v)}" for k, v in table.items())]
+        for name, table in settings.items()
+    ]
     return "\n".join("\n".join(part) + "\n" for part in rows)

@@ -26,14 +26,21 @@ from simbench.progress import Progress
 _OPEN_ANSWERS = "answers.csv"
 
 
-def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
+def open_(
+    folder: str | Path,
+    key: str | Path | None = None,
+    out: str | Path | None = None,
+    world: str = OWN,
+) -> dict[str, Any]:
     """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else."""
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
     text, commitment = _truth(folder, Path(key) if key is not None else None)
     truth = _read_answers(text)
     judged, claims = [], []
-    after: dict[str, list[dict[str, Any]]] = {str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()}
+    after: dict[str, list[dict[str, Any]]] = {
+        str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()
+    }
     for row in Progress(truth, desc="scored", delay=1.0):
         record, baseline = _record(folder, row["id"])
         here = true_circumstances(row, baseline, record)
@@ -44,7 +51,10 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
             rows.append(judge_record(row, later, here))
         if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
             claims += [
-                {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, here, row.get("world") or world)
+                {"id": row["id"], **c}
+                for c in true_shrinkages(
+                    row, found, record, baseline, here, row.get("world") or world
+                )
             ]
     table = pd.DataFrame(judged)
     figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)
@@ -58,17 +68,26 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
     if after:
-        score["after_tests"] = {tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()}
+        score["after_tests"] = {
+            tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()
+        }
     make_folder(out)
     for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         with whole_file(out / name) as f:
             f.write(content)
-    for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
+    for name, frame in (
+        ("score", pd.DataFrame(score["figures"])),
+        ("by_effect", effects),
+        ("records", table),
+    ):
         write_table(frame, out / f"{name}.csv")
     draw(confusion(table), out)
     for tests, rows in after.items():
         write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
-    said = [f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}" for tests, rows in after.items()]
+    said = [
+        f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}"
+        for tests, rows in after.items()
+    ]
     return score | {"markdown": markdown(figures, effects) + "".join(said)}
 
 
@@ -78,13 +97,18 @@ def _read_answers(text: str) -> list[dict[str, Any]]:
     frame.columns = [c.strip().lower() for c in frame.columns]
     missing = [c for c in ("id", "block", "effect") if c not in frame]
     if missing:
-        raise ParameterError(f"withheld: answers.csv lacks the column {missing[0]!r}; it has {', '.join(frame.columns)}")
+        raise ParameterError(
+            f"withheld: answers.csv lacks the column {missing[0]!r}; it has {', '.join(frame.columns)}"
+        )
     return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
 
 
 def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str:
     """Return the score as markdown tables; without `effects` the figures alone."""
-    lines = ["| figure (medium and strong) | value | 95 % interval | n | level | holds |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| figure (medium and strong) | value | 95 % interval | n | level | holds |",
+        "|---|---|---|---|---|---|",
+    ]
     for f in figures:
         value = "-" if f.value is None else f"{f.value:.3f}"
         interval = "[{:.2f}, {:.2f}]".format(*f.interval) if isinstance(f, Share) and f.n else ""
@@ -102,7 +126,10 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
         order += sorted(set(part.strength) - set(order))
         lines += ["", f"| {title} | " + " | ".join(order) + " |", "|---" * (len(order) + 1) + "|"]
         for effect, rows in part.groupby("effect", sort=False):
-            cells = {r["strength"]: f"{r['k']}/{r['n']} [{r['lo']:.2f}, {r['hi']:.2f}]" for r in rows.to_dict("records")}
+            cells = {
+                r["strength"]: f"{r['k']}/{r['n']} [{r['lo']:.2f}, {r['hi']:.2f}]"
+                for r in rows.to_dict("records")
+            }
             lines.append(f"| {effect} | " + " | ".join(cells.get(s, "") for s in order) + " |")
     return "\n".join(lines) + "\n"
 
@@ -130,12 +157,16 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     try:
         frame = pd.read_csv(path)
     except OSError as error:
-        raise ParameterError(f"withheld: {path} cannot be read: {error.strerror}; a file of the check is needed") from None
+        raise ParameterError(
+            f"withheld: {path} cannot be read: {error.strerror}; a file of the check is needed"
+        ) from None
     frame.columns = [str(c).strip().lower() for c in frame.columns]
     frame = frame.dropna(axis="columns", how="all").ffill().bfill()
     missing = [c for c in ("op", "pv") if c not in frame]
     if missing:
-        raise ParameterError(f"withheld: {path} has no {missing[0].upper()}; its columns are {', '.join(frame.columns)}")
+        raise ParameterError(
+            f"withheld: {path} has no {missing[0].upper()}; its columns are {', '.join(frame.columns)}"
+        )
     return frame, read_toml(path.with_suffix(".toml"))
 
 
@@ -163,7 +194,12 @@ def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
         return []
     best = claims.groupby(["id", "right"]).true.max().unstack().reindex(columns=[True, False])
     return [
-        rank("re-simulated shrinkage of candidates: rank correlation with claimed", claims.claimed, claims.true, 0.8),
+        rank(
+            "re-simulated shrinkage of candidates: rank correlation with claimed",
+            claims.claimed,
+            claims.true,
+            0.8,
+        ),
         median("re-simulated shrinkage of the true group, median", best[True]),
         median("re-simulated shrinkage of the best wrong group, median", best[False]),
     ]
@@ -174,4 +210,8 @@ def _cost(folder: Path) -> list[Figure]:
     if not path.exists():
         return []
     cost = pd.read_csv(path)
-    return [Figure("CPU-seconds per record, mean", float(cost.cpu_s.mean()), len(cost))] if len(cost) else []
+    return (
+        [Figure("CPU-seconds per record, mean", float(cost.cpu_s.mean()), len(cost))]
+        if len(cost)
+        else []
+    )

@@ -47,13 +47,17 @@ def open_one(out: Path, name: str, id_: str, order: int) -> Path:
     """Open one test of a record, log it, and return the record it shows; its settings lie beside it."""
     sealed = out / TESTS / f"{name}-{id_}.sealed"
     if not sealed.exists():
-        raise ParameterError(f"withheld: {out} holds no tests; make them with `gap withheld make --tests`")
+        raise ParameterError(
+            f"withheld: {out} holds no tests; make them with `gap withheld make --tests`"
+        )
     log = out / OPENED_LOG
     rows = log.read_text(encoding="utf-8") if log.exists() else "id,order,test\n"
     if f"{name},{order},{id_}\n" not in rows:
         with whole_file(log) as f:
             f.write(f"{rows}{name},{order},{id_}\n")
-    return shown(folder(out / OPENED), f"{name}-{id_}", json.loads(zlib.decompress(sealed.read_bytes())))
+    return shown(
+        folder(out / OPENED), f"{name}-{id_}", json.loads(zlib.decompress(sealed.read_bytes()))
+    )
 
 
 def shown(place: Path, name: str, texts: Mapping[str, str]) -> Path:

@@ -27,15 +27,27 @@ def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]
     from matplotlib.figure import Figure
 
     shares = counts.to_numpy(float) / np.maximum(counts.to_numpy(float).sum(1, keepdims=True), 1)
-    figure = Figure(figsize=(0.36 * shares.shape[1] + 3, 0.32 * shares.shape[0] + 2.6), layout="constrained")
+    figure = Figure(
+        figsize=(0.36 * shares.shape[1] + 3, 0.32 * shares.shape[0] + 2.6), layout="constrained"
+    )
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (i, j), n in np.ndenumerate(counts.to_numpy()):
         if n:
-            axes.text(j, i, str(n), ha="center", va="center", fontsize=7, color="white" if shares[i, j] > 0.5 else "black")
+            axes.text(
+                j,
+                i,
+                str(n),
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if shares[i, j] > 0.5 else "black",
+            )
     axes.set_xticks(range(shares.shape[1]), list(counts.columns), rotation=90, fontsize=8)
-    axes.set_yticks(range(shares.shape[0]), [f"{e} ({n})" for e, n in counts.sum(axis=1).items()], fontsize=8)
+    axes.set_yticks(
+        range(shares.shape[0]), [f"{e} ({n})" for e, n in counts.sum(axis=1).items()], fontsize=8
+    )
     block = [EFFECTS[e].block if e in EFFECTS else e for e in counts.index]
     for i in np.flatnonzero(np.array(block[1:]) != np.array(block[:-1])):
         axes.axhline(i + 0.5, color="0.6", lw=0.8)

@@ -13,7 +13,9 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
 from simbench.loop.effects._alike import Circumstances, circumstances, indistinguishable
 
 
-def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here: Circumstances) -> dict[str, Any]:
+def judge_record(
+    truth: Mapping[str, Any], found: Mapping[str, Any] | None, here: Circumstances
+) -> dict[str, Any]:
     """Compare one answer with the truth."""
     effect, second = _text(truth.get("effect")) or NONE, _text(truth.get("effect2"))
     foreign = effect not in EFFECTS and effect != NONE
@@ -44,7 +46,9 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
         "named": named,
         "named_block": str(found.get("block", "")),
         "probability": probability.get(named, 0.0),
-        "probability_of_group": sum(p for e, p in probability.items() if e in indistinguishable(named, here)),
+        "probability_of_group": sum(
+            p for e, p in probability.items() if e in indistinguishable(named, here)
+        ),
         "first": named in right,
         "in_group": in_group,
         "top3": bool(right & set(order)),
@@ -52,7 +56,8 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
         "block_right": in_group or str(found.get("block", "")) == block,
         "one_of_two": named in accepted,
         "both_top3": kind == "two" and {effect, second} <= set(order),
-        "both_named": kind == "two" and {effect, second} == {str(x["effect"]) for x in found.get("effects") or []},
+        "both_named": kind == "two"
+        and {effect, second} == {str(x["effect"]) for x in found.get("effects") or []},
         "called_unknown": named == UNKNOWN,
         "called_none": named == NONE,
         "resolvable": ratio is None or ratio >= RESOLVABLE,
@@ -75,8 +80,17 @@ def first_three(found: Mapping[str, Any]) -> list[str]:
 def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
     """Return the share of the gap a ranked candidate says it closes, None where the answer has no resolvable gap."""
     gap = found.get("gap") or {}
-    before, after, floor = (_number(x) for x in (candidate.get("gap_before"), candidate.get("gap_after"), gap.get("floor")))
-    if before is None or after is None or floor is None or not gap.get("resolvable") or before <= floor:
+    before, after, floor = (
+        _number(x)
+        for x in (candidate.get("gap_before"), candidate.get("gap_after"), gap.get("floor"))
+    )
+    if (
+        before is None
+        or after is None
+        or floor is None
+        or not gap.get("resolvable")
+        or before <= floor
+    ):
         return None
     return 1.0 - max(after - floor, 0.0) / (before - floor)
 
@@ -86,19 +100,33 @@ def _claims(found: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[
     effects = {e: s for e, s in shares.items() if e in EFFECTS and s is not None}
     if kind != "single":
         return {"claim_right": None, "claim_wrong": None}
-    right, wrong = ([s for e, s in effects.items() if (e in group) is inside] for inside in (True, False))
+    right, wrong = (
+        [s for e, s in effects.items() if (e in group) is inside] for inside in (True, False)
+    )
     return {"claim_right": max(right, default=None), "claim_wrong": max(wrong, default=None)}
 
 
 def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float | None:
     """Largest relative error over the effect's numbers that are not at their identity; J excepted, R by its logarithm."""
-    mine = next((x.get("parameters") or {} for x in found.get("effects") or [] if x.get("effect") == effect), None)
+    mine = next(
+        (
+            x.get("parameters") or {}
+            for x in found.get("effects") or []
+            if x.get("effect") == effect
+        ),
+        None,
+    )
     if not isinstance(truth, Mapping) or mine is None:
         return None
     errors = []
     for name, quantity in EFFECTS[effect].parameters.items():
         true, got = _number(truth.get(name)), _number(mine.get(name))
-        if not isinstance(quantity, Number) or name in ("J", "c") or true is None or true == quantity.identity:
+        if (
+            not isinstance(quantity, Number)
+            or name in ("J", "c")
+            or true is None
+            or true == quantity.identity
+        ):
             continue
         got = quantity.identity if got is None else got
         if name == "R":
@@ -107,16 +135,24 @@ def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float
     return max(errors, default=None)
 
 
-def true_circumstances(truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame) -> Circumstances:
+def true_circumstances(
+    truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame
+) -> Circumstances:
     """Return what decides the true effect's group, from baseline, record and the row of answers.csv."""
-    signal = {c: record[c].to_numpy(float) if c in record else None for c in ("sp", "op", "pv", "mv")}
+    signal = {
+        c: record[c].to_numpy(float) if c in record else None for c in ("sp", "op", "pv", "mv")
+    }
     p, noise = truth.get("parameters"), float(baseline.get("noise", {}).get("std", 0.0))
     effect, p = _text(truth.get("effect")), p if isinstance(p, Mapping) else None
     return circumstances(baseline.get("plant", {}), noise, **signal, effect=effect, parameters=p)
 
 
 def _text(value: Any) -> str:
-    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else str(value).strip()
+    return (
+        ""
+        if value is None or (isinstance(value, float) and math.isnan(value))
+        else str(value).strip()
+    )
 
 
 def _number(value: Any) -> float | None:

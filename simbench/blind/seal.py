@@ -43,7 +43,9 @@ def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
     """Open sealed bytes and check them against the commitment."""
     plain = _mix(content, key)
     if not matches(salt + plain, commitment):
-        raise ParameterError("withheld: the answers do not match the commitment; they, the key or the commitment were changed")
+        raise ParameterError(
+            "withheld: the answers do not match the commitment; they, the key or the commitment were changed"
+        )
     return plain.decode()
 
 
@@ -74,11 +76,15 @@ def read(folder: Path, key: Path) -> str:
         published = (folder / COMMITMENT).read_text(encoding="utf-8").strip()
         secret, salt = bytes.fromhex(parts["key"]), bytes.fromhex(parts["salt"])
     except OSError as error:
-        raise ParameterError(f"withheld: {error.filename} cannot be read: {error.strerror}") from None
+        raise ParameterError(
+            f"withheld: {error.filename} cannot be read: {error.strerror}"
+        ) from None
     except (ValueError, KeyError, TypeError):
         raise ParameterError(f"withheld: {key} is no key file") from None
     if published != parts.get("commitment"):
-        raise ParameterError(f"withheld: the commitment in {folder} is not the one of the key {key}")
+        raise ParameterError(
+            f"withheld: the commitment in {folder} is not the one of the key {key}"
+        )
     return _unseal(content, secret, salt, published)
 
 

@@ -30,7 +30,12 @@ class _Worlds(PluginFolder):
         return self._checked(module, name)
 
 
-WORLDS = _Worlds("world", "simbench.blind.worlds", "simbench.worlds", ("TITLE", "FOREIGN", "Item", "draw", "simulate"))
+WORLDS = _Worlds(
+    "world",
+    "simbench.blind.worlds",
+    "simbench.worlds",
+    ("TITLE", "FOREIGN", "Item", "draw", "simulate"),
+)
 OWN = "own"
 # in this order since the first set was sealed: a seed means the same records for ever, whatever effects are added or installed
 PLANNED = (

@@ -38,14 +38,19 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def about(
-    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")
+    ] = False,
 ) -> None:
     """A closed-loop testbench for valve-stiction detectors."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
-    return exit_code(lambda: _command(arguments), ["simbench", *(sys.argv[1:] if arguments is None else arguments)])
+    return exit_code(
+        lambda: _command(arguments),
+        ["simbench", *(sys.argv[1:] if arguments is None else arguments)],
+    )
 
 
 def entry() -> None:
@@ -58,7 +63,9 @@ def _command(arguments: list[str] | None) -> int | None:
     try:
         return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
     except CommandError as error:
-        raise ParameterError(_usage(error, sys.argv[1:] if arguments is None else arguments)) from None
+        raise ParameterError(
+            _usage(error, sys.argv[1:] if arguments is None else arguments)
+        ) from None
     except typer.Abort as error:
         raise KeyboardInterrupt(str(error)) from None
 

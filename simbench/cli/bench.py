@@ -45,15 +45,28 @@ AllowFailed = Annotated[
 ]  # fmt: skip
 
 
-@app.command(epilog=examples("run smoke -o runs/smoke", "run chapter -o runs/chapter -j 2 --method fast,oracle --resume"))
+@app.command(
+    epilog=examples(
+        "run smoke -o runs/smoke", "run chapter -o runs/chapter -j 2 --method fast,oracle --resume"
+    )
+)
 def run(
-    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")] = None,
+    grid: Annotated[
+        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    ],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")
+    ] = None,
     jobs: Jobs = 1,
     method: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle].")
+        list[str] | None,
+        typer.Option(
+            metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle]."
+        ),
     ] = None,
-    raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Only without the oscillation front end.")
+    ] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
@@ -61,19 +74,37 @@ def run(
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
-    address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
-    until_width: Annotated[
-        float | None, typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow.")
+    backend: Annotated[
+        str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")
+    ] = "loky",
+    address: Annotated[
+        str | None, typer.Option(metavar="URL", help="Of a running scheduler.")
     ] = None,
-    sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
-    axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an earlier run stopped.")
+    ] = False,
+    until_width: Annotated[
+        float | None,
+        typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow."),
+    ] = None,
+    sets: Annotated[
+        list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")
+    ] = None,
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable."),
+    ] = None,
     thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
-    large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
-    fresh_seeds: Annotated[bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")] = False,
-    sealed: Annotated[bool, typer.Option("--sealed", hidden=True)] = False,  # the former name of --fresh-seeds
+    large: Annotated[
+        bool, typer.Option("--large", help="Yes, more than a million scenarios.")
+    ] = False,
+    fresh_seeds: Annotated[
+        bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")
+    ] = False,
+    sealed: Annotated[
+        bool, typer.Option("--sealed", hidden=True)
+    ] = False,  # the former name of --fresh-seeds
     full: Full = False,
     as_json: Json = False,
 ) -> None:
@@ -84,8 +115,13 @@ def run(
     from simbench.bench.score.scoring import score_run
 
     if out is not None and str(out).startswith("memory:/"):
-        raise ParameterError(f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed")
-    axes = {k: [number(v) for v in str(values).split(",")] for k, values in pairs(axis or [], "--axis", text=True).items()}
+        raise ParameterError(
+            f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed"
+        )
+    axes = {
+        k: [number(v) for v in str(values).split(",")]
+        for k, values in pairs(axis or [], "--axis", text=True).items()
+    }
     with _interruptible():
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
@@ -104,22 +140,43 @@ def run(
     _end(failed, allow_failed)
 
 
-@app.command("map", epilog=examples("map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"))
+@app.command(
+    "map",
+    epilog=examples(
+        "map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"
+    ),
+)
 def map_of_grid(
-    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
+    grid: Annotated[
+        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write.")],
     points: Annotated[
-        int | None, typer.Option(min=1, help="Scenarios to simulate [10 % of the grid, 200 at least, 10000 at most].")
+        int | None,
+        typer.Option(
+            min=1, help="Scenarios to simulate [10 % of the grid, 200 at least, 10000 at most]."
+        ),
     ] = None,
     method: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast].")
+        list[str] | None,
+        typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast]."),
     ] = None,
-    x: Annotated[str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from left to right.")] = None,
-    y: Annotated[str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")] = None,
+    x: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from left to right.")
+    ] = None,
+    y: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")
+    ] = None,
     jobs: Jobs = 1,
-    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="What simulates the scenarios.")] = "loky",
-    address: Annotated[str | None, typer.Option(metavar="URL", help="Address of a running scheduler.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue a map that was interrupted.")] = False,
+    backend: Annotated[
+        str, typer.Option(metavar="loky|dask|ray", help="What simulates the scenarios.")
+    ] = "loky",
+    address: Annotated[
+        str | None, typer.Option(metavar="URL", help="Address of a running scheduler.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a map that was interrupted.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its axes."""
@@ -128,24 +185,52 @@ def map_of_grid(
 
     with _interruptible():
         found = map_grid(
-            grid, out, points, tuple(method or ["fast"]), x, y, jobs=jobs, backend=backend, address=address, resume=resume
+            grid,
+            out,
+            points,
+            tuple(method or ["fast"]),
+            x,
+            y,
+            jobs=jobs,
+            backend=backend,
+            address=address,
+            resume=resume,
         )
     draw_map(found)
     show(found.methods if as_json else found.as_text(), as_json)
 
 
-@app.command(epilog=examples("score runs/chapter --report report.html", "score runs/chapter --truth predicted --full"))
+@app.command(
+    epilog=examples(
+        "score runs/chapter --report report.html", "score runs/chapter --truth predicted --full"
+    )
+)
 def score(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
-    raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
-    against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario.")] = None,
-    paired: Annotated[bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")] = False,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario."),
+    ] = None,
+    paired: Annotated[
+        bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")
+    ] = False,
     cost: Annotated[
-        float, typer.Option("--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1.")
+        float,
+        typer.Option(
+            "--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1."
+        ),
     ] = 0.5,
     truth: Annotated[
-        str, typer.Option(metavar="cycled|predicted|sticky", help="The label that answers are compared with.")
+        str,
+        typer.Option(
+            metavar="cycled|predicted|sticky", help="The label that answers are compared with."
+        ),
     ] = "cycled",
     allow_failed: AllowFailed = 0.0,
     full: Full = False,
@@ -170,7 +255,11 @@ def score(
         from simbench.bench.score.compare import compare
 
         comparison = compare(folder, against, truth, raw)
-        content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
+        content = (
+            {**content, "comparison": comparison.as_json()}
+            if as_json
+            else f"{content}\n\n{comparison.as_text()}"
+        )
     show(content, as_json)
     if report is not None:
         from simbench.report import write_report
@@ -185,12 +274,23 @@ def score(
 def check(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
-    junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
-    markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
-    update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
-    margin: Annotated[float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")
+    ] = None,
+    update: Annotated[
+        bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")
+    ] = False,
+    margin: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")
+    ] = 0.01,
     exact: Annotated[
-        bool, typer.Option("--exact", help="Fail on every changed verdict of a built-in method, and list them.")
+        bool,
+        typer.Option(
+            "--exact", help="Fail on every changed verdict of a built-in method, and list them."
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -213,16 +313,23 @@ def check(
         raise typer.Exit(1)
 
 
-@app.command(epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2"))
+@app.command(
+    epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2")
+)
 def verify(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     share: Annotated[
         float,
-        typer.Option(help="Share of the scenarios to simulate and judge again; at least 1000 by fast methods, 100 by others."),
+        typer.Option(
+            help="Share of the scenarios to simulate and judge again; at least 1000 by fast methods, 100 by others."
+        ),
     ] = 0.05,
     jobs: Jobs = 1,
     plugin: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable.")
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable."
+        ),
     ] = None,
     time_limit: Limit = 60.0,
     as_json: Json = False,
@@ -238,8 +345,12 @@ def verify(
 
 @app.command(epilog=examples("history results/baseline -o history.svg"))
 def history(
-    baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path("results/baseline"),
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")] = None,
+    baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path(
+        "results/baseline"
+    ),
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show how accuracy moved over the baselines kept."""
@@ -257,10 +368,16 @@ def history(
 @app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
 def calibrate(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
-    false_alarm: Annotated[float, typer.Option(help="Wanted share of healthy loops called sticky.")] = 0.05,
-    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable.")] = None,
+    false_alarm: Annotated[
+        float, typer.Option(help="Wanted share of healthy loops called sticky.")
+    ] = 0.05,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable.")
+    ] = None,
     jobs: Jobs = 1,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Find each method's threshold for a wanted false-alarm rate."""
@@ -293,7 +410,9 @@ def worst(
 def figure(
     ids: Annotated[list[str], typer.Argument(metavar="ID|all", help="Figure ids.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
-    run_folder: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")] = None,
+    run_folder: Annotated[
+        Path | None, typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")
+    ] = None,
     isdb: Annotated[Path | None, typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -302,7 +421,12 @@ def figure(
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
-    show(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
+    show(
+        rows
+        if as_json
+        else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows),
+        as_json,
+    )
 
 
 @contextlib.contextmanager

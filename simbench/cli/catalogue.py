@@ -14,7 +14,11 @@ from simbench.cli.common import Json, app, examples, show
 @app.command(epilog=examples("contract my_detector.py"))
 def contract(
     path: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).",
+        ),
     ],
     as_json: Json = False,
 ) -> None:
@@ -29,17 +33,29 @@ def contract(
 
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
-    what: Annotated[str | None, typer.Argument(help="detectors, valves, grids, effects or figures.")] = None,
+    what: Annotated[
+        str | None, typer.Argument(help="detectors, valves, grids, effects or figures.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List what there is, one line and source each."""
     from simbench.catalogue import LISTED_KINDS, catalogue
 
     if what is None:
-        show(list(LISTED_KINDS) if as_json else "\n".join(f"simbench list {kind}" for kind in LISTED_KINDS), as_json)
+        show(
+            list(LISTED_KINDS)
+            if as_json
+            else "\n".join(f"simbench list {kind}" for kind in LISTED_KINDS),
+            as_json,
+        )
         return
     if what not in LISTED_KINDS:
         raise ParameterError(f"nothing to list under {what!r}: {nearest(what, LISTED_KINDS)}")
     rows = catalogue(what)
     width = max((len(r["name"]) for r in rows), default=0)
-    show(rows if as_json else "\n".join(f"{r['name']:<{width}}  {r['says']} [{r['source']}]" for r in rows), as_json)
+    show(
+        rows
+        if as_json
+        else "\n".join(f"{r['name']:<{width}}  {r['says']} [{r['source']}]" for r in rows),
+        as_json,
+    )

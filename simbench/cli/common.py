@@ -24,11 +24,19 @@ _BARE: dict[str, Any] = {
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
 }
-app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_BARE, "add_completion": True})
-confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_BARE)
+app = typer.Typer(
+    help="A closed-loop testbench for valve-stiction detectors.",
+    **{**_BARE, "add_completion": True},
+)
+confirm_app = typer.Typer(
+    help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.",
+    **_BARE,
+)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
-exam_app = typer.Typer(help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE)
+exam_app = typer.Typer(
+    help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE
+)
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
@@ -43,57 +51,121 @@ def examples(*lines: str) -> str:
 def _workers(jobs: int) -> int:
     most = max(64, 4 * (os.cpu_count() or 1))
     if jobs == 0 or jobs < -1 or jobs > most:
-        raise ParameterError(f"-j {jobs}; worker processes are 1 to {most}, or -1 for one on every core")
+        raise ParameterError(
+            f"-j {jobs}; worker processes are 1 to {most}, or -1 for one on every core"
+        )
     return jobs
 
 
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Full = Annotated[bool, typer.Option("--full", help="Print every table.")]
-Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
-Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further detector; repeatable.")]
-Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario.")]
-ValvePlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable.")]
-EffectPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")]
-PlantPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further plant; repeatable.")]
+Jobs = Annotated[
+    int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
+]
+Plugin = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE.py", help="File of a further detector; repeatable."),
+]
+Limit = Annotated[
+    float,
+    typer.Option(
+        "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
+    ),
+]
+ValvePlugin = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable."),
+]
+EffectPlugin = Annotated[
+    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")
+]
+PlantPlugin = Annotated[
+    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further plant; repeatable.")
+]
 ControllerPlugin = Annotated[
-    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further controller; repeatable.")
+    list[Path] | None,
+    typer.Option(metavar="FILE.py", help="File of a further controller; repeatable."),
 ]
 Thresholds = Annotated[
-    Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
+    Path | None,
+    typer.Option(
+        metavar="FILE.json",
+        help="Other thresholds than the published ones, as calibrate writes them.",
+    ),
 ]
-Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
+Span = Annotated[
+    tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
+]
 _READING: dict[str, Any] = {
     "process": Annotated[str | None, typer.Option(help="self-regulating or integrating.")],
-    "kind": Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")],
+    "kind": Annotated[
+        str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")
+    ],
     "op_span": Span,
     "pv_span": Span,
-    "columns": Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable.")],
-    "Ts": Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")],
-    "tag": Annotated[str | None, typer.Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1.")],
+    "columns": Annotated[
+        list[str] | None,
+        typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
+    ],
+    "Ts": Annotated[
+        float | None,
+        typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
+    ],
+    "tag": Annotated[
+        str | None,
+        typer.Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
+    ],
     "longest_segment": Annotated[
-        bool | None, typer.Option("--longest-segment", help="Of a record with long gaps, take the longest part without one.")
+        bool | None,
+        typer.Option(
+            "--longest-segment",
+            help="Of a record with long gaps, take the longest part without one.",
+        ),
     ],
     "loops": Annotated[
-        Path | None, typer.Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag.")
+        Path | None,
+        typer.Option(
+            metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."
+        ),
     ],
 }
-Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
-FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
-World = Annotated[str, typer.Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")]
+Power = Annotated[
+    bool,
+    typer.Option(
+        "--power", help="Also say what this record could have shown, from twins of its loop."
+    ),
+]
+FrontEnd = Annotated[
+    str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
+]
+World = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME", help="Plant simulator that draws the records: a name, or a module."
+    ),
+]
 
 
 def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a verb the options that say how a record is read and what is known of it; it takes them as `about`."""
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
-        said = typer.Option("--tag", "--loop", metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1.")
+        said = typer.Option(
+            "--tag",
+            "--loop",
+            metavar="TAG",
+            help="Loop of a file with several: FIC101, chemicals.loop1.",
+        )
         options["tag"] = Annotated[str | None, said]
 
     def given(verb: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(verb, eval_str=True)
         named = inspect.Parameter.KEYWORD_ONLY
         kept = [p.replace(kind=named) for name, p in own.parameters.items() if name != "about"]
-        added = [inspect.Parameter(name, named, default=None, annotation=kind) for name, kind in options.items()]
+        added = [
+            inspect.Parameter(name, named, default=None, annotation=kind)
+            for name, kind in options.items()
+        ]
 
         @functools.wraps(verb)
         def asked(**values: Any) -> None:
@@ -101,10 +173,14 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
             about = {name: values.pop(name, None) for name in options}
             about["columns"] = column_pairs(about["columns"])
-            verb(**values, about={name: value for name, value in about.items() if value is not None})
+            verb(
+                **values, about={name: value for name, value in about.items() if value is not None}
+            )
 
         last = [p for p in kept if p.name == "as_json"]
-        asked.__signature__ = own.replace(parameters=[*(p for p in kept if p not in last), *added, *last])  # pyright: ignore[reportAttributeAccessIssue]
+        asked.__signature__ = own.replace(
+            parameters=[*(p for p in kept if p not in last), *added, *last]
+        )  # pyright: ignore[reportAttributeAccessIssue]
         asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
         return asked
 
@@ -124,7 +200,11 @@ def method_completion(incomplete: str) -> list[str]:
     """Return the method ids that begin so."""
     from detectors.plugins.registry import methods
 
-    return [name for name in ("all", "fast", "full", *methods.names(), *methods.lent) if name.startswith(incomplete)]
+    return [
+        name
+        for name in ("all", "fast", "full", *methods.names(), *methods.lent)
+        if name.startswith(incomplete)
+    ]
 
 
 def grid_completion(incomplete: str) -> list[str]:
@@ -152,16 +232,28 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ParameterError(f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+        raise ParameterError(
+            f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}"
+        ) from None
     except (ValueError, RecursionError) as error:
         said = " ".join(str(error).split())[:200]
-        raise ParameterError(f"thresholds {path} are no JSON ({said}); a table of method ids is needed") from None
+        raise ParameterError(
+            f"thresholds {path} are no JSON ({said}); a table of method ids is needed"
+        ) from None
     if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
-        raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
+        raise ParameterError(
+            f"thresholds {path}: a table of method ids to tables of numbers is needed"
+        )
     for method, values in found.items():
         for name, value in values.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e60:
-                raise ParameterError(f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is needed")
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, (int, float))
+                or not abs(value) <= 1e60
+            ):
+                raise ParameterError(
+                    f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is needed"
+                )
     return found
 
 
@@ -173,7 +265,9 @@ def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
         if not equals or not name:
             raise ParameterError(f"{option} {word!r}: NAME=VALUE is needed")
         if name in pairs:
-            raise ParameterError(f"{option} {word!r}: {name} = {pairs[name]} was given already; once is allowed")
+            raise ParameterError(
+                f"{option} {word!r}: {name} = {pairs[name]} was given already; once is allowed"
+            )
         pairs[name] = value if text else number(value)
     return pairs
 

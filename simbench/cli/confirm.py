@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from detectors.errors import ParameterError, naming
-from simbench.cli.common import Json, confirm_app, examples, reads, refuse_picture, say_assumed, show
+from simbench.cli.common import (
+    Json,
+    confirm_app,
+    examples,
+    reads,
+    refuse_picture,
+    say_assumed,
+    show,
+)
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
@@ -18,10 +26,17 @@ if TYPE_CHECKING:
 @reads()
 def gain_change(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
-    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    records: Annotated[
+        tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")
+    ] = None,
     ratio: Annotated[
         float | None,
-        typer.Option("--ratio", "--factor", metavar="R", help="New gain over old; read off the records when absent."),
+        typer.Option(
+            "--ratio",
+            "--factor",
+            metavar="R",
+            help="New gain over old; read off the records when absent.",
+        ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
@@ -53,7 +68,9 @@ def gain_change(
 @reads()
 def travel(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
-    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
     *,

@@ -35,21 +35,36 @@ from simbench.cli.common import (
 )
 @reads(also_loop=True)
 def detect(
-    path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
+    path: Annotated[
+        Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")
+    ],
     method: Annotated[
         list[str] | None,
-        typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.", autocompletion=method_completion),
+        typer.Option(
+            metavar="ID",
+            help="Method ids, all, fast or full; repeatable.",
+            autocompletion=method_completion,
+        ),
     ] = None,
-    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="Table with id and label: judge and score its records.")
+    ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
     power: Power = False,
-    why: Annotated[bool, typer.Option("--why", help="Each method's reason below the table.")] = False,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")] = None,
-    html: Annotated[Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")] = None,
+    why: Annotated[
+        bool, typer.Option("--why", help="Each method's reason below the table.")
+    ] = False,
+    csv: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write."),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")
+    ] = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -62,7 +77,9 @@ def detect(
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     asked = method or ["all"]
     # single methods are asked for their own verdicts, and answer at once
-    weighed = not as_json and {"all", "full", "likelihood"} & {one.strip() for text in asked for one in text.split(",")}
+    weighed = not as_json and {"all", "full", "likelihood"} & {
+        one.strip() for text in asked for one in text.split(",")
+    }
     report = judge_files(
         path, asked, labels=labels, raw=raw, front_end=front_end, plugins=plugin or [],
         thresholds=threshold_file(thresholds), time_limit=time_limit, conclude=_conclude if weighed else None, **about,
@@ -73,7 +90,10 @@ def detect(
         print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
-    show(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
+    show(
+        report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
+        as_json,
+    )
     if labels is not None and report.conclusions:
         from detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
@@ -98,7 +118,9 @@ def detect(
 @reads()
 def diagnose(
     path: Annotated[Path, typer.Argument(metavar="REC.csv")],
-    picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")
+    ] = None,
     power: Power = False,
     as_json: Json = False,
     *,
@@ -117,7 +139,12 @@ def diagnose(
         from simbench.figures import draw_path
 
         draw_path(diagnosis, picture)
-    text = [*concluded.as_lines(), "Causes weighed:", *causes.as_lines(), "The chapter's procedure, one method among others:"]
+    text = [
+        *concluded.as_lines(),
+        "Causes weighed:",
+        *causes.as_lines(),
+        "The chapter's procedure, one method among others:",
+    ]
     whole = diagnosis.as_json()
     own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
     more = {
@@ -141,4 +168,6 @@ def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) ->
     from simbench.plant.command import power_lines
 
     # beside JSON nothing else may stand on stdout
-    print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)
+    print(
+        "\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout
+    )

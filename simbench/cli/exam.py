@@ -11,15 +11,29 @@ import typer
 from simbench.cli.common import Full, Jobs, Json, Plugin, exam_app, examples, grid_completion, show
 
 Folder = Annotated[Path, typer.Argument(metavar="EXAM", help="Folder of the exam.")]
-Key = Annotated[Path, typer.Option(metavar="FILE", help="File of the key, outside the folder of the exam.")]
+Key = Annotated[
+    Path, typer.Option(metavar="FILE", help="File of the key, outside the folder of the exam.")
+]
 
 
-@exam_app.command(epilog=examples("exam make ci -o exam --key exam.key", "exam make ci -o exam --key exam.key --n 200 -j 2"))
+@exam_app.command(
+    epilog=examples(
+        "exam make ci -o exam --key exam.key", "exam make ci -o exam --key exam.key --n 200 -j 2"
+    )
+)
 def make(
-    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new.")],
+    grid: Annotated[
+        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new."),
+    ],
     key: Key,
-    n: Annotated[int | None, typer.Option("--n", metavar="N", help="Number of records, drawn at random [all].")] = None,
+    n: Annotated[
+        int | None,
+        typer.Option("--n", metavar="N", help="Number of records, drawn at random [all]."),
+    ] = None,
     jobs: Jobs = 1,
     seed: Annotated[int | None, typer.Option(min=0, hidden=True)] = None,
 ) -> None:
@@ -30,29 +44,50 @@ def make(
 
 
 @exam_app.command(
-    epilog=examples("exam answer exam -o answers.csv -j 2", "exam answer exam -o mine.csv --plugin mine.py --method mine")
+    epilog=examples(
+        "exam answer exam -o answers.csv -j 2",
+        "exam answer exam -o mine.csv --plugin mine.py --method mine",
+    )
 )
 def answer(
     folder: Folder,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")],
-    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable [fast].")] = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")
+    ],
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ID", help="Method ids, fast or full; repeatable [fast]."),
+    ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier call stopped.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an earlier call stopped.")
+    ] = False,
 ) -> None:
     """Ask detectors about every record of an exam."""
     from simbench.bench.exam.answering import answer_exam
 
-    print(f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records answered: {out}")
+    print(
+        f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records answered: {out}"
+    )
 
 
-@exam_app.command("open", epilog=examples("exam open exam --key exam.key answers.csv mine.csv --report report.html"))
+@exam_app.command(
+    "open",
+    epilog=examples("exam open exam --key exam.key answers.csv mine.csv --report report.html"),
+)
 def open_(
     folder: Folder,
-    answers: Annotated[list[Path], typer.Argument(metavar="ANSWERS.csv...", help="Files of answers.")],
+    answers: Annotated[
+        list[Path], typer.Argument(metavar="ANSWERS.csv...", help="Files of answers.")
+    ],
     key: Key,
-    labels: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Truth of every record to write.")] = None,
-    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(metavar="FILE.csv", help="Truth of every record to write.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")
+    ] = None,
     jobs: Jobs = 1,
     full: Full = False,
     as_json: Json = False,
@@ -64,17 +99,31 @@ def open_(
     from simbench.bench.score.scoring import score_run
     from simbench.files import refuse_own_input, write_table
 
-    refuse_own_input([labels, report], [*(folder / name for name in (EXAM, LOOPS, RECORDS)), key, *answers])
+    refuse_own_input(
+        [labels, report], [*(folder / name for name in (EXAM, LOOPS, RECORDS)), key, *answers]
+    )
     with opened_exam(folder, key, answers, jobs) as opened:
         scores, missing = score_run(opened.run), opened.missing
-        told = {**scores.as_json(), "failed": read_failures(opened.run).as_json(), "missing": missing}
-        lines = [f"{name} left out {count} records, which count as no decision" for name, count in missing.items()]
+        told = {
+            **scores.as_json(),
+            "failed": read_failures(opened.run).as_json(),
+            "missing": missing,
+        }
+        lines = [
+            f"{name} left out {count} records, which count as no decision"
+            for name, count in missing.items()
+        ]
         if labels is not None:
             write_table(opened.labels, labels)
         if report is not None:
             from simbench.report import write_report
 
             write_report(opened.run, report)
-        show(told if as_json else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)]), as_json)
+        show(
+            told
+            if as_json
+            else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)]),
+            as_json,
+        )
         if report is not None:
             print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)

@@ -9,31 +9,62 @@ from typing import Annotated
 import typer
 
 from detectors.errors import ParameterError
-from simbench.cli.common import EffectPlugin, Jobs, Json, World, examples, gap_app, pairs, reads, show, withheld_app
+from simbench.cli.common import (
+    EffectPlugin,
+    Jobs,
+    Json,
+    World,
+    examples,
+    gap_app,
+    pairs,
+    reads,
+    show,
+    withheld_app,
+)
 
 
 @gap_app.command(
-    "diagnose", epilog=examples("gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml")
+    "diagnose",
+    epilog=examples(
+        "gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"
+    ),
 )
 @reads()
 def gap_diagnose(
-    records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")],
+    records: Annotated[
+        list[Path],
+        typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together."),
+    ],
     baseline: Annotated[
         Path | None,
-        typer.Option(metavar="LOOP.toml", help="The simulation that does not fit; [plant] or [controller] may be missing."),
+        typer.Option(
+            metavar="LOOP.toml",
+            help="The simulation that does not fit; [plant] or [controller] may be missing.",
+        ),
     ] = None,
-    identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
+    identify: Annotated[
+        bool, typer.Option("--identify", help="No baseline: estimate one from the record.")
+    ] = False,
     test: Annotated[
         list[str] | None,
-        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test of the same loop in other operation; repeatable."),
+        typer.Option(
+            metavar="REC.csv[:SETTINGS.toml]",
+            help="A test of the same loop in other operation; repeatable.",
+        ),
     ] = None,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
-    write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
-    picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
+    write_loop: Annotated[
+        Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")
+    ] = None,
     effect_plugin: EffectPlugin = None,
-    window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
+    window: Annotated[
+        tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")
+    ] = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -50,15 +81,27 @@ def gap_diagnose(
     show(report.as_json() if as_json else report.as_text(), as_json)
 
 
-@gap_app.command("plan", epilog=examples("gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html"))
+@gap_app.command(
+    "plan",
+    epilog=examples("gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html"),
+)
 @reads()
 def gap_plan(
-    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="The record that is not yet explained.")],
-    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
-    limits: Annotated[Path | None, typer.Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")] = None,
+    record: Annotated[
+        Path, typer.Argument(metavar="REC.csv", help="The record that is not yet explained.")
+    ],
+    baseline: Annotated[
+        Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")
+    ],
+    limits: Annotated[
+        Path | None,
+        typer.Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time."),
+    ] = None,
     test: Annotated[
         list[str] | None,
-        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."),
+        typer.Option(
+            metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."
+        ),
     ] = None,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
     as_json: Json = False,
@@ -72,18 +115,32 @@ def gap_plan(
     show(found.as_json() if as_json else found.as_text(), as_json)
 
 
-@gap_app.command("predict", epilog=examples("gap predict rec.csv --baseline loop.toml --set controller.Kc=2"))
+@gap_app.command(
+    "predict", epilog=examples("gap predict rec.csv --baseline loop.toml --set controller.Kc=2")
+)
 @reads()
 def gap_predict(
-    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop as it runs now.")],
-    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected.")],
+    record: Annotated[
+        Path, typer.Argument(metavar="REC.csv", help="Record of the loop as it runs now.")
+    ],
+    baseline: Annotated[
+        Path,
+        typer.Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected."),
+    ],
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Setting of controller or setpoint to change; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Setting of controller or setpoint to change; repeatable.",
+        ),
     ] = None,
     test: Annotated[
         list[str] | None,
-        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test of the same loop in other operation; repeatable."),
+        typer.Option(
+            metavar="REC.csv[:SETTINGS.toml]",
+            help="A test of the same loop in other operation; repeatable.",
+        ),
     ] = None,
     as_json: Json = False,
     *,
@@ -92,18 +149,27 @@ def gap_predict(
     """Predict what PV and OP will do under other settings, with 90 % intervals and whether the record supports them."""
     from simbench.gap.command import predict_file
 
-    found = predict_file(record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about)
+    found = predict_file(
+        record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
+    )
     show(found.as_json() if as_json else found.as_text(), as_json)
 
 
 @gap_app.command(
-    "discover", epilog=examples("gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html")
+    "discover",
+    epilog=examples(
+        "gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html"
+    ),
 )
 @reads()
 def gap_discover(
     record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop.")],
-    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
-    write_effect: Annotated[Path | None, typer.Option(metavar="FILE.py", help="The law as an effect to simulate.")] = None,
+    baseline: Annotated[
+        Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")
+    ],
+    write_effect: Annotated[
+        Path | None, typer.Option(metavar="FILE.py", help="The law as an effect to simulate.")
+    ] = None,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
     as_json: Json = False,
     *,
@@ -122,7 +188,9 @@ def leave_out_(
     world: World = "own",
     n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
     seed: Annotated[int, typer.Option(min=0)] = 0,
-    tests: Annotated[int, typer.Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")] = 0,
+    tests: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")
+    ] = 0,
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
@@ -134,13 +202,22 @@ def leave_out_(
     show(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
 
 
-@gap_app.command("study", epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"))
+@gap_app.command(
+    "study",
+    epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"),
+)
 def gap_study(
     records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
     grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
-    labels: Annotated[Path | None, typer.Option(help="Table with id and label: its records, by unit.")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")] = None,
-    write_grid: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="Table with id and label: its records, by unit.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")
+    ] = None,
+    write_grid: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")
+    ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
@@ -156,10 +233,15 @@ def make(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     key: Annotated[Path, typer.Option(help="File for the key to the answers, outside DIR.")],
     seed: Annotated[int, typer.Option(min=0)],
-    n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
+    n: Annotated[
+        int, typer.Option("-n", "--records", min=100, help="About how many records.")
+    ] = 600,
     jobs: Jobs = 1,
     world: World = "own",
-    tests: Annotated[bool, typer.Option("--tests", help="With what every test of the menu would show of each record.")] = False,
+    tests: Annotated[
+        bool,
+        typer.Option("--tests", help="With what every test of the menu would show of each record."),
+    ] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
     from simbench.blind.making import make as write
@@ -173,7 +255,10 @@ def answer(
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     world: World = "own",
-    tests: Annotated[int, typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")] = 0,
+    tests: Annotated[
+        int,
+        typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2."),
+    ] = 0,
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
     from simbench.blind.answering import answer as diagnose_all
@@ -185,8 +270,12 @@ def answer(
 @withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))
 def open_sealed(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
-    key: Annotated[Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
-    scores: Annotated[Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    key: Annotated[
+        Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")
+    ] = None,
+    scores: Annotated[
+        Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")
+    ] = None,
     world: World = "own",
     as_json: Json = False,
 ) -> None:
@@ -194,4 +283,7 @@ def open_sealed(
     from simbench.blind.opening import open_ as score_answers
 
     found = score_answers(out, key, scores, world)
-    show({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
+    show(
+        {k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"],
+        as_json,
+    )

@@ -10,12 +10,19 @@ import typer
 from simbench.cli.common import Jobs, Json, app, examples, reads, say_assumed, show
 
 
-@app.command("trust", epilog=examples("trust rec.csv", "trust rec.csv --loop loop.toml --html trust.html"))
+@app.command(
+    "trust", epilog=examples("trust rec.csv", "trust rec.csv --loop loop.toml --html trust.html")
+)
 @reads()
 def trust_(
     path: Annotated[Path, typer.Argument(metavar="REC.csv")],
-    loop: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")] = None,
-    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.")] = None,
+    loop: Annotated[
+        Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable."),
+    ] = None,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
     as_json: Json = False,
     *,
@@ -30,16 +37,34 @@ def trust_(
 
 
 @app.command(
-    "report", epilog=examples("report folder -o plant.html --orders orders.xlsx", "report week2 -o w2/page.html --previous w1")
+    "report",
+    epilog=examples(
+        "report folder -o plant.html --orders orders.xlsx",
+        "report week2 -o w2/page.html --previous w1",
+    ),
 )
 @reads()
 def report_(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several.")],
-    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge its records.")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path("report.html"),
-    orders: Annotated[Path | None, typer.Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")] = None,
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="Records of a plant's loops, or a file with several."
+        ),
+    ],
+    labels: Annotated[
+        Path | None, typer.Option(help="Table with id and label: judge its records.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")
+    ] = Path("report.html"),
+    orders: Annotated[
+        Path | None, typer.Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")
+    ] = None,
     previous: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Of last week's report: causes that return are said to.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Of last week's report: causes that return are said to."
+        ),
     ] = None,
     jobs: Jobs = 2,
     *,
@@ -48,7 +73,9 @@ def report_(
     """Put a plant's loops on one page: who must do what, ranked by what the cause costs and how sure it is."""
     from simbench.plant.command import report_folder
 
-    fleet, beside = report_folder(folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about)
+    fleet, beside = report_folder(
+        folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
+    )
     print(fleet.as_text())
     say_assumed([m.found.record for m in fleet.members], as_json=False)
     print(f"page: {out.resolve()}; table: {beside.resolve()}")

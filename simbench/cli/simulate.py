@@ -22,13 +22,19 @@ from simbench.cli.common import (
 )
 
 
-@app.command(epilog=examples("simulate loop.toml -o rec.csv --seed 1", "simulate --from runs/ci --id ID -o rec.csv"))
+@app.command(
+    epilog=examples(
+        "simulate loop.toml -o rec.csv --seed 1", "simulate --from runs/ci --id ID -o rec.csv"
+    )
+)
 def simulate(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml", help="Loop file.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Record to write (CSV).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
     kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
-    from_run: Annotated[Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
+    from_run: Annotated[
+        Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")
+    ] = None,
     scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
@@ -47,7 +53,9 @@ def simulate(
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     refuse_own_input([out], [loop])
-    files = [given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)]
+    files = [
+        given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)
+    ]
     with hosted_parts(*files, seconds=time_limit):
         if from_run is not None:
             from simbench.bench.store.reading import read_scenario
@@ -78,7 +86,9 @@ def valve(
     source: Annotated[Path, typer.Argument(metavar="IN.csv", help="Table with a column op.")],
     model: Annotated[str, typer.Option(help="Valve model.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
-    param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
+    param: Annotated[
+        list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")
+    ] = None,
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:

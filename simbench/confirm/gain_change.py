@@ -38,7 +38,9 @@ class Phase:
     # whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3 samples or
     # more at a time (the crest of a smooth wave may meet one value in every cycle)
     saturated: bool
-    error: float = np.nan  # standard error of the period (s), from the spread of the cycles' lengths
+    error: float = (
+        np.nan
+    )  # standard error of the period (s), from the spread of the cycles' lengths
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, the period with its 95 % interval; None where a number is missing."""
@@ -59,7 +61,9 @@ class GainChange:
     before: Phase
     after: Phase
     shift: float  # |P2/P1 - 1|; NaN when one of the periods is missing
-    nudge: float  # load step (%) that was needed to set the loop moving; 0 = it oscillated by itself
+    nudge: (
+        float  # load step (%) that was needed to set the loop moving; 0 = it oscillated by itself
+    )
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
     trace: Trace  # OP, PV and MV of the run
@@ -68,7 +72,13 @@ class GainChange:
         """Return the outcome without its signals; None where a number is missing."""
         shift = _plain({"shift": self.shift, "shift_interval": self.shift_interval})
         phases = {"before": self.before.as_json(), "after": self.after.as_json()}
-        return {"verdict": self.verdict, **shift, "nudge": self.nudge, **phases, "reason": self.reason}
+        return {
+            "verdict": self.verdict,
+            **shift,
+            "nudge": self.nudge,
+            **phases,
+            "reason": self.reason,
+        }
 
     @property
     def shift_interval(self) -> tuple[float, float] | None:
@@ -86,7 +96,11 @@ class GainChange:
         """Return the outcome in three lines."""
         lines = [f"{self.verdict}: {self.reason}"]
         for name, phase in (("before", self.before), ("after", self.after)):
-            seen = "no oscillation" if np.isnan(phase.period) else f"period {phase.period:.4g} s, OP +-{phase.amplitude:.3g} %"
+            seen = (
+                "no oscillation"
+                if np.isnan(phase.period)
+                else f"period {phase.period:.4g} s, OP +-{phase.amplitude:.3g} %"
+            )
             lines.append(f"{name:<7} Kc {phase.Kc:.4g}: {seen}")
         return "\n".join(lines)
 
@@ -96,11 +110,15 @@ class GainChange:
 
         figure = Figure(figsize=(7.5, 4.2), layout="constrained")
         t = np.arange(self.trace.op.size) * self.Ts
-        for axes, name, values in zip(figure.subplots(2, 1, sharex=True), ("OP (%)", "PV"), (self.trace.op, self.trace.pv)):
+        for axes, name, values in zip(
+            figure.subplots(2, 1, sharex=True), ("OP (%)", "PV"), (self.trace.op, self.trace.pv)
+        ):
             axes.plot(t, values, linewidth=1.0)
             axes.axvline(self.changed * self.Ts, color="0.4", linestyle="--", linewidth=0.8)
             axes.set_ylabel(name)
-        figure.axes[0].set_title(f"{self.verdict}: {self.reason}", fontsize=8, loc="left", wrap=True)
+        figure.axes[0].set_title(
+            f"{self.verdict}: {self.reason}", fontsize=8, loc="left", wrap=True
+        )
         figure.axes[1].set_xlabel("time (s)")
         return figure
 
@@ -114,7 +132,9 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
     Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
     """
     if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
-        raise ParameterError(f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold")
+        raise ParameterError(
+            f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold"
+        )
     result = None
     for nudge in NUDGES:
         found = _with_nudge(loop, factor, seed, nudge)
@@ -186,7 +206,10 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
         n = int((1 + 1 / min(factor, 1.0)) * changed)  # a slower cycle needs more time
         [trace] = run_rig([resolved(loop, seed, n, nudge)], gain=[stepped(n, changed, factor)])
         parts = settled_parts(trace.op, changed)
-        phases = [measure(op, loop.sampling.Ts, loop.controller.Kc * f) for op, f in zip(parts, (1.0, factor))]
+        phases = [
+            measure(op, loop.sampling.Ts, loop.controller.Kc * f)
+            for op, f in zip(parts, (1.0, factor))
+        ]
         short = any(op.size * loop.sampling.Ts < PERIODS * p.period for op, p in zip(parts, phases))
         if not short or 2 * n > LONGEST:
             break
@@ -214,7 +237,11 @@ def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
         return "no_stiction", f"{says}: the oscillation comes from outside this loop", shift
     ratio = after.amplitude / before.amplitude
     if not 1 / _KEPT <= ratio <= _KEPT:
-        return "no_decision", f"{says}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit", shift
+        return (
+            "no_decision",
+            f"{says}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit",
+            shift,
+        )
     return "stiction", f"{says} while OP kept its amplitude", shift
 
 

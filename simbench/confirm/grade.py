@@ -33,7 +33,9 @@ class _Limit:
     high: float
 
 
-GAIN_LIMIT = _Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
+GAIN_LIMIT = _Limit(
+    "process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0
+)
 NOISE = _Limit("noise band (%)", "0", "< 0.5: acceptable", 0.0, 0.5)
 HYSTERESIS = _Limit("hysteresis (%)", "0", "< 3: acceptable; > 3: to be checked", 0.0, 3.0)
 STICTION_LIMIT = _Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
@@ -70,8 +72,16 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Gr
     return [
         _gain(loop, test, rest, last),
         _graded(NOISE, _band(test, rest), f"{_SIGMAS:g} standard deviations of PV while OP rests"),
-        _graded(HYSTERESIS, _hysteresis(loop), "separation of full strokes up and down, less the dead-band"),
-        _graded(STICTION_LIMIT, test.J, f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason),
+        _graded(
+            HYSTERESIS,
+            _hysteresis(loop),
+            "separation of full strokes up and down, less the dead-band",
+        ),
+        _graded(
+            STICTION_LIMIT,
+            test.J,
+            f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason,
+        ),
     ]
 
 
@@ -120,7 +130,9 @@ def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     op, pv = test.trace.op, test.trace.pv
     few = min(6, rest)
     moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
-    return _graded(GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps")
+    return _graded(
+        GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps"
+    )
 
 
 def _band(test: TravelTest, rest: int) -> float:
@@ -131,7 +143,9 @@ def _hysteresis(loop: Loop) -> float:
     up = np.arange(0.0, 100.0 + _TRAVERSE / 2, _TRAVERSE)
     n = up.size
     Ts = resolve_loop(loop, 0).Ts
-    mv = valve_response(loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts)
+    mv = valve_response(
+        loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts
+    )
     back, again = mv[n : 2 * n], mv[2 * n :]
     moving = np.abs(back - back[0]) > _REST
     dead = _TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0

@@ -35,18 +35,31 @@ def controller_gain(record: LoopRecord) -> float | None:
     return abs(float(found[0])) if explained >= _EXPLAINED else None
 
 
-def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | None = None) -> GainChange:
+def gain_change_recorded(
+    before: LoopRecord, after: LoopRecord, factor: float | None = None
+) -> GainChange:
     """Judge a change of controller gain from a record before it and one after it, as `gain_change` does."""
     if not np.isclose(before.Ts, after.Ts):
-        raise ParameterError(f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both")
-    gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
+        raise ParameterError(
+            f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both"
+        )
+    gains = (
+        (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
+    )
     if gains[0] is None or gains[1] is None:
-        raise ParameterError("gain change: the records do not show the controller gain; new over old is needed: --ratio")
+        raise ParameterError(
+            "gain change: the records do not show the controller gain; new over old is needed: --ratio"
+        )
     ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
     if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
-        raise ParameterError(f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed")
+        raise ParameterError(
+            f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed"
+        )
     signals = [r.op if r.op_percent is None else r.op_percent for r in (before, after)]
-    phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, (before, after), gains, strict=True)]
+    phases = [
+        measure(op, r.Ts, float(Kc))
+        for op, r, Kc in zip(signals, (before, after), gains, strict=True)
+    ]
     verdict, reason, shift = judge(*phases)
     op, pv = np.concatenate(signals), np.concatenate([before.pv, after.pv])
     trace = Trace(op, pv, np.full(op.size, np.nan))
@@ -56,11 +69,19 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
 @overload
 def confirm(record: Source, **signals: Unpack[RecordSignals]) -> TravelTest: ...
 @overload
-def confirm(record: Source, after: Source, *, ratio: float | None = None, **signals: Unpack[RecordSignals]) -> GainChange: ...
-@overload
-def confirm(*, op: ArrayLike, pv: ArrayLike, Ts: float, sp: ArrayLike | None = None, **about: Unpack[About]) -> TravelTest: ...
 def confirm(
-    record: Source | None = None, after: Source | None = None, *, ratio: float | None = None, **signals: Any
+    record: Source, after: Source, *, ratio: float | None = None, **signals: Unpack[RecordSignals]
+) -> GainChange: ...
+@overload
+def confirm(
+    *, op: ArrayLike, pv: ArrayLike, Ts: float, sp: ArrayLike | None = None, **about: Unpack[About]
+) -> TravelTest: ...
+def confirm(
+    record: Source | None = None,
+    after: Source | None = None,
+    *,
+    ratio: float | None = None,
+    **signals: Any,
 ) -> TravelTest | GainChange:
     """Is it the valve? Judge the record of a travel test, or the records before and after a change of controller gain.
 
@@ -113,7 +134,9 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     lengths = np.diff(np.append(starts, op.size))
     starts, lengths = starts[lengths >= _HELD], lengths[lengths >= _HELD]
     if starts.size < 4:
-        raise ParameterError(f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are needed")
+        raise ParameterError(
+            f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are needed"
+        )
     seen, error = _readings(record, starts, lengths)
     steps = np.diff(op[starts])
     small = float(np.abs(steps).max()) / 3.0
@@ -124,7 +147,11 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     for k, step in enumerate(steps):
         total += step  # with its sign: the valve stands where it last moved, however OP wanders before it moves again
         change = abs(seen[k + 1] - seen[since])
-        if change <= max(SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]), MOVE_SHARE * answer * abs(step), 1e-12):
+        if change <= max(
+            SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]),
+            MOVE_SHARE * answer * abs(step),
+            1e-12,
+        ):
             continue
         if side != 0.0 and abs(step) <= small:
             same = bool(np.sign(total) == side)
@@ -135,10 +162,21 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
         side, total, since = float(np.sign(total)), 0.0, k + 1
     fine = np.abs(steps)[np.abs(steps) <= small]
     increment = float(np.median(fine)) if fine.size else float(np.abs(steps).min())
-    return _told(sums[True], sums[False], increment, float(lengths.min()) * record.Ts, record.Ts, phase, op, record)
+    return _told(
+        sums[True],
+        sums[False],
+        increment,
+        float(lengths.min()) * record.Ts,
+        record.Ts,
+        phase,
+        op,
+        record,
+    )
 
 
-def _readings(record: LoopRecord, starts: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _readings(
+    record: LoopRecord, starts: np.ndarray, lengths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """PV's settled mean in every hold, on an integrating process its slope per second, with standard errors."""
     seen, error = np.empty(starts.size), np.empty(starts.size)
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
@@ -156,10 +194,18 @@ def _readings(record: LoopRecord, starts: np.ndarray, lengths: np.ndarray) -> tu
 def _told(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
     sticky = None if back is None else bool(back > 2 * increment + 1e-9)
     if same is None and back is None:
-        reason = "PV did not move on small steps: the record holds no travel test, or noise hides it"
+        reason = (
+            "PV did not move on small steps: the record holds no travel test, or noise hides it"
+        )
     elif same is None or back is None:
         reason = f"the record holds no small steps {'in the direction of' if same is None else 'against'} the last movement"
     else:
-        reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %" if sticky else "PV follows small steps both ways"
+        reason = (
+            f"band S {back:.3g} %, of which slip jump J {same:.3g} %"
+            if sticky
+            else "PV follows small steps both ways"
+        )
     mv = np.full(op.size, np.nan) if record.mv is None else record.mv
-    return TravelTest(same, back, increment, wait, sticky, reason, Ts, phase, Trace(op, record.pv, mv))
+    return TravelTest(
+        same, back, increment, wait, sticky, reason, Ts, phase, Trace(op, record.pv, mv)
+    )

@@ -18,7 +18,9 @@ def lengthened(loop: Loop, samples: int) -> Loop:
     """Return a loop with another number of samples, or say that a test would need more than are run."""
     if samples > MAX_SAMPLES:
         slow = f"Td = {loop.plant.Td:g} s, T = {loop.plant.T or loop.controller.Ti or 0.0:g} s and Ts = {loop.sampling.Ts:g} s"
-        raise ParameterError(f"the test would take {samples} samples with {slow}; at most {MAX_SAMPLES} are run")
+        raise ParameterError(
+            f"the test would take {samples} samples with {slow}; at most {MAX_SAMPLES} are run"
+        )
     return loop.with_("sampling.n", samples)
 
 
@@ -33,7 +35,10 @@ class Trace:
 
 
 def run_rig(
-    setups: Sequence[Setup], *, gain: Sequence[np.ndarray | None] | None = None, influence: np.ndarray | None = None
+    setups: Sequence[Setup],
+    *,
+    gain: Sequence[np.ndarray | None] | None = None,
+    influence: np.ndarray | None = None,
 ) -> list[Trace]:
     """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the compiled loop."""
     n, Ts = setups[0].sp.size, setups[0].Ts
@@ -47,7 +52,9 @@ def run_rig(
         for i, loop in enumerate(loops):
             load = 0.0
             if influence is not None:
-                load = sum(influence[i, j] * other.deviation for j, other in enumerate(loops) if j != i)
+                load = sum(
+                    influence[i, j] * other.deviation for j, other in enumerate(loops) if j != i
+                )
             loop.advance(k, load)
     return [Trace(loop.op, loop.pv, loop.mv) for loop in loops]
 

@@ -32,7 +32,9 @@ class TravelTest:
     # sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J, and the stiction of the
     # printed procedure. None when the end of travel came first.
     same_direction: float | None
-    reversed: float | None  # sum of the small steps (%) against it until PV moved: dead-band plus stick band, S
+    reversed: (
+        float | None
+    )  # sum of the small steps (%) against it until PV moved: dead-band plus stick band, S
     increment: float  # size of a small step (%); both sums may be too large by one
     wait: float  # Time (s) given to every step
     sticky: bool | None  # whether S exceeds two small steps; None when it was not found
@@ -97,7 +99,9 @@ class TravelTest:
         return figure
 
 
-def travel_test(loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0) -> TravelTest:
+def travel_test(
+    loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0
+) -> TravelTest:
     """Put a loop in manual and step its valve until PV moves.
 
     Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that
@@ -132,7 +136,10 @@ class _Manual:
         # an engineer waits until half a small step would show in the noise
         answer = abs(setup.num[-1] / setup.den[setup.den != 0][-1]) * increment / 2
         self.window = 10
-        while self.window < _LONGEST_WINDOW and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer:
+        while (
+            self.window < _LONGEST_WINDOW
+            and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer
+        ):
             self.window *= 2
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
@@ -155,7 +162,11 @@ class _Manual:
             self.k += 1
         self.phase += [phase] * self.wait
         late = self.live.pv[self.k - self.window : self.k]
-        return float(np.polyfit(np.arange(late.size) * self.Ts, late, 1)[0] if self.integrating else late.mean())
+        return float(
+            np.polyfit(np.arange(late.size) * self.Ts, late, 1)[0]
+            if self.integrating
+            else late.mean()
+        )
 
     def steps_until_moved(self, step: float, phase: int) -> float | None:
         """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit comes first."""
@@ -171,7 +182,9 @@ class _Manual:
 
     def learn_answer(self) -> None:
         """Take what the big steps did to PV, per % of them, as the least that a moving valve does."""
-        self.least_answer = self.increment * abs(self.seen - self.rest) / abs(self.op - self.first_op)
+        self.least_answer = (
+            self.increment * abs(self.seen - self.rest) / abs(self.op - self.first_op)
+        )
 
     def outcome(self, same: float | None, back: float | None) -> TravelTest:
         """Put the findings into words."""
@@ -179,12 +192,18 @@ class _Manual:
         trace = Trace(self.live.op[:k], self.live.pv[:k], self.live.mv[:k])
         sticky = None if back is None else back > 2 * self.increment + 1e-9
         if same is None and back is None:
-            reason = "PV did not answer before OP reached its limit: no travel, or noise that hides it"
+            reason = (
+                "PV did not answer before OP reached its limit: no travel, or noise that hides it"
+            )
         elif same is None or back is None:
-            reason = "OP reached its limit before PV moved again: start further from the ends of travel"
+            reason = (
+                "OP reached its limit before PV moved again: start further from the ends of travel"
+            )
         elif not sticky:
             reason = "PV follows small steps both ways: no stiction"
         else:
             cycles = "" if same <= _CYCLES_ABOVE + 1e-9 else ", enough to cycle under PI control"
             reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %{cycles}"
-        return TravelTest(same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace)
+        return TravelTest(
+            same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace
+        )

@@ -49,7 +49,11 @@ def check_file(path: str | Path) -> Contract:
     (folder, check), defined = CONTRACTS[kind], _defined(path)
     missing = [name for name in folder.required if name not in defined]
     if missing:
-        return Contract(kind, path.stem, (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",))
+        return Contract(
+            kind,
+            path.stem,
+            (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",),
+        )
     return check(path.stem) if folder.own_file(path) else check_added(folder, check, path)
 
 
@@ -91,7 +95,9 @@ def _defined(path: Path) -> set[str]:
         tree = ast.parse(path.read_text(encoding="utf-8"))
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        raise ParameterError(f"{path} cannot be read: {why}; a Python file, or the TOML file of a grid, is needed") from None
+        raise ParameterError(
+            f"{path} cannot be read: {why}; a Python file, or the TOML file of a grid, is needed"
+        ) from None
     except (SyntaxError, ValueError) as error:
         raise ParameterError(f"{path} is no Python file: {error}") from None
     names: set[str] = set()
@@ -102,5 +108,7 @@ def _defined(path: Path) -> set[str]:
             names |= {a.asname or a.name for a in node.names}
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            names |= {t.id for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)}
+            names |= {
+                t.id for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)
+            }
     return names

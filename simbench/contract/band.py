@@ -17,7 +17,9 @@ _NEAR = 0.15  # of S or J, and beside it
 _BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is what was said
 
 
-def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
+def measured_band(
+    stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13
+) -> tuple[float, float]:
     """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
 
     A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
@@ -36,7 +38,9 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
         under_way = np.flatnonzero(moved > 0.5 * slope)
         if slope <= 1e-6 * _STEP or not under_way.size:
             return np.inf, 0.0
-        travels.append(max(under_way[0] - 1, 0) * _STEP)  # what OP had travelled when MV still stood
+        travels.append(
+            max(under_way[0] - 1, 0) * _STEP
+        )  # what OP had travelled when MV still stood
         jumps.append(float(moved.max()) - slope)
     return float(min(travels)), float(np.median(jumps))
 
@@ -63,7 +67,9 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     return ""
 
 
-def _without_memory(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> bool:
+def _without_memory(
+    stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13
+) -> bool:
     """Return whether MV takes the same way up and down: at a travel stop it stands too, but holds nothing back."""
     up = middle + np.arange(-reach, reach, 50 * _STEP)
     mv = stages_response(tuple(stages), np.concatenate([up, up[::-1]]), float(up[0]))

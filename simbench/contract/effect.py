@@ -57,7 +57,12 @@ def check_effect(name: str) -> Contract:
         note = "simulated, but not diagnosed: no file under simbench.recognised says how it is recognised"
         return Contract("effect", name, tuple(broken), (note,))
     found = check_recogniser(name)
-    return Contract("effect", name, (*broken, *(f"its recogniser {fault}" for fault in found.broken)), found.notes)
+    return Contract(
+        "effect",
+        name,
+        (*broken, *(f"its recogniser {fault}" for fault in found.broken)),
+        found.notes,
+    )
 
 
 def _description(module: ModuleType) -> Iterator[str]:
@@ -65,7 +70,10 @@ def _description(module: ModuleType) -> Iterator[str]:
         yield 'the file does not begin with "Name: what it does."'
     if not str(module.SOURCE).strip():
         yield "SOURCE is empty"
-    for word, value, allowed in (("BLOCK", module.BLOCK, BLOCKS), ("ACTS", module.ACTS, ("loop", "record"))):
+    for word, value, allowed in (
+        ("BLOCK", module.BLOCK, BLOCKS),
+        ("ACTS", module.ACTS, ("loop", "record")),
+    ):
         if value not in allowed:
             yield f"{word} = {value!r}, allowed: {', '.join(allowed)}"
     faults = list(schema_faults(module.PARAMETERS))
@@ -80,7 +88,9 @@ def _description(module: ModuleType) -> Iterator[str]:
 
 def no_strength(module: ModuleType) -> dict[str, float | str]:
     """Return the parameters under which an effect says it does nothing."""
-    return {k: r.names[0] if isinstance(r, Choice) else r.identity for k, r in module.PARAMETERS.items()}
+    return {
+        k: r.names[0] if isinstance(r, Choice) else r.identity for k, r in module.PARAMETERS.items()
+    }
 
 
 def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
@@ -88,21 +98,35 @@ def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
     none = no_strength(module)
     for up in (True, False):
         for i in range(len(_SHARES)):
-            table = {k: none[k] if isinstance(r, Choice) else _away(r, i, up) for k, r in module.PARAMETERS.items()}
+            table = {
+                k: none[k] if isinstance(r, Choice) else _away(r, i, up)
+                for k, r in module.PARAMETERS.items()
+            }
             if table != none:
                 yield table
 
 
 def _away(rule: Number, i: int, up: bool) -> float:
-    end = rule.high if up and rule.high > rule.identity else rule.low if rule.low < rule.identity else rule.high
+    end = (
+        rule.high
+        if up and rule.high > rule.identity
+        else rule.low
+        if rule.low < rule.identity
+        else rule.high
+    )
     if math.isfinite(end):
         return rule.identity + _SHARES[i] * (end - rule.identity)
-    return rule.identity + math.copysign(_TIMES[min(i, len(_TIMES) - 1)] * max(abs(rule.identity), 1.0), end)
+    return rule.identity + math.copysign(
+        _TIMES[min(i, len(_TIMES) - 1)] * max(abs(rule.identity), 1.0), end
+    )
 
 
 def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
     for table in (_EFFECT_LOOP, _LEVEL):
-        found, plain = _run(name, no_strength(module), table), simulate(Loop.from_table(table), seed=3).record
+        found, plain = (
+            _run(name, no_strength(module), table),
+            simulate(Loop.from_table(table), seed=3).record,
+        )
         where = table["plant"]["type"]
         if found.faults:
             yield from (f"{fault}, at no strength ({where} plant)" for fault in found.faults)
@@ -143,11 +167,15 @@ def _label(name: str, table: dict[str, float | str]) -> Iterator[str]:
             yield f"brings a valve stage that {fault}, at {shown(table)}"
 
 
-def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP) -> Loop:
+def _loop(
+    name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP
+) -> Loop:
     return Loop.from_table({**table, "effect": [{"name": name, **parameters}]})
 
 
-def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP) -> Guarded:
+def _run(
+    name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP
+) -> Guarded:
     found = call_guarded(lambda: simulate(_loop(name, parameters, table), seed=3).record)
     if isinstance(found.refusal, RecordError):  # what the effect made of the signals is none
         found.faults.append(f"makes a record that is none ({found.refusal})")

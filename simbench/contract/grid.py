@@ -14,7 +14,9 @@ from scenarios.spec import Scenario, read_toml
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.resolve import resolve_loop
 
-_GROUPS_SETTLED = 24  # groups that are settled by simulating their twin; one of every block at least
+_GROUPS_SETTLED = (
+    24  # groups that are settled by simulating their twin; one of every block at least
+)
 
 
 def check_grid(path: str | Path) -> Contract:
@@ -59,7 +61,11 @@ def _repeated(grid: Grid, groups: list[Group]) -> Iterator[str]:
 
 def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
     # in a plain grid every draft is its scenario; in a ruled one the first of each block stand for the rest
-    chosen = range(len(groups)) if grid.content.loop is not None else sorted({*grid.samples(), *_spread(len(groups))})
+    chosen = (
+        range(len(groups))
+        if grid.content.loop is not None
+        else sorted({*grid.samples(), *_spread(len(groups))})
+    )
     ids: dict[str, str] = {}
     for i in chosen:
         settled = call_guarded(lambda i=i: resolve(groups[i]))

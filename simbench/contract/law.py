@@ -53,7 +53,9 @@ def _check(kind: str, folder: PluginFolder, name: str) -> Contract:
     broken = list(_description(kind, module))
     if broken:
         return Contract(kind, name, tuple(broken))
-    table = {key: inside(rule, 2.0) for key, rule in module.PARAMETERS.items() if rule.default is None}
+    table = {
+        key: inside(rule, 2.0) for key, rule in module.PARAMETERS.items() if rule.default is None
+    }
     loop = {**_LOOP, kind: {"type": name, **table, **({"Td": 2.3} if kind == "plant" else {})}}
     try:
         setup = resolve_loop(Loop.from_table(loop), 1)
@@ -61,7 +63,12 @@ def _check(kind: str, folder: PluginFolder, name: str) -> Contract:
         return Contract(kind, name, (f"refuses the parameters {shown(table)}: {error}",))
     answers = _plant_faults(setup) if kind == "plant" else _controller_faults(setup)
     broken = [f"{fault}, at {shown(table)}" for fault in (*answers, *_loop_faults(loop))]
-    return Contract(kind, name, tuple(dict.fromkeys(broken)), tuple(filter(None, [kernel.runs_plainly(module.step)])))
+    return Contract(
+        kind,
+        name,
+        tuple(dict.fromkeys(broken)),
+        tuple(filter(None, [kernel.runs_plainly(module.step)])),
+    )
 
 
 def _description(kind: str, module: ModuleType) -> Iterator[str]:
@@ -85,7 +92,11 @@ def _walked(what: str, start: Any, step: Any, count: int) -> tuple[list[tuple], 
     def walk() -> list[tuple]:
         states = [start()]
         for k in range(count):
-            if not isinstance(states[-1], tuple) or not states[-1] or len(states[-1]) != len(states[0]):
+            if (
+                not isinstance(states[-1], tuple)
+                or not states[-1]
+                or len(states[-1]) != len(states[0])
+            ):
                 break
             states.append(step(k, states[-1]))
         return states
@@ -107,7 +118,10 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
 
     def under(w: float, count: int) -> tuple[np.ndarray, list[str]]:
         states, faults = _walked(
-            f"with MV {w:g} % off rest", lambda: module.start(p), lambda k, s: module.step(w, w, s, p), count
+            f"with MV {w:g} % off rest",
+            lambda: module.start(p),
+            lambda k, s: module.step(w, w, s, p),
+            count,
         )
         return np.array([s[0] for s in states], dtype=float), faults
 
@@ -139,7 +153,10 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
     def under(e: float, count: int) -> tuple[np.ndarray, list[str]]:
         sp = setup.pv0
         states, faults = _walked(
-            f"under an error of {e:g}", lambda: module.start(p), lambda k, s: module.step(e, sp, s, p), count
+            f"under an error of {e:g}",
+            lambda: module.start(p),
+            lambda k, s: module.step(e, sp, s, p),
+            count,
         )
         return np.array([s[0] for s in states], dtype=float), faults
 
@@ -162,10 +179,17 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
 def _loop_faults(table: dict[str, Any]) -> Iterator[str]:
     found = []
     for plain in (True, False):
-        run = call_guarded(lambda plain=plain: run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record)
+        run = call_guarded(
+            lambda plain=plain: (
+                run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record
+            )
+        )
         if run.faults or run.refusal:
             how = "in plain Python" if plain else "compiled"
-            yield from (f"{' '.join(str(f).split())[:300]}, {how}" for f in run.faults or [f"refuses ({run.refusal})"])
+            yield from (
+                f"{' '.join(str(f).split())[:300]}, {how}"
+                for f in run.faults or [f"refuses ({run.refusal})"]
+            )
             return
         found.append(run.value)
     if not np.array_equal(found[0].pv, found[1].pv) or not np.array_equal(found[0].op, found[1].op):

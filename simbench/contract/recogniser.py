@@ -34,9 +34,15 @@ def check_recogniser(name: str) -> Contract:
     r = PLUGINS.load(name).RECOGNISER
     if not isinstance(r, Recogniser):
         return Contract(
-            "recogniser", name, (f"RECOGNISER is a {type(r).__name__}, a simbench.gap.effects.Recogniser is needed",)
+            "recogniser",
+            name,
+            (f"RECOGNISER is a {type(r).__name__}, a simbench.gap.effects.Recogniser is needed",),
         )
-    notes = () if name in EFFECTS.names() else (f"no effect {name!r} is known, so its numbers were held against no range",)
+    notes = (
+        ()
+        if name in EFFECTS.names()
+        else (f"no effect {name!r} is known, so its numbers were held against no range",)
+    )
     return Contract("recogniser", name, tuple(_faults(name, r)), notes)
 
 

@@ -40,7 +40,11 @@ def check_valve(name: str) -> Contract:
     if not tables:
         return Contract("valve", name, (f"refuses the parameters of its own ranges: {refused}",))
     for table in tables:
-        faults = list(_step_faults(module, table)) or list(_run_faults(name, table)) or list(_label_faults(module, table))
+        faults = (
+            list(_step_faults(module, table))
+            or list(_run_faults(name, table))
+            or list(_label_faults(module, table))
+        )
         broken += [f"{fault}, with {shown(table)}" for fault in faults]
         if faults:
             break
@@ -55,7 +59,11 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """
     found, refused = [], ""
     for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
-        table = {key: inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}
+        table = {
+            key: inside(rule, percent)
+            for key, rule in module.PARAMETERS.items()
+            if rule.default is None
+        }
         if set(band) <= set(module.PARAMETERS):
             table |= band
         try:
@@ -116,9 +124,13 @@ def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
     first, second = call_guarded(walk), call_guarded(walk)
     if first.faults or first.refusal:
-        yield from (f"{fault}, in start or step" for fault in first.faults or [f"refuses ({first.refusal})"])
+        yield from (
+            f"{fault}, in start or step" for fault in first.faults or [f"refuses ({first.refusal})"]
+        )
         return
-    wrong = [s for s in first.value if not isinstance(s, tuple) or not s or len(s) != len(first.value[0])]
+    wrong = [
+        s for s in first.value if not isinstance(s, tuple) or not s or len(s) != len(first.value[0])
+    ]
     numbers = [x for s in first.value[1:] if isinstance(s, tuple) for x in s]
     if wrong:
         yield f"gives the state {wrong[0]!r} after {first.value[0]!r}; a tuple of one length throughout is needed"
@@ -147,16 +159,25 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
         yield f"gives other numbers compiled than in plain Python from sample {int(np.argmax(slow.value != fast.value))} on"
     if slow.value.min() < 0.0 or slow.value.max() > 100.0:
         yield f"leaves its travel: MV from {slow.value.min():.4g} to {slow.value.max():.4g} %"
-    rest, begun = valve_response(name, np.full(50, 37.5), table), module.start(37.5, valve_parameters(module, table, 1.0))[0]
+    rest, begun = (
+        valve_response(name, np.full(50, 37.5), table),
+        module.start(37.5, valve_parameters(module, table, 1.0))[0],
+    )
     if np.any(np.abs(rest - begun) > _AT_REST):
         yield f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that stands still"
 
 
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     p = valve_parameters(module, table, 1.0)
-    found = call_guarded(lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0))
+    found = call_guarded(
+        lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0)
+    )
     if found.faults or not isinstance(found.value, tuple) or len(found.value) != 2:
-        said = found.faults[0] if found.faults else f"is {found.value!r}, two numbers (S, J) are needed"
+        said = (
+            found.faults[0]
+            if found.faults
+            else f"is {found.value!r}, two numbers (S, J) are needed"
+        )
         yield f"mapped_SJ {said}"
         return
     S, J = (float(x) for x in found.value)
@@ -170,5 +191,8 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
 def shown(table: dict[str, Any]) -> str:
     """Return parameters in words."""
-    said = (f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items())
+    said = (
+        f"{key} = {value if isinstance(value, str) else f'{value:g}'}"
+        for key, value in table.items()
+    )
     return ", ".join(said) or "defaults"

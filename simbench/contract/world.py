@@ -17,8 +17,22 @@ from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
 _SEED, _INDEX = 5, 3
 _RECORD_COLUMNS = ("t", "sp", "op", "pv")
-_ANSWER = ("kind", "block", "effect", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed")
-_NOISY = {"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}  # an effect that acts in every loop
+_ANSWER = (
+    "kind",
+    "block",
+    "effect",
+    "foreign",
+    "mv",
+    "plant",
+    "controller",
+    "sp_moves",
+    "case",
+    "seed",
+)
+_NOISY = {
+    "effect": "noise",
+    "parameters": {"factor": 30.0, "std": 0.0},
+}  # an effect that acts in every loop
 
 
 def check_world(name: str) -> Contract:
@@ -56,14 +70,27 @@ def _description(module: ModuleType) -> Iterator[str]:
 
 
 def _entries(module: ModuleType) -> list[dict[str, Any]]:
-    foreign = {"kind": "foreign", "effect": next(iter(module.FOREIGN)), "strength": "strong", "mv": False}
-    single = {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": True, "plant": "foptd"}
+    foreign = {
+        "kind": "foreign",
+        "effect": next(iter(module.FOREIGN)),
+        "strength": "strong",
+        "mv": False,
+    }
+    single = {
+        "kind": "single",
+        "effect": "gain_mismatch",
+        "strength": "strong",
+        "mv": True,
+        "plant": "foptd",
+    }
     return [{"kind": "none", "mv": False}, single, {"kind": "two", "mv": True}, foreign]
 
 
 def _faults(module: ModuleType, entry: dict[str, Any], item: Any) -> list[str]:
     """Return what is wrong with what a world drew, and with the loop that it runs again."""
-    found = call_guarded(lambda: [*_signals(item, entry), *_truth(item, entry), *_again(module, entry, item)])
+    found = call_guarded(
+        lambda: [*_signals(item, entry), *_truth(item, entry), *_again(module, entry, item)]
+    )
     return found.faults + ([str(found.refusal)] if found.refusal else []) + (found.value or [])
 
 
@@ -86,12 +113,17 @@ def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
     if missing:
         yield f"the answer lacks {', '.join(missing)}"
         return
-    wanted = {"none": NONE, "foreign": UNKNOWN, "single": entry.get("effect")}.get(entry["kind"], said["effect"])
+    wanted = {"none": NONE, "foreign": UNKNOWN, "single": entry.get("effect")}.get(
+        entry["kind"], said["effect"]
+    )
     if said["kind"] != entry["kind"] or said["effect"] != wanted:
         yield f"the answer says {said['kind']} {said['effect']!r}, asked was {entry['kind']} {wanted!r}"
     if entry["kind"] == "foreign" and said["foreign"] != entry["effect"]:
         yield f"the answer's foreign fault is {said['foreign']!r}, asked was {entry['effect']!r}"
-    for effect, table, block in (("effect", "parameters", "block"), ("effect2", "parameters2", "block2")):
+    for effect, table, block in (
+        ("effect", "parameters", "block"),
+        ("effect2", "parameters2", "block2"),
+    ):
         known = WORLD_EFFECTS.get(said.get(effect, ""))
         if known is None:
             continue
@@ -105,7 +137,9 @@ def _again(module: ModuleType, entry: dict[str, Any], item: Any) -> Iterator[str
     if entry["kind"] != "single":
         return
     twice = module.draw(_SEED, _INDEX, entry)
-    if json.dumps(twice.answer) != json.dumps(item.answer) or not _same(twice.columns, item.columns):
+    if json.dumps(twice.answer) != json.dumps(item.answer) or not _same(
+        twice.columns, item.columns
+    ):
         yield "two draws of one seed and index differ"
     # as it comes back from the file of answers
     answer = json.loads(json.dumps(item.answer))

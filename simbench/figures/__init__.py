@@ -40,4 +40,6 @@ def draw_map(found: GridMap) -> None:
     from simbench.figures._style import write_picture
 
     for method, part in found.table.groupby("method", sort=False):
-        write_picture(draw(part, str(method), found.axes, found.values), found.folder / f"{method}.svg")
+        write_picture(
+            draw(part, str(method), found.axes, found.values), found.folder / f"{method}.svg"
+        )

@@ -17,7 +17,12 @@ from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, wri
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
 
-_BOX, _GAP, _LINE, _PAD = 2.9, 1.35, 0.155, 0.12  # inches: width of a question, room for an answer, a line's height, margin
+_BOX, _GAP, _LINE, _PAD = (
+    2.9,
+    1.35,
+    0.155,
+    0.12,
+)  # inches: width of a question, room for an answer, a line's height, margin
 
 
 def flow_table() -> pd.DataFrame:
@@ -34,7 +39,10 @@ def flow_table() -> pd.DataFrame:
 def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> Figure:
     """Draw questions downwards and conclusions beside the question that leads to them."""
     questions = list(dict.fromkeys(table["source"]))
-    texts = {q: textwrap.fill(part["question"].iloc[0], 36) for q, part in table.groupby("source", sort=False)}
+    texts = {
+        q: textwrap.fill(part["question"].iloc[0], 36)
+        for q, part in table.groupby("source", sort=False)
+    }
     ends: dict[str, list[str]] = {q: [] for q in questions}
     says = {}
     for row in table[table["verdict"] != ""].to_dict("records"):
@@ -42,7 +50,9 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             ends[row["source"]].append(row["target"])
             says[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
     # rows from the top, as high as what stands in them
-    heights = {name: (text.count("\n") + 1) * _LINE + 2 * _PAD for name, text in {**texts, **says}.items()}
+    heights = {
+        name: (text.count("\n") + 1) * _LINE + 2 * _PAD for name, text in {**texts, **says}.items()
+    }
     top, middle = 0.0, {}
     for q in questions:
         beside = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
@@ -54,7 +64,9 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             at -= heights[c] + 0.14
         top -= tall + 0.34
     place = {q: i for i, q in enumerate(questions)}
-    skips = [(s, t) for s, t in zip(table["source"], table["target"]) if place.get(t, 0) > place[s] + 1]
+    skips = [
+        (s, t) for s, t in zip(table["source"], table["target"]) if place.get(t, 0) > place[s] + 1
+    ]
     left = 0.3 + 0.42 * len(skips)
     wide = left + _BOX + _GAP + 4.1
     figure = Figure(figsize=(wide, -top - 0.34 + 0.2))
@@ -74,17 +86,31 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         if target in says:
             x, bend = left + _BOX + _GAP, left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
-            path, at = [(left + _BOX, y), (x, z)] if straight else [(left + _BOX, y), (bend, y), (bend, z), (x, z)], z
+            path, at = (
+                [(left + _BOX, y), (x, z)]
+                if straight
+                else [(left + _BOX, y), (bend, y), (bend, z), (x, z)],
+                z,
+            )
             if target not in ends[source]:
                 # it stands beside an earlier question, whose own answer has its place there: named where it leaves
                 at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
                 path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
             _arrow(axes, path, ink)
-            axes.text(bend + 0.05, at + 0.04, textwrap.fill(answers, 17), fontsize=7.5, va="bottom", color=ink)
+            axes.text(
+                bend + 0.05,
+                at + 0.04,
+                textwrap.fill(answers, 17),
+                fontsize=7.5,
+                va="bottom",
+                color=ink,
+            )
         elif place[str(target)] == place[str(source)] + 1:
             x = left + _BOX / 2
             _arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)
-            axes.text(x + 0.07, y - heights[source] / 2 - 0.05, answers, fontsize=7.5, va="top", color=ink)
+            axes.text(
+                x + 0.07, y - heights[source] / 2 - 0.05, answers, fontsize=7.5, va="top", color=ink
+            )
         else:
             lane = left - 0.3 - 0.42 * skips.index((str(source), str(target)))
             _arrow(axes, [(left, y), (lane, y), (lane, z), (left, z)], ink)
@@ -102,14 +128,26 @@ def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
 
 
 def _box(
-    axes: Axes, x: float, y: float, width: float, height: float, text: str, edge: str, marked: bool, bold: bool = False
+    axes: Axes,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    text: str,
+    edge: str,
+    marked: bool,
+    bold: bool = False,
 ) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     style = "round,pad=0,rounding_size=0.06"
     face = "#FBE9DF" if marked else "white"
     ink = RED if marked else edge
-    axes.add_patch(FancyBboxPatch((x, y - height / 2), width, height, style, facecolor=face, edgecolor=ink, linewidth=1.1))
+    axes.add_patch(
+        FancyBboxPatch(
+            (x, y - height / 2), width, height, style, facecolor=face, edgecolor=ink, linewidth=1.1
+        )
+    )
     if not bold:
         axes.text(x + width / 2, y, text, ha="center", va="center", fontsize=8.5)
         return
@@ -121,5 +159,12 @@ def _box(
 
 def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
     axes.plot(*zip(*points[:-1]), color=colour, linewidth=1.0, solid_joinstyle="miter")
-    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9}
+    arrow = {
+        "arrowstyle": "-|>",
+        "color": colour,
+        "linewidth": 1.0,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 9,
+    }
     axes.annotate("", points[-1], points[-2], arrowprops=arrow)

@@ -35,7 +35,9 @@ def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.D
     phi = [float(y[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)]) for k in lags]
     dtau, drho = correlation_indices(op, pv)
     scale = n * u.std() * y.std()
-    return pd.DataFrame({"lag (s)": lags * Ts, "Phi (-)": np.array(phi) / scale, "dtau (-)": dtau, "drho (-)": drho})
+    return pd.DataFrame(
+        {"lag (s)": lags * Ts, "Phi (-)": np.array(phi) / scale, "dtau (-)": dtau, "drho (-)": drho}
+    )
 
 
 def marks(table: pd.DataFrame) -> _Marks:
@@ -52,7 +54,14 @@ def marks(table: pd.DataFrame) -> _Marks:
     top = float(np.sign(phi[zero]) * np.abs(near).max())
     tau_l, tau_r = map(float, crossing)
     now = float(phi[zero])
-    return _Marks(tau_l, tau_r, now, top, abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top))
+    return _Marks(
+        tau_l,
+        tau_r,
+        now,
+        top,
+        abs(tau_l - tau_r) / (tau_l + tau_r),
+        abs(now - top) / abs(now + top),
+    )
 
 
 def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> _Marks:
@@ -61,7 +70,9 @@ def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> _Marks:
     axes.axhline(0, color=GREY, linewidth=0.6)
     axes.axvline(0, color=GREY, linewidth=0.6)
     axes.plot(table["lag (s)"], table["Phi (-)"], color=BLUE)
-    axes.plot([-found.tau_l, found.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4)
+    axes.plot(
+        [-found.tau_l, found.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4
+    )
     axes.plot([0], [found.phi_0], "ko", zorder=4)
     label(axes, "lag τ (s)", "cross-correlation Φ (-)", title)
     return found

@@ -37,7 +37,9 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     )
 
 
-def panel_cycles(panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]) -> pd.DataFrame:
+def panel_cycles(
+    panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]
+) -> pd.DataFrame:
     """Return three periods of the cycle of every panel's loop, behind the panel, its ratio of dead time and its S/2J."""
     cycles = []
     for panel, dead, band in panels:
@@ -48,14 +50,20 @@ def panel_cycles(panels: Sequence[tuple[str, float, float]], ratio: str, loop: C
     return pd.concat(cycles, ignore_index=True)
 
 
-def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str) -> Figure:
+def draw_cycles(
+    data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str
+) -> Figure:
     """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop."""
     figure, axes = panels(5, len(titles), 11.0, 9.0)
     for j, (title, (_, cycle)) in enumerate(zip(titles, data.groupby(list(keys), sort=False))):
         t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV"))
         for i, (signal, values) in enumerate((("OP", op), ("MV", mv), ("PV", pv))):
             axes[i, j].plot(t, values, color=SIGNAL[signal])
-            label(axes[i, j], "time (s)", {"OP": "OP (%)", "MV": "MV (%)", "PV": pv_label}[signal] if j == 0 else "")
+            label(
+                axes[i, j],
+                "time (s)",
+                {"OP": "OP (%)", "MV": "MV (%)", "PV": pv_label}[signal] if j == 0 else "",
+            )
         axes[3, j].plot(op, mv, color=SIGNAL["MV"])
         axes[4, j].plot(op, pv, color=SIGNAL["PV"])
         label(axes[3, j], "OP (%)", "MV (%)" if j == 0 else "")

@@ -22,7 +22,11 @@ def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.nd
 def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFrame:
     """Return the plotted points and the ellipse with its two limits, in long form."""
     curves = {"data": (op, pv)}
-    for name, size in (("ellipse", 1.0), ("inner limit", 1.0 - TOLERANCE), ("outer limit", 1.0 + TOLERANCE)):
+    for name, size in (
+        ("ellipse", 1.0),
+        ("inner limit", 1.0 - TOLERANCE),
+        ("outer limit", 1.0 + TOLERANCE),
+    ):
         curves[name] = ellipse_points(found, size)
     frames = [pd.DataFrame({"curve": name, "OP": x, "PV": y}) for name, (x, y) in curves.items()]
     return pd.concat(frames, ignore_index=True).assign(
@@ -30,7 +34,9 @@ def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFram
     )
 
 
-def draw_ellipse(axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = "") -> None:
+def draw_ellipse(
+    axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = ""
+) -> None:
     """Draw the points, the ellipse, its limits and the chord along OP through the centre."""
     points, ring = data[data.curve == "data"], data[data.curve == "ellipse"]
     axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")

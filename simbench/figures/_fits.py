@@ -44,7 +44,9 @@ def draw_fits(axes: Axes, fits: pd.DataFrame, Ts: float, name: str, unit: str, t
     for half, part in fits.groupby("half"):
         t = (part["sample"] - start) * Ts
         first = half == fits["half"].min()
-        axes.plot(t, part["signal"], ".", color=BLACK, markersize=2.5, label=name if first else None)
+        axes.plot(
+            t, part["signal"], ".", color=BLACK, markersize=2.5, label=name if first else None
+        )
         axes.plot(t, part["sine"], color=BLUE, linestyle="--", label="sine" if first else None)
         axes.plot(t, part["triangle"], color=RED, label="triangle" if first else None)
     low, high = fits["signal"].min(), fits["signal"].max()

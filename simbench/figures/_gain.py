@@ -20,10 +20,18 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
     rows = []
     for phase, chosen in ((found.before, t < 0), (found.after, t >= 0)):
         near = chosen & (np.abs(t) <= _SHOWN * phase.period)
-        signals = {"t (s)": t[near], "OP (%)": found.trace.op[near], "PV": found.trace.pv[near] - loop.setpoint.value}
+        signals = {
+            "t (s)": t[near],
+            "OP (%)": found.trace.op[near],
+            "PV": found.trace.pv[near] - loop.setpoint.value,
+        }
         # half peak-to-peak, without the transient right after the change
         amplitude = np.ptp(found.trace.op[chosen][-round(5 * phase.period / found.Ts) :]) / 2
-        rows.append(pd.DataFrame(signals).assign(Kc=phase.Kc, **{"period (s)": phase.period, "amplitude (%)": amplitude}))
+        rows.append(
+            pd.DataFrame(signals).assign(
+                Kc=phase.Kc, **{"period (s)": phase.period, "amplitude (%)": amplitude}
+            )
+        )
     return pd.concat(rows, ignore_index=True).assign(verdict=found.verdict)
 
 
@@ -31,17 +39,28 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
 def draw_gain(data: pd.DataFrame) -> Figure:
     """Draw OP and PV over time, with gain and period on either side."""
     figure, axes = panels(2, 1, 7.2, 4.2, sharex=True)
-    for place, name, unit in ((axes[0, 0], "OP", "OP (%)"), (axes[1, 0], "PV", "PV - SP (PV units)")):
+    for place, name, unit in (
+        (axes[0, 0], "OP", "OP (%)"),
+        (axes[1, 0], "PV", "PV - SP (PV units)"),
+    ):
         values = data["OP (%)"] if name == "OP" else data["PV"]
         place.plot(data["t (s)"], values, color=SIGNAL[name])
         place.axvline(0, color=GREY, linestyle="--", linewidth=0.9)
         low, high = values.min(), values.max()
-        place.set_ylim(low - 0.06 * (high - low), high + (0.34 if name == "OP" else 0.06) * (high - low))
+        place.set_ylim(
+            low - 0.06 * (high - low), high + (0.34 if name == "OP" else 0.06) * (high - low)
+        )
         label(place, "time from the change of gain (s)", unit)
         place.label_outer()
     for Kc, part in data.groupby("Kc", sort=False):
         low, high = axes[0, 0].get_xlim()
         middle = (part["t (s)"].mean() - low) / (high - low)
         period, amplitude = part["period (s)"].iloc[0], part["amplitude (%)"].iloc[0]
-        note(axes[0, 0], f"Kc = {Kc:g}: period {period:.3g} s, OP ±{amplitude:.2g} %", middle, 0.99, "center")
+        note(
+            axes[0, 0],
+            f"Kc = {Kc:g}: period {period:.3g} s, OP ±{amplitude:.2g} %",
+            middle,
+            0.99,
+            "center",
+        )
     return figure

@@ -22,12 +22,22 @@ def draw(table: pd.DataFrame) -> Figure:
     gap = max(float(last.max() - last.min()), 0.05) / max(len(last) - 1, 1) * 0.9
     at = float("-inf")
     for k, (method, value) in enumerate(last.items()):
-        style = {"color": _COLOURS[k % len(_COLOURS)], "linestyle": _DASHES[k // len(_COLOURS) % len(_DASHES)]}
+        style = {
+            "color": _COLOURS[k % len(_COLOURS)],
+            "linestyle": _DASHES[k // len(_COLOURS) % len(_DASHES)],
+        }
         line = wide[method]
         place.plot(range(len(line)), line, marker="o", **style)
         at = max(float(value), at + gap)
         end = (len(line) - 1, float(value))
-        place.annotate(f"{method} {value:.3f}", end, (len(line) - 0.85, at), va="center", fontsize=7.5, color=style["color"])
+        place.annotate(
+            f"{method} {value:.3f}",
+            end,
+            (len(line) - 0.85, at),
+            va="center",
+            fontsize=7.5,
+            color=style["color"],
+        )
     place.set_xticks(range(len(wide)), [f"{b}\n{str(made['commit'][b])[:7]}" for b in wide.index])
     place.set_xlim(-0.2, len(wide) - 1 + 0.45 * max(len(wide) - 1, 1) + 0.3)
     place.set_xlabel("baseline, commit")

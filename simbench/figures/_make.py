@@ -34,13 +34,21 @@ def figure_ids() -> list[str]:
 
     def place(name: str) -> tuple:
         parts = name.split("-")
-        return (parts[0] not in ("fig", "table"), parts[0], [int(p) if p.isdigit() else 0 for p in parts[1:3]], name)
+        return (
+            parts[0] not in ("fig", "table"),
+            parts[0],
+            [int(p) if p.isdigit() else 0 for p in parts[1:3]],
+            name,
+        )
 
     return sorted((n.replace("_", "-") for n in FIGURES.names()), key=place)
 
 
 def make_figures(
-    ids: Iterable[str], out: str | Path, run: str | Path | None = None, isdb: str | Path | None = None
+    ids: Iterable[str],
+    out: str | Path,
+    run: str | Path | None = None,
+    isdb: str | Path | None = None,
 ) -> list[Drawn]:
     """Draw figures and write ID.svg, ID.png and ID.csv for each.
 
@@ -60,9 +68,17 @@ def make_figures(
             raise UnknownName("figure", name, [*known, "all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
     if isdb is not None and not Path(isdb).exists():
-        raise RecordError(f"{isdb} does not exist; an ISDB .mat file or a folder of records is needed")
-    if isdb is not None and Path(isdb).is_file() and Path(isdb).suffix.lower() not in (".mat", *RECORD_FILES):
-        raise RecordError(f"{isdb} holds no records; an ISDB .mat file or a folder of records is needed")
+        raise RecordError(
+            f"{isdb} does not exist; an ISDB .mat file or a folder of records is needed"
+        )
+    if (
+        isdb is not None
+        and Path(isdb).is_file()
+        and Path(isdb).suffix.lower() not in (".mat", *RECORD_FILES)
+    ):
+        raise RecordError(
+            f"{isdb} holds no records; an ISDB .mat file or a folder of records is needed"
+        )
     target = folder(out)
     remove_stale_temporaries(target)
     return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]

@@ -17,18 +17,27 @@ _MOST_LABELS = 12  # along an axis
 
 
 @styled
-def draw(part: pd.DataFrame, method: str, names: tuple[str, str | None], values: dict[str, list[Any]]) -> Figure:
+def draw(
+    part: pd.DataFrame, method: str, names: tuple[str, str | None], values: dict[str, list[Any]]
+) -> Figure:
     """Draw one method's rows of a map; each field is the mean over the cells that share both values."""
     x, y = names
-    table = part.assign(_all="").pivot_table(index=y or "_all", columns=x, values="accuracy", aggfunc="mean")
-    rows, columns = [v for v in values.get(y or "", [""]) if v in table.index], [v for v in values[x] if v in table.columns]
+    table = part.assign(_all="").pivot_table(
+        index=y or "_all", columns=x, values="accuracy", aggfunc="mean"
+    )
+    rows, columns = (
+        [v for v in values.get(y or "", [""]) if v in table.index],
+        [v for v in values[x] if v in table.columns],
+    )
     shown = table.reindex(index=rows, columns=columns).to_numpy()
     width, height = (float(np.clip(0.4 * n, 2.0, 6.0)) for n in shown.shape[::-1])
     figure, axes = panels(1, 1, width + 2.2, (height if y else 0.6) + 1.4)
     place = axes[0, 0]
     edges = [np.arange(n + 1) - 0.5 for n in shown.shape]
     image = place.pcolormesh(edges[1], edges[0], shown, **SHARE_COLOURS)
-    place.add_collection(LineCollection(_outline(shown > ACCURATE), colors=RED, linewidths=2.0, capstyle="round"))
+    place.add_collection(
+        LineCollection(_outline(shown > ACCURATE), colors=RED, linewidths=2.0, capstyle="round")
+    )
     for axis, known in ((place.xaxis, columns), (place.yaxis, rows)):
         step = -(-len(known) // _MOST_LABELS) or 1
         axis.set_ticks(range(0, len(known), step), [_label(v) for v in known[::step]])
@@ -44,8 +53,13 @@ def draw(part: pd.DataFrame, method: str, names: tuple[str, str | None], values:
 def _outline(inside: np.ndarray) -> list[list[tuple[float, float]]]:
     """Return the edges between fields inside and fields outside, as lines."""
     framed = np.pad(inside, 1)
-    lines = [[(j - 0.5, i - 1.5), (j - 0.5, i - 0.5)] for i, j in np.argwhere(framed[:, 1:] != framed[:, :-1])]
-    return lines + [[(j - 1.5, i - 0.5), (j - 0.5, i - 0.5)] for i, j in np.argwhere(framed[1:] != framed[:-1])]
+    lines = [
+        [(j - 0.5, i - 1.5), (j - 0.5, i - 0.5)]
+        for i, j in np.argwhere(framed[:, 1:] != framed[:, :-1])
+    ]
+    return lines + [
+        [(j - 1.5, i - 0.5), (j - 0.5, i - 0.5)] for i, j in np.argwhere(framed[1:] != framed[:-1])
+    ]
 
 
 def _label(value: Any) -> str:

@@ -19,12 +19,16 @@ _SEGMENT = 64
 def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataFrame:
     """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form."""
     if record.n < 4 * _SEGMENT:
-        raise RecordError(f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a bicoherence")
+        raise RecordError(
+            f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a bicoherence"
+        )
     e = -pv if record.sp is None else record.sp - pv
     higher = bicoherence(e, _SEGMENT)
     rows = [
         pd.DataFrame({"part": "error", "t (s)": record.t, "e": e}),
-        pd.DataFrame({"part": "bicoherence", "f1": higher.f1, "f2": higher.f2, "bic2 (-)": higher.bic2}),
+        pd.DataFrame(
+            {"part": "bicoherence", "f1": higher.f1, "f2": higher.f2, "bic2 (-)": higher.bic2}
+        ),
         pd.DataFrame({"part": "data", "OP": op, "PV": pv}),
     ]
     found = fit_ellipse(op, pv)
@@ -43,7 +47,14 @@ def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure
     axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)
     label(axes["error"], "time (s)", "SP - PV (record's units)", "control error")
     shades = axes["bic"].scatter(
-        higher["f1"], higher["f2"], c=higher["bic2 (-)"], s=13, marker="s", cmap="cividis", vmin=0, vmax=1
+        higher["f1"],
+        higher["f2"],
+        c=higher["bic2 (-)"],
+        s=13,
+        marker="s",
+        cmap="cividis",
+        vmin=0,
+        vmax=1,
     )
     figure.colorbar(shades, ax=axes["bic"], label="squared bicoherence (-)")
     label(axes["bic"], "f1 (cycles/sample)", "f2 (cycles/sample)", "nonlinearity")
@@ -55,6 +66,9 @@ def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure
     if ellipse and (data.part == "ellipse").any():
         ring = data[data.part == "ellipse"]
         axes["xy"].plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6)
-        note(axes["xy"], f"apparent stiction {first['S_apparent']:.2g}\nfitness {first['fitness (-)']:.0%}")
+        note(
+            axes["xy"],
+            f"apparent stiction {first['S_apparent']:.2g}\nfitness {first['fitness (-)']:.0%}",
+        )
     label(axes["xy"], "OP (record's units)", "PV (record's units)", "PV-OP plot")
     return figure

@@ -11,7 +11,14 @@ from detectors.records.io import read_record
 from detectors.records.isdb import read_loops
 
 # ISDB's sectors by the letters that the chapter's loop names begin with
-_SECTORS = {"CHEM": "chemicals", "PAP": "pulpPapers", "POW": "power", "MIN": "mining", "MET": "metals", "BAS": "buildings"}
+_SECTORS = {
+    "CHEM": "chemicals",
+    "PAP": "pulpPapers",
+    "POW": "power",
+    "MIN": "mining",
+    "MET": "metals",
+    "BAS": "buildings",
+}
 
 
 class NeedsRecord(UserError):
@@ -23,7 +30,11 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
     path = Path(isdb)
     if path.is_dir():
         for stem in (name, f"ISDB_{name}"):
-            found = [f for f in sorted(path.glob(f"{stem}.*")) if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")]
+            found = [
+                f
+                for f in sorted(path.glob(f"{stem}.*"))
+                if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")
+            ]
             if found:
                 return replace(read_record(found[0], **about), tag=name)
     else:

@@ -12,4 +12,14 @@ SHARE_COLOURS = {"vmin": 0.0, "vmax": 1.0, "cmap": colormaps["cividis"].resample
 
 def hatch(axes: Axes, x: float, y: float) -> None:
     """Mark the unit cell around (x, y) as one to which a method does not apply."""
-    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor="#E4E4E4", edgecolor="#9A9A9A", hatch="////", linewidth=0.0))
+    axes.add_patch(
+        Rectangle(
+            (x - 0.5, y - 0.5),
+            1,
+            1,
+            facecolor="#E4E4E4",
+            edgecolor="#9A9A9A",
+            hatch="////",
+            linewidth=0.0,
+        )
+    )

@@ -53,8 +53,18 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     parts = [(str(p["shape"].iloc[0]), p) for _, p in table.groupby(["shape", "part"], sort=False)]
     for shape, part in parts:
         if shape in ("box", "words"):
-            frame = {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE} if shape == "box" else None
-            look = {"ha": "center", "va": "center", "fontsize": 8, "bbox": frame, "color": BLACK if frame else GREY}
+            frame = (
+                {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE}
+                if shape == "box"
+                else None
+            )
+            look = {
+                "ha": "center",
+                "va": "center",
+                "fontsize": 8,
+                "bbox": frame,
+                "color": BLACK if frame else GREY,
+            }
             axes.text(part.x.iloc[0], part.y.iloc[0], str(part.text.iloc[0]), **look)
     figure.draw_without_rendering()  # which settles the frames
     seen = [(t.get_bbox_patch(), t) for t in axes.texts]
@@ -65,7 +75,13 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
             ends = part[["x", "y"]].to_numpy(dtype=float, copy=True)
             ends[0], ends[-1] = _reach(ends[1], ends[0], boxes), _reach(ends[-2], ends[-1], boxes)
             if shape == "arrow":
-                tip = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
+                tip = {
+                    "arrowstyle": "-|>",
+                    "color": BLACK,
+                    "linewidth": 1.1,
+                    "shrinkA": 0,
+                    "shrinkB": 0,
+                }
                 axes.annotate("", ends[-1], ends[-2], arrowprops=tip)
             axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
             taken.append(Bbox([ends.min(axis=0), ends.max(axis=0)]))

@@ -63,18 +63,24 @@ def write_picture(figure: Figure, path: str | Path, simplified: float | None = N
     """Write a figure in the format that the file's name asks for; the same numbers give the same bytes."""
     kind = picture_kind(path)
     plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
-    rc = {"svg.hashsalt": Path(path).stem} | ({"path.simplify_threshold": simplified} if simplified else {})
+    rc = {"svg.hashsalt": Path(path).stem} | (
+        {"path.simplify_threshold": simplified} if simplified else {}
+    )
     with matplotlib.rc_context(rc), whole_file(path, "wb") as f:
         figure.savefig(f, format=kind, dpi=110, metadata=plain[kind])
 
 
-def panels(rows: int, columns: int, width: float, height: float, **more: Any) -> tuple[Figure, np.ndarray]:
+def panels(
+    rows: int, columns: int, width: float, height: float, **more: Any
+) -> tuple[Figure, np.ndarray]:
     """Return a figure of `rows` x `columns` axes, `width` x `height` inches; the axes as a 2-D array."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **more)
 
 
-def mosaic(layout: list[list[str]], width: float, height: float, **more: Any) -> tuple[Figure, dict[str, Axes]]:
+def mosaic(
+    layout: list[list[str]], width: float, height: float, **more: Any
+) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure whose axes lie as their names in `layout` do, `width` x `height` inches; the axes by name."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplot_mosaic(layout, **more)
@@ -88,22 +94,53 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
         axes.set_title(title)
 
 
-def note(axes: Axes, text: str, x: float = 0.02, y: float = 0.98, ha: str = "left", va: str = "top") -> None:
+def note(
+    axes: Axes, text: str, x: float = 0.02, y: float = 0.98, ha: str = "left", va: str = "top"
+) -> None:
     """Write a remark inside a panel, at a place given as shares of its width and height."""
-    axes.text(x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=7.5, bbox=_LABEL_BOX, zorder=5)
+    axes.text(
+        x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=7.5, bbox=_LABEL_BOX, zorder=5
+    )
 
 
-def span(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str, gap: tuple[float, float]) -> None:
+def span(
+    axes: Axes,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    text: str,
+    gap: tuple[float, float],
+) -> None:
     """Draw a two-headed arrow between two points and its name beside the middle, `gap` points away."""
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0})
+    axes.annotate(
+        "",
+        end,
+        start,
+        arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
+    )
     middle = (np.add(start, end) / 2.0).tolist()
-    axes.annotate(text, middle, gap, textcoords="offset points", ha="center", va="center", fontsize=8, bbox=_LABEL_BOX)
+    axes.annotate(
+        text,
+        middle,
+        gap,
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=8,
+        bbox=_LABEL_BOX,
+    )
 
 
-def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int]] = frozenset(), foot: str = "") -> Figure:  # type: ignore[assignment]
+def table(
+    frame: pd.DataFrame,
+    widths: Sequence[int],
+    framed: set[tuple[int, int]] = frozenset(),
+    foot: str = "",
+) -> Figure:  # type: ignore[assignment]
     """Draw a table of texts."""
     head = [_wrap(str(c), w) for c, w in zip(frame.columns, widths)]
-    body = [[_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)]
+    body = [
+        [_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)
+    ]
     heights = [max(c.count("\n") + 1 for c in row) * 0.155 + 0.11 for row in [head, *body]]
     below = _wrap(foot, int(sum(widths) * 1.35))
     bottom = (below.count("\n") + 1) * 0.15 + 0.12 if foot else 0.05
@@ -117,12 +154,33 @@ def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int
     top = sum(heights)
     for i, (row, height) in enumerate(zip([head, *body], heights)):
         if i < 2:
-            axes.axhline(top, color=BLACK, linewidth=1.2 if i == 0 else 0.8, xmin=0.1 / width, xmax=1 - 0.1 / width)
+            axes.axhline(
+                top,
+                color=BLACK,
+                linewidth=1.2 if i == 0 else 0.8,
+                xmin=0.1 / width,
+                xmax=1 - 0.1 / width,
+            )
         for j, text in enumerate(row):
-            axes.text(left[j] + 0.12, top - height / 2, text, va="center", fontweight="bold" if i == 0 else "normal")
+            axes.text(
+                left[j] + 0.12,
+                top - height / 2,
+                text,
+                va="center",
+                fontweight="bold" if i == 0 else "normal",
+            )
             if (i - 1, j) in framed:
-                cell = (left[j] + 0.04, top - height + 0.03, left[j + 1] - left[j] - 0.14, height - 0.06)
-                axes.add_patch(matplotlib.patches.Rectangle(cell[:2], *cell[2:], fill=False, edgecolor=RED, linewidth=1.4))
+                cell = (
+                    left[j] + 0.04,
+                    top - height + 0.03,
+                    left[j + 1] - left[j] - 0.14,
+                    height - 0.06,
+                )
+                axes.add_patch(
+                    matplotlib.patches.Rectangle(
+                        cell[:2], *cell[2:], fill=False, edgecolor=RED, linewidth=1.4
+                    )
+                )
         top -= height
     axes.axhline(top, color=BLACK, linewidth=1.2, xmin=0.1 / width, xmax=1 - 0.1 / width)
     axes.text(0.12, top - 0.08, below, va="top", fontsize=7.5, color=GREY)

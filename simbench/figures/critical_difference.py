@@ -40,7 +40,9 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw the ranks, and accuracy with its interval beside them."""
     place = -np.arange(len(data))
     figure, ((left, right),) = panels(1, 2, 7.0, 0.9 + 0.24 * len(data), sharey=True)
-    left.errorbar(data["mean_rank"], place, xerr=data["half_width"], fmt="o", color=BLUE, elinewidth=2.2)
+    left.errorbar(
+        data["mean_rank"], place, xerr=data["half_width"], fmt="o", color=BLUE, elinewidth=2.2
+    )
     best = data.iloc[0]
     left.axvline(best["mean_rank"] + best["half_width"], color=GREY, linewidth=0.8, linestyle="--")
     label(left, "mean rank, bar = critical difference", "", "bars that overlap: not told apart")

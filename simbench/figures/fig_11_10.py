@@ -33,8 +33,14 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the three primitives, and a series with its normalised differences."""
     figure, axes = mosaic([["a", "b"], ["a", "c"]], 7.2, 3.9, width_ratios=[1, 2.2])
-    for symbol, start, end in (("I", (0.1, 0.55), (0.9, 0.95)), ("S", (0.1, 0.5), (0.9, 0.5)), ("D", (0.1, 0.45), (0.9, 0.05))):
-        axes["a"].annotate("", end, start, arrowprops={"arrowstyle": "->", "color": COLOUR[symbol], "linewidth": 2})
+    for symbol, start, end in (
+        ("I", (0.1, 0.55), (0.9, 0.95)),
+        ("S", (0.1, 0.5), (0.9, 0.5)),
+        ("D", (0.1, 0.45), (0.9, 0.05)),
+    ):
+        axes["a"].annotate(
+            "", end, start, arrowprops={"arrowstyle": "->", "color": COLOUR[symbol], "linewidth": 2}
+        )
     for y, text in ((0.62, "increasing (I)"), (0.515, "steady (S)"), (0.33, "decreasing (D)")):
         axes["a"].text(0.98, y, text, ha="right", va="bottom")
     axes["a"].set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[])

@@ -35,14 +35,19 @@ def data() -> pd.DataFrame:
     """
     rows = []
     for panel, corners in SHAPES.items():
-        (op, mv), symbols = np.array([c for c, _ in corners], dtype=float).T, [s for _, s in corners]
+        (op, mv), symbols = (
+            np.array([c for c, _ in corners], dtype=float).T,
+            [s for _, s in corners],
+        )
         rho = movement_indices(*walk(op, mv))
         frame = pd.DataFrame({"panel": panel, "OP": op, "MV": mv, "symbol": symbols})
         rows.append(frame.assign(**{f"rho{i + 1} (-)": r for i, r in enumerate(rho)}))
     return pd.concat(rows, ignore_index=True)
 
 
-def walk(op: np.ndarray, mv: np.ndarray, steps: int = 8, rest: int = 24) -> tuple[np.ndarray, np.ndarray]:
+def walk(
+    op: np.ndarray, mv: np.ndarray, steps: int = 8, rest: int = 24
+) -> tuple[np.ndarray, np.ndarray]:
     """Go round a closed path ten times, `steps` samples a side, and rest at every second corner, as SS.
 
     Rests keep the standard deviation of the differences below their size while something moves.
@@ -55,7 +60,9 @@ def walk(op: np.ndarray, mv: np.ndarray, steps: int = 8, rest: int = 24) -> tupl
         t += steps
     keep = np.concatenate([[True], np.diff(at) > 0])
     sample = np.arange(at[-1] + 1)
-    return np.interp(sample, np.array(at)[keep], np.array(x)[keep]), np.interp(sample, np.array(at)[keep], np.array(y)[keep])
+    return np.interp(sample, np.array(at)[keep], np.array(x)[keep]), np.interp(
+        sample, np.array(at)[keep], np.array(y)[keep]
+    )
 
 
 @styled
@@ -67,9 +74,22 @@ def draw(data: pd.DataFrame) -> Figure:
         for i, symbol in enumerate(part["symbol"]):
             start, end = corners[i], corners[(i + 1) % len(corners)]
             sticking = symbol in ("IS", "DS")
-            arrow = {"arrowstyle": "->", "color": RED if sticking else BLUE, "linewidth": 2, "shrinkA": 0, "shrinkB": 0}
+            arrow = {
+                "arrowstyle": "->",
+                "color": RED if sticking else BLUE,
+                "linewidth": 2,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             place.annotate("", end, start, arrowprops=arrow)
-            place.annotate(symbol, (start + end) / 2, ASIDE[symbol], textcoords="offset points", ha="center", va="center")
+            place.annotate(
+                symbol,
+                (start + end) / 2,
+                ASIDE[symbol],
+                textcoords="offset points",
+                ha="center",
+                va="center",
+            )
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
         rho1, rho3 = part["rho1 (-)"].iloc[0], part["rho3 (-)"].iloc[0]

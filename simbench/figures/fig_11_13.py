@@ -42,7 +42,10 @@ def data() -> pd.DataFrame:
     sticky = sustained_cycle(Loop.from_table(STICKY), periods=12)[["t (s)", "OP (%)", "PV"]]
     for panel, trend in (("no stiction", healthy), ("stiction", sticky)):
         phi = correlation(trend["OP (%)"].to_numpy(), trend["PV"].to_numpy(), record.Ts, 120.0)
-        rows += [trend.iloc[:800].assign(panel=panel, part="trend"), phi.assign(panel=panel, part="correlation")]
+        rows += [
+            trend.iloc[:800].assign(panel=panel, part="trend"),
+            phi.assign(panel=panel, part="correlation"),
+        ]
     return pd.concat(rows, ignore_index=True)
 
 
@@ -54,7 +57,12 @@ def draw(data: pd.DataFrame) -> Figure:
         trend = part[part.part == "trend"]
         for i, (signal, column) in enumerate((("OP", "OP (%)"), ("PV", "PV"))):
             axes[i, j].plot(trend["t (s)"], trend[column], color=SIGNAL[signal])
-            label(axes[i, j], "time (s)", {"OP": "OP (%)", "PV": "PV - SP (PV units)"}[signal], str(panel) if i == 0 else "")
+            label(
+                axes[i, j],
+                "time (s)",
+                {"OP": "OP (%)", "PV": "PV - SP (PV units)"}[signal],
+                str(panel) if i == 0 else "",
+            )
         found = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
         note(axes[2, j], f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}")
         axes[2, j].set_ylim(-1.15, 1.5)

@@ -9,7 +9,9 @@ from matplotlib.figure import Figure
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._style import note, panels, span, styled
 
-SOURCE = "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"
+SOURCE = (
+    "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"
+)
 PERIOD, SHIFT = 60.0, 0.75  # s; distance (rad) of the phase from an even function
 
 
@@ -19,7 +21,9 @@ def data() -> pd.DataFrame:
     Columns: lag (s), Phi (-), dtau (-), drho (-).
     """
     t = np.arange(0.0, 20 * PERIOD, 0.25)
-    return correlation(np.sin(2 * np.pi * t / PERIOD), -np.sin(2 * np.pi * t / PERIOD + SHIFT), 0.25, 45.0)
+    return correlation(
+        np.sin(2 * np.pi * t / PERIOD), -np.sin(2 * np.pi * t / PERIOD + SHIFT), 0.25, 45.0
+    )
 
 
 @styled
@@ -32,7 +36,9 @@ def draw(data: pd.DataFrame) -> Figure:
     span(axes, (0, 0.12), (found.tau_r, 0.12), "$τ_r$", (0, 8))
     axes.plot([peak], [found.phi_max], "ko")
     axes.annotate("$Φ_0$", (0, found.phi_0), (12, -4), textcoords="offset points")
-    axes.annotate("$Φ_{max}$", (peak, found.phi_max), (0, -13), textcoords="offset points", ha="center")
+    axes.annotate(
+        "$Φ_{max}$", (peak, found.phi_max), (0, -13), textcoords="offset points", ha="center"
+    )
     axes.set_ylim(-1.25, 1.5)
     note(
         axes,

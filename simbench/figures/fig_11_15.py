@@ -36,6 +36,9 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, (name, part) in zip(axes[0], data.groupby("loop", sort=False)):
         found = draw_correlation(place, part, str(name))
         printed = PRINTED[str(name)]
-        note(place, f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})")
+        note(
+            place,
+            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})",
+        )
         place.set_ylim(-1.15, 1.7)
     return figure

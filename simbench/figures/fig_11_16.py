@@ -42,7 +42,11 @@ def data() -> pd.DataFrame:
     for w_Ti, (_, Kc) in CASES.items():
         record = simulate(loop(w_Ti, Kc)).record.window(6000, 12000)
         verdict = judge(record, ["horch"])[0].verdict
-        rows.append(correlation(record.op, record.pv, record.Ts, 75.0).assign(w_Ti=w_Ti, Kc=Kc, verdict=verdict))
+        rows.append(
+            correlation(record.op, record.pv, record.Ts, 75.0).assign(
+                w_Ti=w_Ti, Kc=Kc, verdict=verdict
+            )
+        )
     return pd.concat(rows, ignore_index=True)
 
 
@@ -51,8 +55,13 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw the three cross-correlations with their verdicts."""
     figure, axes = panels(1, 3, 8.4, 3.1, sharey=True)
     for place, (w_Ti, part) in zip(axes[0], data.groupby("w_Ti", sort=False)):
-        found = draw_correlation(place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})")
-        note(place, f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\nHorch: {VERDICT[part.verdict.iloc[0]]}")
+        found = draw_correlation(
+            place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})"
+        )
+        note(
+            place,
+            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\nHorch: {VERDICT[part.verdict.iloc[0]]}",
+        )
         place.set_ylim(-1.15, 1.7)
         place.label_outer()
     return figure

@@ -13,7 +13,10 @@ from simbench.figures._records import NeedsRecord, real_loop
 from simbench.figures._style import note, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.18 and Example 11.4; data: ISDB loops CHEM1, PAP3"
-PRINTED = {"CHEM1": ("OP", "self-regulating", "flow", 0.83), "PAP3": ("PV", "integrating", "level", 0.70)}
+PRINTED = {
+    "CHEM1": ("OP", "self-regulating", "flow", 0.83),
+    "PAP3": ("PV", "integrating", "level", 0.70),
+}
 
 
 def data(isdb: str) -> pd.DataFrame:
@@ -32,7 +35,11 @@ def data(isdb: str) -> pd.DataFrame:
         period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
         fits = half_cycle_fits(band(record.op if signal == "OP" else record.pv, period, 7), period)
         found = judge(record, ["he"], raw=True)[0].indices
-        rows.append(fits.assign(loop=name, Ts=record.Ts, eta=found["eta"], eta_two_line=found["eta_two_line"]))
+        rows.append(
+            fits.assign(
+                loop=name, Ts=record.Ts, eta=found["eta"], eta_two_line=found["eta_two_line"]
+            )
+        )
     return pd.concat(rows, ignore_index=True)
 
 
@@ -44,7 +51,14 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, (name, part) in zip(axes[:, 0], loops):
         signal, _, _, printed = PRINTED[str(name)]
         shown = part[part.half < part.half.min() + 16]
-        draw_fits(place, shown, float(part.Ts.iloc[0]), signal, f"{signal} - drift (record's units)", str(name))
+        draw_fits(
+            place,
+            shown,
+            float(part.Ts.iloc[0]),
+            signal,
+            f"{signal} - drift (record's units)",
+            str(name),
+        )
         both = f"η = {part.eta.iloc[0]:.2f}, with two free lines {part.eta_two_line.iloc[0]:.2f} (printed: {printed:.2f})"
         note(place, both, 0.99, 0.98, "right")
     return figure

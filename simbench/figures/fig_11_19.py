@@ -11,7 +11,9 @@ from detectors.methods.choudhury import METHOD
 from detectors.signal.bicoherence import BESIDE, LOWEST
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch
 
-SOURCE = "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detectors/methods/choudhury.py"
+SOURCE = (
+    "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detectors/methods/choudhury.py"
+)
 draw = draw_sketch
 
 
@@ -24,11 +26,19 @@ def data() -> pd.DataFrame:
     return sketch(
         box(0, 0, "control error e = SP - PV"),
         arrow([(0, -0.35), (0, -1.0)]),
-        box(0, -1.5, f"bicoherence: NGI > {bounds['ngi_low']:g} and NLI > {bounds['nli_low']:g}\nor surrogates: NPI > 1"),
+        box(
+            0,
+            -1.5,
+            f"bicoherence: NGI > {bounds['ngi_low']:g} and NLI > {bounds['nli_low']:g}\nor surrogates: NPI > 1",
+        ),
         arrow([(2.6, -1.5), (4.1, -1.5)], "no"),
         box(5.9, -1.5, "linear: tuning or\nan outside oscillation"),
         arrow([(0, -2.05), (0, -2.8)], "yes", (0.3, -2.4)),
-        box(0, -3.3, f"zero-phase band-pass of OP and PV:\nmax({LOWEST}, f - {BESIDE}) to min(0.5, f + {BESIDE}) per sample"),
+        box(
+            0,
+            -3.3,
+            f"zero-phase band-pass of OP and PV:\nmax({LOWEST}, f - {BESIDE}) to min(0.5, f + {BESIDE}) per sample",
+        ),
         arrow([(0, -3.85), (0, -4.5)]),
         box(0, -4.9, "the four most regular cycles"),
         arrow([(0, -5.25), (0, -5.9)]),

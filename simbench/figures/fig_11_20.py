@@ -16,7 +16,9 @@ from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
 from simbench.figures._style import BLACK, note, panels, styled
 
-SOURCE = "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
+SOURCE = (
+    "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
+)
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 20.0, "Td": 10.0},
     "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
@@ -34,7 +36,8 @@ def data() -> pd.DataFrame:
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
     op, pv = (
-        band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)] for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
+        band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)]
+        for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
     )
     found = fit_ellipse(op, pv)
     assert found is not None
@@ -58,7 +61,9 @@ def draw(data: pd.DataFrame) -> Figure:
     place.plot([x0, x0 + 0.5 * a], [y0, y0], color=BLACK, linestyle=":")
     arc = np.linspace(0.0, alpha, 20)
     place.plot(x0 + 0.9 * np.cos(arc), y0 + 0.9 * np.sin(arc), color=BLACK, linewidth=0.8)
-    place.annotate("α", (x0 + 1.0, y0 + 0.5 * np.sin(alpha)), (0, 0), textcoords="offset points", va="center")
+    place.annotate(
+        "α", (x0 + 1.0, y0 + 0.5 * np.sin(alpha)), (0, 0), textcoords="offset points", va="center"
+    )
     place.set_aspect("equal")
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)

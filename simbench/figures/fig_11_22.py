@@ -11,7 +11,9 @@ from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
 from simbench.figures._records import real_loop
 from simbench.figures._style import styled
 
-SOURCE = "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %); data: ISDB loop CHEM30"
+SOURCE = (
+    "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %); data: ISDB loop CHEM30"
+)
 
 
 def data(isdb: str) -> pd.DataFrame:

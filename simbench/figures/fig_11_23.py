@@ -34,8 +34,16 @@ def data(isdb: str) -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw points, ellipse and limits."""
     figure, ((place,),) = panels(1, 1, 5.6, 4.4)
-    draw_ellipse(place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2")
+    draw_ellipse(
+        place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2"
+    )
     place.legend(loc="upper right", markerscale=3)
     fitness, S = float(data["fitness (-)"].iloc[0]), float(data["S_apparent"].iloc[0])
-    note(place, f"{fitness:.1%} within ±10 % (printed: 93.5 %)\napparent stiction {S:.2g}", 0.02, 0.02, va="bottom")
+    note(
+        place,
+        f"{fitness:.1%} within ±10 % (printed: 93.5 %)\napparent stiction {S:.2g}",
+        0.02,
+        0.02,
+        va="bottom",
+    )
     return figure

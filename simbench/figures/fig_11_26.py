@@ -31,7 +31,15 @@ def data() -> pd.DataFrame:
     found = travel_test(Loop.from_table(LOOP))
     trace = found.trace
     t = np.arange(trace.op.size) * found.Ts
-    table = pd.DataFrame({"t (s)": t, "OP (%)": trace.op, "MV (%)": trace.mv, "PV (%)": trace.pv, "phase": found.phase})
+    table = pd.DataFrame(
+        {
+            "t (s)": t,
+            "OP (%)": trace.op,
+            "MV (%)": trace.mv,
+            "PV (%)": trace.pv,
+            "phase": found.phase,
+        }
+    )
     return table.assign(**{"S measured (%)": found.S, "J measured (%)": found.J})
 
 
@@ -47,7 +55,9 @@ def draw(data: pd.DataFrame) -> Figure:
         label(place, "time (s)", f"{name} (%)")
         place.label_outer()
         for phase in (1, 2):
-            place.axvline(t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9)
+            place.axvline(
+                t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9
+            )
     says = (
         "big steps",
         f"same direction:\nJ = {data['J measured (%)'].iloc[0]:.1f} %",

@@ -28,12 +28,27 @@ def data() -> pd.DataFrame:
     Columns: panel, model, part ("full traverse" or "inner loop"), OP (%), MV (%).
     """
     full = np.interp(np.arange(801.0), [0, 100, 300, 500, 700, 800], [50, 100, 0, 100, 0, 50])
-    inner = np.concatenate([full[:-50], np.linspace(25, 70, 46), np.linspace(70, 35, 36), np.linspace(35, 70, 36)])
+    inner = np.concatenate(
+        [full[:-50], np.linspace(25, 70, 46), np.linspace(70, 35, 36), np.linspace(35, 70, 36)]
+    )
     rows = []
     for panel, (model, parameters) in PANELS.items():
-        for part, op, keep in (("full traverse", full, slice(300, 701)), ("inner loop", inner, slice(-72, None))):
+        for part, op, keep in (
+            ("full traverse", full, slice(300, 701)),
+            ("inner loop", inner, slice(-72, None)),
+        ):
             mv = valve_response(model, op, parameters)
-            rows.append(pd.DataFrame({"panel": panel, "model": model, "part": part, "OP (%)": op[keep], "MV (%)": mv[keep]}))
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "panel": panel,
+                        "model": model,
+                        "part": part,
+                        "OP (%)": op[keep],
+                        "MV (%)": mv[keep],
+                    }
+                )
+            )
     return pd.concat(rows, ignore_index=True)
 
 
@@ -44,23 +59,45 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, (panel, part) in zip(axes.flat, data.groupby("panel", sort=False)):
         for name, colour in (("full traverse", BLUE), ("inner loop", ORANGE)):
             curve = part[part.part == name]
-            place.plot(curve["OP (%)"], curve["MV (%)"], color=colour, linewidth=1.6 if colour == BLUE else 1.1, label=name)
-        place.plot([0, 100], [0, 100], color=GREY, linestyle=":", linewidth=0.9, label="ideal valve")
+            place.plot(
+                curve["OP (%)"],
+                curve["MV (%)"],
+                color=colour,
+                linewidth=1.6 if colour == BLUE else 1.1,
+                label=name,
+            )
+        place.plot(
+            [0, 100], [0, 100], color=GREY, linestyle=":", linewidth=0.9, label="ideal valve"
+        )
         label(place, "OP (% of span)", "MV (% of travel)", panel)
         place.set_aspect("equal")
         place.set_xlim(-2, 102)
         place.set_ylim(-2, 102)
         place.label_outer()
     full = data[data.part == "full traverse"]
-    for place, panel in ((axes[0, 0], "(a) hysteresis"), (axes[1, 0], "(c) hysteresis + dead-band")):
+    for place, panel in (
+        (axes[0, 0], "(a) hysteresis"),
+        (axes[1, 0], "(c) hysteresis + dead-band"),
+    ):
         low, high = branches(full[full.panel == panel], "OP (%)", 50.0, "MV (%)")
-        span(place, (50, low), (50, high), f"{high - low:.0f} %", (30, -29) if panel[1] == "a" else (18, 24))
+        span(
+            place,
+            (50, low),
+            (50, high),
+            f"{high - low:.0f} %",
+            (30, -29) if panel[1] == "a" else (18, 24),
+        )
     low, high = branches(full[full.panel == "(b) dead-band"], "MV (%)", 25.0, "OP (%)")
     span(axes[0, 1], (low, 25), (high, 25), f"S = {high - low:.0f} %", (50, 0))
     span(axes[1, 1], (50 - D / 2, 50), (50 + D / 2, 50), f"D = {D:.0f} %", (0, 9))
     note(axes[0, 0], f"hysteresis\n= separation = {H:.0f} %", 0.98, 0.04, "right", "bottom")
     note(
-        axes[1, 0], f"hysteresis\n= separation - dead-band\n= {H + S:.0f} - {S:.0f} = {H:.0f} %", 0.98, 0.04, "right", "bottom"
+        axes[1, 0],
+        f"hysteresis\n= separation - dead-band\n= {H + S:.0f} - {S:.0f} = {H:.0f} %",
+        0.98,
+        0.04,
+        "right",
+        "bottom",
     )
     axes[0, 0].legend(loc="upper left")
     return figure

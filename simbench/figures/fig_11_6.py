@@ -30,10 +30,14 @@ def data(isdb: str) -> pd.DataFrame:
             record = real_loop(isdb, name, kind="flow", process="self-regulating")
         except NeedsRecord:
             continue
-        rows.append(pd.DataFrame({"loop": name, "t (s)": record.t, "OP": record.op, "PV": record.pv}))
+        rows.append(
+            pd.DataFrame({"loop": name, "t (s)": record.t, "OP": record.op, "PV": record.pv})
+        )
         if len(rows) == 4:
             return pd.concat(rows, ignore_index=True)
-    raise NeedsRecord(f"needs four sticky flow loops of ISDB ({', '.join(LOOPS[:6])}, ...); {isdb} holds {len(rows)}")
+    raise NeedsRecord(
+        f"needs four sticky flow loops of ISDB ({', '.join(LOOPS[:6])}, ...); {isdb} holds {len(rows)}"
+    )
 
 
 @styled

@@ -26,13 +26,19 @@ def data() -> pd.DataFrame:
         "(a) Coulomb": (wide, p.Fc + 0.0 * wide, p.Fc),
         "(b) Coulomb + viscous": (wide, p.Fc + p.Fv * wide / 1000, p.Fc),
         "(c) stiction + Coulomb + viscous": (wide, p.Fc + p.Fv * wide / 1000, p.Fs),
-        "(d) Stribeck": (narrow, p.Fc + (p.Fs - p.Fc) * np.exp(-((narrow / 1000 / p.vs) ** 2)) + p.Fv * narrow / 1000, p.Fs),
+        "(d) Stribeck": (
+            narrow,
+            p.Fc + (p.Fs - p.Fc) * np.exp(-((narrow / 1000 / p.vs) ** 2)) + p.Fv * narrow / 1000,
+            p.Fs,
+        ),
     }
     rows = []
     for panel, (v, force, at_rest) in laws.items():
         both = np.concatenate([-v[::-1], [0.0, 0.0], v])
         friction = np.concatenate([-force[::-1], [-at_rest, at_rest], force])
-        rows.append(pd.DataFrame({"panel": panel, "velocity (mm/s)": both, "friction (N)": friction}))
+        rows.append(
+            pd.DataFrame({"panel": panel, "velocity (mm/s)": both, "friction (N)": friction})
+        )
     return pd.concat(rows, ignore_index=True)
 
 
@@ -46,7 +52,9 @@ def draw(data: pd.DataFrame) -> Figure:
         moving = v.size // 2 - 1
         place.plot(v[:moving], force[:moving], color=BLUE, linewidth=1.8, label="moving")
         place.plot(v[moving + 2 :], force[moving + 2 :], color=BLUE, linewidth=1.8)
-        place.plot([0, 0], force[moving : moving + 2], color=RED, linewidth=1.8, label="at rest: up to")
+        place.plot(
+            [0, 0], force[moving : moving + 2], color=RED, linewidth=1.8, label="at rest: up to"
+        )
         place.set_ylim(-2000, 2000)
         label(place, "velocity (mm/s)", "friction force (N)", str(panel))
         note(place, f"break-away {force[moving + 1]:.0f} N", 0.03, 0.97)

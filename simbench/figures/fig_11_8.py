@@ -15,12 +15,20 @@ from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panel
 from simbench.theory.describing import intersections, stiction
 from simbench.theory.sampled import sampled_loop
 
-SOURCE = "Jelali (2013), Fig. 11.8 and Eqs 11.1 and 11.2 (signs restored), after Choudhury et al. (2005)"
+SOURCE = (
+    "Jelali (2013), Fig. 11.8 and Eqs 11.1 and 11.2 (signs restored), after Choudhury et al. (2005)"
+)
 S, Ts = 5.0, 0.1
 JUMPS = {5.0: RED, 2.0: ORANGE, 0.0: BLUE}
 PLANTS = {
-    "(a) self-regulating": ({"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0}, {"type": "PI", "Kc": 1.0, "Ti": 10.0}),
-    "(b) integrating": ({"type": "integrating", "K": 0.1, "Td": 1.0}, {"type": "PI", "Kc": 1.5, "Ti": 30.0}),
+    "(a) self-regulating": (
+        {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
+        {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+    ),
+    "(b) integrating": (
+        {"type": "integrating", "K": 0.1, "Td": 1.0},
+        {"type": "PI", "Kc": 1.5, "Ti": 30.0},
+    ),
 }
 
 
@@ -28,7 +36,9 @@ def loop(panel: str, J: float) -> Loop:
     """Return one panel's loop with a Choudhury valve of slip jump J."""
     plant, controller = PLANTS[panel]
     valve = {"model": "choudhury", "S": S, "J": J}
-    return Loop.from_table({"plant": plant, "controller": controller, "valve": valve, "sampling": {"Ts": Ts}})
+    return Loop.from_table(
+        {"plant": plant, "controller": controller, "valve": valve, "sampling": {"Ts": Ts}}
+    )
 
 
 def data() -> pd.DataFrame:
@@ -41,16 +51,39 @@ def data() -> pd.DataFrame:
         sampled = sampled_loop(loop(panel, 1.0))
         w = np.geomspace(0.02, 0.9 * np.pi / Ts, 400)
         L = sampled.response(w)
-        rows.append(pd.DataFrame({"panel": panel, "curve": "L", "Re": L.real, "Im": L.imag, "w (rad/s)": w}))
+        rows.append(
+            pd.DataFrame({"panel": panel, "curve": "L", "Re": L.real, "Im": L.imag, "w (rad/s)": w})
+        )
         for J in JUMPS:
             valve = stiction(S, J)
             A = valve.low * (1 + np.geomspace(1e-4, 100, 300))
             z = valve.critical(A)
-            rows.append(pd.DataFrame({"panel": panel, "curve": "-1/N", "J (%)": J, "Re": z.real, "Im": z.imag, "A (%)": A}))
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "panel": panel,
+                        "curve": "-1/N",
+                        "J (%)": J,
+                        "Re": z.real,
+                        "Im": z.imag,
+                        "A (%)": A,
+                    }
+                )
+            )
             for found in intersections(sampled_loop(loop(panel, J)), valve):
                 at = complex(valve.critical(found.amplitude))
-                mark = {"panel": panel, "curve": "intersection", "J (%)": J, "Re": at.real, "Im": at.imag}
-                mark |= {"w (rad/s)": 2 * np.pi / found.period, "A (%)": found.amplitude, "period (s)": found.period}
+                mark = {
+                    "panel": panel,
+                    "curve": "intersection",
+                    "J (%)": J,
+                    "Re": at.real,
+                    "Im": at.imag,
+                }
+                mark |= {
+                    "w (rad/s)": 2 * np.pi / found.period,
+                    "A (%)": found.amplitude,
+                    "period (s)": found.period,
+                }
                 rows.append(pd.DataFrame([mark]))
     return pd.concat(rows, ignore_index=True)
 
@@ -67,12 +100,29 @@ def draw(data: pd.DataFrame) -> Figure:
         for J, colour in JUMPS.items():
             curve = part[(part.curve == "-1/N") & (part["J (%)"] == J)]
             name = f"-1/N, J = {J:g} %" if J else "-1/N, dead-band (J = 0)"
-            place.plot(curve["Re"], curve["Im"], color=colour, linestyle="--" if J == 0 else "-", label=name)
-            for mark in part[(part.curve == "intersection") & (part["J (%)"] == J)].to_dict("records"):
-                place.plot(mark["Re"], mark["Im"], "o", color=colour, markeredgecolor="black", zorder=4)
+            place.plot(
+                curve["Re"],
+                curve["Im"],
+                color=colour,
+                linestyle="--" if J == 0 else "-",
+                label=name,
+            )
+            for mark in part[(part.curve == "intersection") & (part["J (%)"] == J)].to_dict(
+                "records"
+            ):
+                place.plot(
+                    mark["Re"], mark["Im"], "o", color=colour, markeredgecolor="black", zorder=4
+                )
                 text = f"P = {mark['period (s)']:.0f} s\nA = {mark['A (%)']:.2f} %"
                 line = {"arrowstyle": "-", "color": GREY, "linewidth": 0.6}
-                place.annotate(text, (mark["Re"], mark["Im"]), (0.25, mark["Im"]), va="center", fontsize=8, arrowprops=line)
+                place.annotate(
+                    text,
+                    (mark["Re"], mark["Im"]),
+                    (0.25, mark["Im"]),
+                    va="center",
+                    fontsize=8,
+                    arrowprops=line,
+                )
         place.plot(-1, 0, "+", color="black", markersize=7)
         place.set(xlim=(-3.6, 1.8), ylim=(-4.2, 0.5))
         label(place, "real part (-)", "imaginary part (-)", str(panel))

@@ -14,7 +14,14 @@ from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
 Ts, S, Td, K = 2.0, 5.0, 20.0, 1.0
-PANELS = [("a", 5.0, 1.25), ("a", 0.5, 1.25), ("a", 0.05, 1.25), ("b", 0.15, 12.5), ("b", 0.15, 2.5), ("b", 0.15, 0.5)]
+PANELS = [
+    ("a", 5.0, 1.25),
+    ("a", 0.5, 1.25),
+    ("a", 0.05, 1.25),
+    ("b", 0.15, 12.5),
+    ("b", 0.15, 2.5),
+    ("b", 0.15, 0.5),
+]
 
 
 def loop(Td_over_T: float, S_over_2J: float) -> Loop:

@@ -14,7 +14,14 @@ from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes'; not drawn there"
 Ts, S, Td, K = 2.0, 5.0, 20.0, 0.01
-PANELS = [("a", 0.2, 1.25), ("a", 0.1, 1.25), ("a", 0.05, 1.25), ("b", 0.1, 12.5), ("b", 0.1, 2.5), ("b", 0.1, 0.5)]
+PANELS = [
+    ("a", 0.2, 1.25),
+    ("a", 0.1, 1.25),
+    ("a", 0.05, 1.25),
+    ("b", 0.1, 12.5),
+    ("b", 0.1, 2.5),
+    ("b", 0.1, 0.5),
+]
 
 
 def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:

@@ -74,11 +74,25 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw dtau over w Ti for both kinds of loops, with the law and the limits of the verdict."""
     figure, ((axes,),) = panels(1, 1, 6.4, 4.0)
     x = np.geomspace(0.06, 16, 200)
-    axes.plot(x, 2 / np.pi * np.arctan(1 / x), color=BLACK, linewidth=0.9, label=r"$(2/π)\,\arctan(1/(ωT_i))$")
+    axes.plot(
+        x,
+        2 / np.pi * np.arctan(1 / x),
+        color=BLACK,
+        linewidth=0.9,
+        label=r"$(2/π)\,\arctan(1/(ωT_i))$",
+    )
     for valve, marker, colour in (("healthy", "s", BLUE), ("sticky", "o", RED)):
         part = data[data["valve"] == valve]
         name = "healthy, outside sine" if valve == "healthy" else "sticky valve"
-        axes.plot(part["w_Ti (-)"], part["dtau (-)"], marker, color=colour, markersize=4.5, markerfacecolor="none", label=name)
+        axes.plot(
+            part["w_Ti (-)"],
+            part["dtau (-)"],
+            marker,
+            color=colour,
+            markersize=4.5,
+            markerfacecolor="none",
+            label=name,
+        )
     for limit in (1 / 3, 2 / 3):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.8)
     for limit in (1 / np.sqrt(3), np.sqrt(3)):

@@ -15,7 +15,10 @@ from simbench.bench.store.reading import read_table
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
 SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"
-BOUNDS = {"stiction": (2 / 3, 1 / np.sqrt(3)), "no_stiction": (1 / 3, np.sqrt(3))}  # dtau, and w Ti that gives it
+BOUNDS = {
+    "stiction": (2 / 3, 1 / np.sqrt(3)),
+    "no_stiction": (1 / 3, np.sqrt(3)),
+}  # dtau, and w Ti that gives it
 VALVES = {True: ("sticky valve", RED, "o"), False: ("healthy valve under a sine", BLUE, "s")}
 
 
@@ -26,16 +29,25 @@ def data(run: str | Path) -> pd.DataFrame:
     controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a sample.
     """
     scenarios, verdicts = (read_table(run, kind).to_pandas() for kind in ("scenarios", "verdicts"))
-    both = scenarios[scenarios.block == "horch"].merge(verdicts[verdicts.method == "horch"], on="scenario_id")
+    both = scenarios[scenarios.block == "horch"].merge(
+        verdicts[verdicts.method == "horch"], on="scenario_id"
+    )
     if both.empty:
-        raise ParameterError(f"{run}: no section 'horch' judged by horch; run grid own-ground with it")
+        raise ParameterError(
+            f"{run}: no section 'horch' judged by horch; run grid own-ground with it"
+        )
     Ti = np.array([json.loads(loop)["controller"]["Ti"] for loop in both["loop"]])
     indices = [json.loads(text) for text in both.indices]
     both["w_Ti"] = (2 * Ti / both.Ts + 1) * np.tan(np.pi * both.Ts / both.period_s)
     for name in ("dtau", "drho"):
         both[name] = [found.get(name) for found in indices]
     columns = ["w_Ti", "sticky", "noise_ratio", "dtau", "drho", "verdict"]
-    return both[columns].dropna().sort_values("w_Ti", ignore_index=True).astype({"dtau": float, "drho": float})
+    return (
+        both[columns]
+        .dropna()
+        .sort_values("w_Ti", ignore_index=True)
+        .astype({"dtau": float, "drho": float})
+    )
 
 
 @styled
@@ -43,7 +55,12 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw dtau over w Ti for both valves, with the law of a linear loop and the bounds of the verdict."""
     figure, ((axes,),) = panels(1, 1, 6.4, 4.2)
     x = np.geomspace(data.w_Ti.min(), data.w_Ti.max(), 200)
-    axes.plot(x, 2 / np.pi * np.arctan(1 / x), color=GREY, label="(2/π) atan(1/(ω Ti)), any linear PI loop")
+    axes.plot(
+        x,
+        2 / np.pi * np.arctan(1 / x),
+        color=GREY,
+        label="(2/π) atan(1/(ω Ti)), any linear PI loop",
+    )
     for sticky, (name, colour, marker) in VALVES.items():
         part = data[data.sticky == sticky]
         axes.plot(part.w_Ti, part.dtau, marker, color=colour, markersize=3.5, alpha=0.6, label=name)

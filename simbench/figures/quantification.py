@@ -33,7 +33,9 @@ def data(run: str | Path) -> pd.DataFrame:
     found = quantification(book)
     found = found[found.n >= LEAST].reset_index(drop=True)
     if found.empty:
-        raise ParameterError(f"{run}: no method gives S or J of {LEAST} sticky loops of a family of valves")
+        raise ParameterError(
+            f"{run}: no method gives S or J of {LEAST} sticky loops of a family of valves"
+        )
     lo, hi = wilson(found.coverage * found.n, found.n)
     return found.assign(lo=lo, hi=hi, home=[home_of(method, book) for method in found.method])
 
@@ -43,7 +45,10 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw errors of S and J, and coverage, one line for a family."""
     families = sorted(set(data.family))
     figure, (axes,) = panels(1, 3, 8.6, 1.7 + 0.3 * len(families), sharey=True)
-    marks = {m: (mark, f"C{k}") for k, (m, mark) in enumerate(zip(dict.fromkeys(data.method), _MARKS, strict=False))}
+    marks = {
+        m: (mark, f"C{k}")
+        for k, (m, mark) in enumerate(zip(dict.fromkeys(data.method), _MARKS, strict=False))
+    }
     for key, rows in data.groupby(["method", "parameter"], sort=False):
         method, parameter = tuple(key)  # type: ignore[arg-type]
         place = [-families.index(f) for f in rows.family]
@@ -58,12 +63,20 @@ def draw(data: pd.DataFrame) -> Figure:
             look = {**look, "capsize": 2}
             axes[2].errorbar(known.coverage, place, xerr=reach, **look)
     axes[2].axvspan(0.87, 0.93, color=GREY, alpha=0.3, linewidth=0)
-    for ax, title in zip(axes, ("error of S / S", "error of J / S", "intervals that hold the truth"), strict=True):
+    for ax, title in zip(
+        axes, ("error of S / S", "error of J / S", "intervals that hold the truth"), strict=True
+    ):
         label(ax, title, "", "")
         ax.set_yticks([-i for i in range(len(families))], families)
         ax.grid(axis="x", linewidth=0.4, alpha=0.6)
         ax.set_xlim(left=0.0)
     axes[2].set_xlim(0.5, 1.0)
-    shown = {name: line for ax in axes[:2] for line, name in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown), fontsize=7)
+    shown = {
+        name: line
+        for ax in axes[:2]
+        for line, name in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown), fontsize=7
+    )
     return figure

@@ -21,7 +21,10 @@ from simbench.figures._score import SHARE_COLOURS, hatch
 from simbench.figures._style import panels, styled
 
 SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), Table 11.3, as axes"
-PLANTS = {"self-regulating": ("foptd", "Td_over_T", "Td/T"), "integrating": ("integrating", "Td_over_Ti", "Td/Ti")}
+PLANTS = {
+    "self-regulating": ("foptd", "Td_over_T", "Td/T"),
+    "integrating": ("integrating", "Td_over_Ti", "Td/Ti"),
+}
 PER_ROW = 2  # methods side by side
 MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like size
 
@@ -42,21 +45,58 @@ def cells(book: RunArrays) -> pd.DataFrame:
     everyone = [a for a in answers_of(book) if a.method in book.methods]
     rows = []
     for plant, (process, axis, _) in PLANTS.items():
-        here = known & (book.axes["process"] == process) & ~np.isnan(book.axes[axis]) & ~np.isnan(book.axes["S_over_2J"])
+        here = (
+            known
+            & (book.axes["process"] == process)
+            & ~np.isnan(book.axes[axis])
+            & ~np.isnan(book.axes["S_over_2J"])
+        )
         ratios, shapes = np.full((2, here.size), np.nan)
         if here.any():
-            ratios[here], shapes[here] = levels(book.axes[axis][here]), levels(book.axes["S_over_2J"][here])
+            ratios[here], shapes[here] = (
+                levels(book.axes[axis][here]),
+                levels(book.axes["S_over_2J"][here]),
+            )
         for ratio in np.unique(ratios[here]):
             for shape in np.unique(shapes[here]):
                 cell = here & (ratios == ratio) & (shapes == shape)
                 for a in everyone if cell.any() else ():
                     said = a.said[cell & a.applies]
-                    right, undecided = said == positive[cell & a.applies], said == CODES["no_decision"]
+                    right, undecided = (
+                        said == positive[cell & a.applies],
+                        said == CODES["no_decision"],
+                    )
                     shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
                     ends = map(float, wilson(int(right.sum()), said.size))
-                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares, *ends, a.home))
-    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision", "lo", "hi", "home"]
-    return pd.DataFrame(rows, columns=columns).sort_values("method", kind="stable", ignore_index=True)
+                    rows.append(
+                        (
+                            a.method,
+                            plant,
+                            ratio,
+                            shape,
+                            int(cell.sum()),
+                            said.size,
+                            *shares,
+                            *ends,
+                            a.home,
+                        )
+                    )
+    columns = [
+        "method",
+        "plant",
+        "ratio",
+        "S_over_2J",
+        "n",
+        "applicable",
+        "right",
+        "no_decision",
+        "lo",
+        "hi",
+        "home",
+    ]
+    return pd.DataFrame(rows, columns=columns).sort_values(
+        "method", kind="stable", ignore_index=True
+    )
 
 
 def levels(values: np.ndarray) -> np.ndarray:
@@ -73,18 +113,29 @@ def levels(values: np.ndarray) -> np.ndarray:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one heat map per method and plant, the method most often right first."""
-    right = (data.right * data.applicable).groupby(data.method).sum() / data.applicable.groupby(data.method).sum()
-    methods, plants = list(right.sort_values(ascending=False).index), [p for p in PLANTS if (data.plant == p).any()]
+    right = (data.right * data.applicable).groupby(data.method).sum() / data.applicable.groupby(
+        data.method
+    ).sum()
+    methods, plants = (
+        list(right.sort_values(ascending=False).index),
+        [p for p in PLANTS if (data.plant == p).any()],
+    )
     side = min(PER_ROW, len(methods))
     rows = -(-len(methods) // side)
-    figure, axes = panels(rows, side * len(plants), 1.9 * side * len(plants) + 0.9, 2.6 * rows + 0.5)
+    figure, axes = panels(
+        rows, side * len(plants), 1.9 * side * len(plants) + 0.9, 2.6 * rows + 0.5
+    )
     image = None
     for k, method in enumerate(methods):
         for j, plant in enumerate(plants):
             place = axes[k // side, (k % side) * len(plants) + j]
             part = data[(data.method == method) & (data.plant == plant)]
             image = _map(place, part, PLANTS[plant][2])
-            place.set_title(f"{method}{HOME_MARKS[part.home.iloc[0]]}\n{plant}" if j == 0 and len(part) else f"\n{plant}")
+            place.set_title(
+                f"{method}{HOME_MARKS[part.home.iloc[0]]}\n{plant}"
+                if j == 0 and len(part)
+                else f"\n{plant}"
+            )
     for place in axes.ravel()[len(methods) * len(plants) :]:
         place.set_axis_off()
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
@@ -107,20 +158,33 @@ def draw_bar() -> Figure:
 
 
 def _map(axes: Axes, part: pd.DataFrame, name: str):
-    shown = part.assign(right=part["right"].where(part["applicable"] >= LEAST), half=(part["hi"] - part["lo"]) / 2)
+    shown = part.assign(
+        right=part["right"].where(part["applicable"] >= LEAST), half=(part["hi"] - part["lo"]) / 2
+    )
     table, applies, half = (
-        shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index() for v in ("right", "applicable", "half")
+        shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index()
+        for v in ("right", "applicable", "half")
     )
     edges = [np.arange(k + 1) - 0.5 for k in table.shape]
     image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARE_COLOURS)
     axes.set_xticks(range(table.shape[1]), [f"{r:.2g}" for r in table.columns])
-    axes.set_yticks(range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in table.index])
+    axes.set_yticks(
+        range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in table.index]
+    )
     for (i, j), value in np.ndenumerate(table.to_numpy()):
         if applies.to_numpy()[i, j] == 0:
             hatch(axes, j, i)
         elif not np.isnan(value):
             says = f"{value:.2f}\n±{half.to_numpy()[i, j]:.2f}\n{applies.to_numpy()[i, j]:.0f}"
-            axes.text(j, i, says, ha="center", va="center", fontsize=4.5, color="white" if value < 0.55 else "#000001")
+            axes.text(
+                j,
+                i,
+                says,
+                ha="center",
+                va="center",
+                fontsize=4.5,
+                color="white" if value < 0.55 else "#000001",
+            )
     axes.set_xlabel(name)
     axes.set_ylabel("S/2J")
     axes.spines[:].set_visible(False)

@@ -24,7 +24,13 @@ from simbench.figures._style import panels, styled
 
 SOURCE = "own"
 PROCESSES = {"self-regulating": "foptd", "integrating": "integrating"}
-LOOP_KINDS = ("healthy", "healthy, disturbed", "sticky, at rest", "cycling, stick-slip", "cycling, dead-band")
+LOOP_KINDS = (
+    "healthy",
+    "healthy, disturbed",
+    "sticky, at rest",
+    "cycling, stick-slip",
+    "cycling, dead-band",
+)
 ROW_GROUPS = ("OP and PV", "see MV", "yardsticks", "other tests")
 
 
@@ -42,7 +48,13 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     healthy, still = book.truth["sticky"] == 0, book.axes["disturbance"] == "none"
     cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
     band = np.isinf(book.axes["S_over_2J"])
-    parts = (healthy & rests & still, healthy & rests & ~still, ~healthy & rests, cycles & ~band, cycles & band)
+    parts = (
+        healthy & rests & still,
+        healthy & rests & ~still,
+        ~healthy & rests,
+        cycles & ~band,
+        cycles & band,
+    )
     answers = {a.method: a for a in (*answers_of(book), no_waveform_answers(book))}
     rows = []
     for r in (scores or score_book(book)).ranking("cycled", FRONT, population=ALL).itertuples():
@@ -53,9 +65,28 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
                 said = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
                 share = float((said == wanted).mean()) if said.size else np.nan
-                place = (r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
+                place = (
+                    r.method,
+                    r.home,
+                    ROW_GROUPS[int(r.kind)],
+                    r.rank,
+                    r.accuracy_applicable,
+                    process,
+                    loops,
+                )
                 rows.append((*place, int(here.sum()), said.size, share))
-    columns = ["method", "home", "kind", "rank", "accuracy", "process", "loops", "n", "applicable", "right"]
+    columns = [
+        "method",
+        "home",
+        "kind",
+        "rank",
+        "accuracy",
+        "process",
+        "loops",
+        "n",
+        "applicable",
+        "right",
+    ]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -65,11 +96,21 @@ def draw(data: pd.DataFrame) -> Figure:
     methods = data.drop_duplicates("method")
     size = len(methods)
     there = data[data.n > 0]
-    columns = {process: [x for x in LOOP_KINDS if x in set(there.loops[there.process == process])] for process in PROCESSES}
+    columns = {
+        process: [x for x in LOOP_KINDS if x in set(there.loops[there.process == process])]
+        for process in PROCESSES
+    }
     columns = {process: loops for process, loops in columns.items() if loops}
     wide = sum(map(len, columns.values()))
     ratios = [1.0, *(float(len(loops)) for loops in columns.values())]
-    figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
+    figure, axes = panels(
+        1,
+        len(ratios),
+        2.7 + 0.66 * (wide + 1),
+        0.27 * size + 1.75,
+        sharey=True,
+        width_ratios=ratios,
+    )
     ranks = pd.to_numeric(methods["rank"])  # reference rows and methods that failed have none
     names = [
         f"{method}{HOME_MARKS[home]}  {rank:.0f}".replace("  nan", "   ")
@@ -85,14 +126,18 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, (process, loops) in zip(axes[0, 1:], columns.items(), strict=True):
         part = data[data.process == process]
         shares, n, applies = (
-            part.pivot(index="method", columns="loops", values=v).reindex(index=methods.method, columns=loops)
+            part.pivot(index="method", columns="loops", values=v).reindex(
+                index=methods.method, columns=loops
+            )
             for v in ("right", "n", "applicable")
         )
         _cells(place, shares.to_numpy(dtype=float), applies.to_numpy(dtype=float))
         place.set(xticks=range(len(loops)))
         place.set_xticklabels([f"{x} ({n[x].max()})" for x in loops], rotation=35, ha="right")
         place.set_title(f"{process}: right answers")
-        place.axvline(sum(not x.startswith("cycling") for x in loops) - 0.5, color="white", linewidth=3)
+        place.axvline(
+            sum(not x.startswith("cycling") for x in loops) - 0.5, color="white", linewidth=3
+        )
     for place in axes[0]:
         for k in range(1, size):
             if methods.kind.iloc[k] != methods.kind.iloc[k - 1]:
@@ -113,7 +158,15 @@ def _cells(axes, shares: np.ndarray, applies: np.ndarray):
             hatch(axes, j, i)
         elif not np.isnan(value):
             says, dark = f"{value:.2f}\n±{(hi[i, j] - lo[i, j]) / 2:.2f}", value < 0.55
-            axes.text(j, i, says, ha="center", va="center", fontsize=5.5, color="white" if dark else "#000001")
+            axes.text(
+                j,
+                i,
+                says,
+                ha="center",
+                va="center",
+                fontsize=5.5,
+                color="white" if dark else "#000001",
+            )
     axes.set_ylim(shares.shape[0] - 0.5, -0.5)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)

@@ -22,14 +22,24 @@ SOURCE = "Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; 
 NOISE = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # std over that of the oscillation
 SEEDS = 12
 N, PERIOD = 3000, 60.0
-COLOURS = {"sticky valve": RED, "strict triangle": GREEN, "healthy, sine from outside": BLUE, "linear, driven by noise": BLACK}
+COLOURS = {
+    "sticky valve": RED,
+    "strict triangle": GREEN,
+    "healthy, sine from outside": BLUE,
+    "linear, driven by noise": BLACK,
+}
 PLANT = {"type": "foptd", "K": 1.0, "T": 20.0, "Td": 10.0}
 CONTROLLER = {"type": "PI", "Kc": 0.8, "Ti": 20.0}
 
 
 def looped(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
     """Return the control error of a simulated loop, and its period in samples; NaN without one."""
-    table = {"plant": PLANT, "controller": CONTROLLER, "sampling": {"Ts": 1.0, "n": N}, "noise": {"std": 1.4 * noise}}
+    table = {
+        "plant": PLANT,
+        "controller": CONTROLLER,
+        "sampling": {"Ts": 1.0, "n": N},
+        "noise": {"std": 1.4 * noise},
+    }
     if kind == "sticky valve":
         table["valve"] = {"model": "choudhury", "S": 5.0, "J": 2.5}
     else:
@@ -45,7 +55,11 @@ def made(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
         x = np.abs((np.arange(N) % PERIOD) / (PERIOD / 4) - 2) - 1
     else:
         # two poles at the frequency, damped by 1/e in 500 samples
-        x = lfilter([1.0], [1.0, -2 * 0.998 * np.cos(2 * np.pi / PERIOD), 0.998**2], rng.standard_normal(2 * N))[N:]
+        x = lfilter(
+            [1.0],
+            [1.0, -2 * 0.998 * np.cos(2 * np.pi / PERIOD), 0.998**2],
+            rng.standard_normal(2 * N),
+        )[N:]
     return x + noise * x.std() * rng.standard_normal(N), PERIOD
 
 
@@ -61,7 +75,9 @@ def data() -> pd.DataFrame:
             for seed in range(SEEDS):
                 x, period = make(kind, noise, seed)
                 if np.isfinite(period):
-                    rows.append([kind, noise, seed, nonlinearity_index(x - drift(x, period), period).npi])
+                    rows.append(
+                        [kind, noise, seed, nonlinearity_index(x - drift(x, period), period).npi]
+                    )
     return pd.DataFrame(rows, columns=["kind", "noise ratio (-)", "seed", "npi (-)"])
 
 
@@ -72,7 +88,15 @@ def draw(data: pd.DataFrame) -> Figure:
     for j, (kind, colour) in enumerate(COLOURS.items()):
         part = data[data["kind"] == kind]
         place = part["noise ratio (-)"].map({x: i for i, x in enumerate(NOISE)}) + 0.18 * (j - 1.5)
-        axes.plot(place, part["npi (-)"], "o", color=colour, markersize=3.5, markerfacecolor="none", label=kind)
+        axes.plot(
+            place,
+            part["npi (-)"],
+            "o",
+            color=colour,
+            markersize=3.5,
+            markerfacecolor="none",
+            label=kind,
+        )
     axes.axhline(1.0, color=GREY, linestyle="--", linewidth=0.8)
     axes.text(-0.5, 1.03, "nonlinear above", color=GREY, va="bottom")
     axes.set_xticks(range(len(NOISE)), [f"{x:g}" for x in NOISE])

@@ -24,7 +24,10 @@ def data() -> pd.DataFrame:
     """
     graded = {name: grade(_loop(*valve)) for name, valve in VALVES.items()}
     first = next(iter(graded.values()))
-    frame = pd.DataFrame([[g.parameter, g.ideal, g.practical] for g in first], columns=["parameter", "ideal", "practical"])
+    frame = pd.DataFrame(
+        [[g.parameter, g.ideal, g.practical] for g in first],
+        columns=["parameter", "ideal", "practical"],
+    )
     for name, grades in graded.items():
         frame[name] = [g.value for g in grades]
         frame[f"{name}: ok"] = [g.acceptable for g in grades]

@@ -19,15 +19,33 @@ from simbench.theory.tables import TABLE_11_2
 SOURCE = "Jelali (2013), Table 11.2, after Forsman (2000) and Srinivasan et al. (2005a)"
 S = 5.0
 PHASE = np.linspace(0.0, 2.0, 201)  # where the drawn waves are read, in periods
-FAST, SLOW = {"type": "foptd", "K": 1.0, "T": 1.0, "Td": 0.5}, {"type": "foptd", "K": 1.0, "T": 60.0, "Td": 12.0}
+FAST, SLOW = (
+    {"type": "foptd", "K": 1.0, "T": 1.0, "Td": 0.5},
+    {"type": "foptd", "K": 1.0, "T": 60.0, "Td": 12.0},
+)
 LEVEL = {"type": "integrating", "K": 0.01, "Td": 10.0}
 # plant, controller, Ts (s), and J (%) of the four valves
 LOOPS = {
     ("fast (flow)", "I"): (FAST, {"type": "PI", "Kc": 0.05, "Ti": 0.5}, 0.25, (1.0, 2.0, 3.5, 5.0)),
-    ("fast (flow)", "P"): (FAST, {"type": "PI", "Kc": 0.8, "Ti": 100.0}, 0.25, (4.4, 4.6, 4.8, 5.0)),
-    ("slow (pressure, temperature)", ""): (SLOW, {"type": "PI", "Kc": 2.0, "Ti": 60.0}, 2.0, (1.0, 1.5, 2.0, 2.5)),
+    ("fast (flow)", "P"): (
+        FAST,
+        {"type": "PI", "Kc": 0.8, "Ti": 100.0},
+        0.25,
+        (4.4, 4.6, 4.8, 5.0),
+    ),
+    ("slow (pressure, temperature)", ""): (
+        SLOW,
+        {"type": "PI", "Kc": 2.0, "Ti": 60.0},
+        2.0,
+        (1.0, 1.5, 2.0, 2.5),
+    ),
     ("integrating (level)", "P"): (LEVEL, {"type": "P", "Kc": 5.0}, 1.0, (2.0, 3.0, 4.0, 5.0)),
-    ("integrating (level)", "PI"): (LEVEL, {"type": "PI", "Kc": 3.0, "Ti": 60.0}, 1.0, (1.0, 2.0, 3.5, 5.0)),
+    ("integrating (level)", "PI"): (
+        LEVEL,
+        {"type": "PI", "Kc": 3.0, "Ti": 60.0},
+        1.0,
+        (1.0, 2.0, 3.5, 5.0),
+    ),
 }
 COUNTS_AS = {
     "square": {"square"}, "rectangular": {"square"}, "sinusoidal": {"sine"}, "parabolic": {"sine"},
@@ -59,7 +77,11 @@ def data() -> pd.DataFrame:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
         for signal, shape in zip(("OP", "PV"), shapes):
             every = np.concatenate(found[signal])
-            agreement = sum(share for name, share in zip(SHAPES, label_shares(every)) if name in COUNTS_AS[shape])
+            agreement = sum(
+                share
+                for name, share in zip(SHAPES, label_shares(every))
+                if name in COUNTS_AS[shape]
+            )
             frame = pd.DataFrame({"t/P (-)": PHASE, "value (-)": wave[signal]})
             about = {"process": process, "action": action, "signal": signal, "table": shape}
             rows.append(frame.assign(**about, agreement=agreement, cycles=len(every)))
@@ -80,5 +102,13 @@ def draw(data: pd.DataFrame) -> Figure:
             place.set_ylim(-1.15, 1.15)
             label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")
         head = process.replace(" (", "\n(") + (f", {action} action" if action else "")
-        axes[0, j].text(0.0, 1.5, head, transform=axes[0, j].transAxes, fontweight="bold", va="bottom", fontsize=8.5)
+        axes[0, j].text(
+            0.0,
+            1.5,
+            head,
+            transform=axes[0, j].transAxes,
+            fontweight="bold",
+            va="bottom",
+            fontsize=8.5,
+        )
     return figure

@@ -21,8 +21,16 @@ from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
 
 SOURCE = "Jelali (2013), Table 11.3, after Choudhury et al. (2008)"
 S, T, Ts = 5.0, 10.0, 0.5
-DELAYS, SHARES, INTEGRALS, JUMPS = (2.0, 5.0, 20.0), (0.2, 0.5, 0.8), (0.5, 1.0, 2.0), (0.2, 0.5, 1.0, 1.5)
-LOADS, STEPS = (4.0, 2.0, 7.5, 5.5), (8.0, 3.0)  # load steps (%), and set-point steps that move OP by about so many %
+DELAYS, SHARES, INTEGRALS, JUMPS = (
+    (2.0, 5.0, 20.0),
+    (0.2, 0.5, 0.8),
+    (0.5, 1.0, 2.0),
+    (0.2, 0.5, 1.0, 1.5),
+)
+LOADS, STEPS = (
+    (4.0, 2.0, 7.5, 5.5),
+    (8.0, 3.0),
+)  # load steps (%), and set-point steps that move OP by about so many %
 
 
 def ultimate_gain(plant: dict, Ti: float | None) -> float:
@@ -40,14 +48,20 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     """Return the grid of one cell."""
     found = []
     ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
-    for Td, share, integral, ratio in product(DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios):
+    for Td, share, integral, ratio in product(
+        DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios
+    ):
         plant = (
             {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
             if process == "self-regulating"
             else {"type": "integrating", "K": 0.1, "Td": Td}
         )
         # integral time over T, or for the integrating plant over ten dead times
-        Ti = None if integral is None else integral * (T if process == "self-regulating" else 10 * Td)
+        Ti = (
+            None
+            if integral is None
+            else integral * (T if process == "self-regulating" else 10 * Td)
+        )
         Kc = share * ultimate_gain(plant, Ti)
         if not np.isfinite(Kc):
             continue
@@ -55,7 +69,11 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
             Loop.from_table(
                 {
                     "plant": plant,
-                    "controller": {"type": controller, "Kc": Kc, **({} if Ti is None else {"Ti": Ti})},
+                    "controller": {
+                        "type": controller,
+                        "Kc": Kc,
+                        **({} if Ti is None else {"Ti": Ti}),
+                    },
                     "valve": {"model": "choudhury", "S": S, "J": ratio * S},
                     "sampling": {"Ts": Ts, "n": 24000},
                 }
@@ -70,7 +88,10 @@ def cycles(loop: Loop) -> bool:
     least = 0.5 * float(str(loop.valve.parameters["J"])) or 0.05 * S
     per_percent = abs(loop.plant.K) * (1.0 if loop.plant.type == "foptd" else loop.plant.Td)
     begun = [loop.model_copy(update={"disturbance": (load_step(size),)}) for size in LOADS]
-    begun += [loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]]) for size in STEPS]
+    begun += [
+        loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]])
+        for size in STEPS
+    ]
     for start in begun:
         mv = simulate(start).record.mv
         early, late = np.ptp(mv[n // 2 : 3 * n // 4]), np.ptp(mv[3 * n // 4 :])
@@ -99,8 +120,28 @@ def data() -> pd.DataFrame:
         grid = loops(*key)
         said = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
         why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
-        rows.append([*key, said, check.loops, check.exist, check.reached, why, sum(map(cycles, grid)), len(grid)])
-    names = ["process", "controller", "nonlinearity", "table", "loops", "exist", "reached", "disagreements"]
+        rows.append(
+            [
+                *key,
+                said,
+                check.loops,
+                check.exist,
+                check.reached,
+                why,
+                sum(map(cycles, grid)),
+                len(grid),
+            ]
+        )
+    names = [
+        "process",
+        "controller",
+        "nonlinearity",
+        "table",
+        "loops",
+        "exist",
+        "reached",
+        "disagreements",
+    ]
     names += ["cycled", "simulated"]
     return pd.DataFrame(rows, columns=names)
 
@@ -113,7 +154,9 @@ def draw(data: pd.DataFrame) -> Figure:
         part = data[(data["process"] == process) & (data["controller"] == controller)]
         cells = {r["nonlinearity"]: _cell(r) for r in part.to_dict("records")}
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
-    frame = pd.DataFrame(rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"])
+    frame = pd.DataFrame(
+        rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"]
+    )
     foot = (
         "First line: the table. Then: loops in which the exact cycle exists; those that any of 25 random load steps reaches; "
         "simulated loops that cycle from at least one of six starts. Self-regulating P with stick-slip cycles if and only if "

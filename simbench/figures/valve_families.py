@@ -54,12 +54,20 @@ def draw(data: pd.DataFrame) -> Figure:
     homes = dict(zip(data.method, data.home, strict=True))
     names = [method + HOME_MARKS[homes[method]] for method in methods]
     sticky, healthy = (sorted(set(data.valve[data.cycling == c])) for c in (True, False))
-    figure, (axes,) = panels(1, 2, 1.6 + 0.42 * (len(sticky) + len(healthy)), 1.6 + 0.26 * len(methods), sharey=True)
+    figure, (axes,) = panels(
+        1, 2, 1.6 + 0.42 * (len(sticky) + len(healthy)), 1.6 + 0.26 * len(methods), sharey=True
+    )
     for ax, valves, cycling, title in zip(
-        axes, (sticky, healthy), (True, False), ("found, of the cycling loops", "false alarms, of the others"), strict=True
+        axes,
+        (sticky, healthy),
+        (True, False),
+        ("found, of the cycling loops", "false alarms, of the others"),
+        strict=True,
     ):
         part = data[data.cycling == cycling]
-        grid = part.pivot(index="method", columns="valve", values="stiction").reindex(index=methods, columns=valves)
+        grid = part.pivot(index="method", columns="valve", values="stiction").reindex(
+            index=methods, columns=valves
+        )
         ax.pcolormesh(grid.to_numpy(), **SHARE_COLOURS)
         for i, row in enumerate(grid.to_numpy()):
             for j, share in enumerate(row):

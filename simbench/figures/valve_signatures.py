@@ -30,7 +30,11 @@ def data() -> pd.DataFrame:
     rows = []
     for model in VALVES.names():
         mv = valve_response(model, op, _parameters(model), Ts)
-        rows.append(pd.DataFrame({"model": model, "t (s)": np.arange(op.size) * Ts, "OP (%)": op, "MV (%)": mv}))
+        rows.append(
+            pd.DataFrame(
+                {"model": model, "t (s)": np.arange(op.size) * Ts, "OP (%)": op, "MV (%)": mv}
+            )
+        )
     return pd.concat(rows, ignore_index=True)
 
 

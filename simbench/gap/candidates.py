@@ -50,13 +50,19 @@ class Fitted:
 def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
     """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is known, here or in a test."""
     by_mv = s.record.mv is not None if by_mv is None else by_mv
-    fitted = [e for e in EFFECTS if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")]
+    fitted = [
+        e
+        for e in EFFECTS
+        if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")
+    ]
     return [e for e in fitted if recogniser(e).possible(s)]
 
 
 def proven(s: Situation) -> dict[str, Parameters]:
     """Return the effects that the controller's law or single samples show without doubt, with their parameters."""
-    found = {e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))}
+    found = {
+        e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))
+    }
     return {e: p for e, p in found.items() if p is not None}
 
 
@@ -69,7 +75,9 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         fit, count = try_it(engine, base)
         if fit is not base and promising(fit, base):
             fit = _reshaped(engine, fit)
-        gain = _brought(engine, base, fit) - size_penalty(engine.data.n, count + engine.more_numbers(fit.spec, base.spec))
+        gain = _brought(engine, base, fit) - size_penalty(
+            engine.data.n, count + engine.more_numbers(fit.spec, base.spec)
+        )
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
 
@@ -84,23 +92,34 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
         return nats
     x = np.asarray(fit.residual)[kernels.SKIP :]
     tails = 0.5 * (float(np.mean(x**4) / np.mean(x**2) ** 2) - 1.0)
-    by_size = engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta)[0] - base.loglik
+    by_size = (
+        engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta)[0] - base.loglik
+    )
     return nats if tails <= 1.0 or by_size <= 0.0 else nats - by_size * (1.0 - 1.0 / tails)
 
 
-def beside_the_load(engine: Engine, base: Fit, candidates: dict[str, Candidate]) -> tuple[Fit, dict[str, Candidate]]:
+def beside_the_load(
+    engine: Engine, base: Fit, candidates: dict[str, Candidate]
+) -> tuple[Fit, dict[str, Candidate]]:
     """Allow to every candidate what the load may do by itself; return the base and the candidates, gains over the new base."""
     for effect, one in candidates.items():
         ordinary = recogniser(effect).ordinary
         if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
             continue
-        out = _on_top_of(engine, one.fit, one.log_likelihood_gain, {e: c for e, c in candidates.items() if e != effect})
+        out = _on_top_of(
+            engine,
+            one.fit,
+            one.log_likelihood_gain,
+            {e: c for e, c in candidates.items() if e != effect},
+        )
         own = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
         return one.fit, {e: out.get(e, replace(one, log_likelihood_gain=own)) for e in candidates}
     return base, candidates
 
 
-def beside_the_plant(engine: Engine, base: Fit, candidates: dict[str, Candidate]) -> tuple[Fit, dict[str, Candidate]]:
+def beside_the_plant(
+    engine: Engine, base: Fit, candidates: dict[str, Candidate]
+) -> tuple[Fit, dict[str, Candidate]]:
     """Allow to every candidate a plant of higher order than the baseline's, if any candidate stands out of it.
 
     Parameters and returns are those of `beside_the_load`.
@@ -115,12 +134,23 @@ def beside_the_plant(engine: Engine, base: Fit, candidates: dict[str, Candidate]
     return other, candidates | _on_top_of(engine, other, brought, fitted)
 
 
-def _on_top_of(engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]) -> dict[str, Candidate]:
+def _on_top_of(
+    engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]
+) -> dict[str, Candidate]:
     """Return the likelier of the two fits of each: as it was, less what the new base brought (nats), or on top of that base."""
     best = max((c.log_likelihood_gain for c in candidates.values()), default=0.0)
-    again = fit_candidates(engine, base, [e for e, c in candidates.items() if c.log_likelihood_gain > best - engine.behind])
-    alone = {e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought) for e, c in candidates.items()}
-    return {e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in alone.items()}
+    again = fit_candidates(
+        engine,
+        base,
+        [e for e, c in candidates.items() if c.log_likelihood_gain > best - engine.behind],
+    )
+    alone = {
+        e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought)
+        for e, c in candidates.items()
+    }
+    return {
+        e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in alone.items()
+    }
 
 
 def _reshaped(engine: Engine, fit: Fit) -> Fit:
@@ -134,7 +164,11 @@ def _reshaped(engine: Engine, fit: Fit) -> Fit:
         theta = {**fit.theta, "load_time": 0.7 * engine.longest_load}
         theta.pop("load_lag")
     else:
-        theta = {**fit.theta, "load_time": 0.3 * fit.theta["load_time"], "load_lag": 0.1 * fit.theta["load_time"]}
+        theta = {
+            **fit.theta,
+            "load_time": 0.3 * fit.theta["load_time"],
+            "load_lag": 0.1 * fit.theta["load_time"],
+        }
     other = engine.fit(spec, theta, search=SMOOTH, steps=6)
     if promising(other, fit):
         other = settle(engine, other, steps=6)
@@ -148,7 +182,13 @@ def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None)
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
     plant, r = first_order_like(s.baseline.plant).model_dump(), s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
-    return tuple(sorted(e for e in indistinguishable(effect, here) if e == effect or recogniser(e) != Recogniser()))
+    return tuple(
+        sorted(
+            e
+            for e in indistinguishable(effect, here)
+            if e == effect or recogniser(e) != Recogniser()
+        )
+    )
 
 
 def smallest_detectable(

@@ -55,7 +55,9 @@ def diagnose_files(
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     if tests and baseline is None:
-        raise ParameterError("gap diagnose --test needs --baseline LOOP.toml, which all records are compared with")
+        raise ParameterError(
+            "gap diagnose --test needs --baseline LOOP.toml, which all records are compared with"
+        )
     told = [part for t in tests for part in files_of(t) if part]
     refuse_own_input([html, write_loop, picture], [*records, baseline, *told])
     if picture is not None:
@@ -65,20 +67,35 @@ def diagnose_files(
     for record, path in zip(read, records, strict=True):
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
-            raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
-    asked = [read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about) for t in tests if loop is not None]
+            raise RecordError(
+                f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed"
+            )
+    asked = [
+        read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about)
+        for t in tests
+        if loop is not None
+    ]
     with effects_known(effect_plugins):
         # other processes do not know them
         jobs = 1 if effect_plugins else jobs
         report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
-        assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
+        assumed = dict.fromkeys(
+            note for record in read for note in record.notes if note not in report.notes
+        )
         report = replace(report, notes=(*report.notes, *assumed))
-        again = {**about, "window": window, "effect-plugin": list(effect_plugins), "test": list(tests)}
+        again = {
+            **about,
+            "window": window,
+            "effect-plugin": list(effect_plugins),
+            "test": list(tests),
+        }
         told = None
         if html is not None and asked:
             from simbench.gap.report.story import story
 
-            told = story(report, diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs), asked)
+            told = story(
+                report, diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs), asked
+            )
         _write(report, records, baseline, again, write_loop, picture, html, told)
     return report
 
@@ -151,7 +168,12 @@ def plan_files(
 
 
 def predict_file(
-    record: str | Path, baseline: str | Path, words: Mapping[str, str], *, tests: Sequence[str] = (), **about: Any
+    record: str | Path,
+    baseline: str | Path,
+    words: Mapping[str, str],
+    *,
+    tests: Sequence[str] = (),
+    **about: Any,
 ) -> Prediction:
     """Predict what the loop of a record does under other settings, given as KEY=VALUE on the command line."""
     settings = read_settings(words, load_loop(baseline))
@@ -169,7 +191,9 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
         return record
     first, last = window
     if not 0 <= first < last <= record.n:
-        raise ParameterError(f"{path}: --window {first} {last}; samples FROM < TO within 0..{record.n} are needed")
+        raise ParameterError(
+            f"{path}: --window {first} {last}; samples FROM < TO within 0..{record.n} are needed"
+        )
     cut = record.window(first, last)
     manual = record.meta.get("manual")
     return cut if manual is None else replace(cut, meta={**cut.meta, "manual": manual[first:last]})
@@ -183,12 +207,23 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
         "set point and length are the record's, load and operating point fitted to it",
     ]
     if kick:
-        lines.append(f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there")
+        lines.append(
+            f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there"
+        )
     # a name may hold a line break, which would end the comment
-    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
+    return (
+        "".join(f"# {' '.join(line.split())}\n" for line in lines)
+        + "\n"
+        + report.fixed_loop().to_toml()
+    )
 
 
-def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
+def _again(
+    report: GapReport,
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    about: dict[str, Any],
+) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
@@ -200,7 +235,13 @@ def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Pat
         elif value is True:
             words += [f"--{name.replace('_', '-')}"]
         elif value is not None:
-            words += [f"--{name.replace('_', '-').lower()}", *map(str, value if isinstance(value, tuple) else [value])]
+            words += [
+                f"--{name.replace('_', '-').lower()}",
+                *map(str, value if isinstance(value, tuple) else [value]),
+            ]
     words += ["--write-loop", "fixed.toml"]
     kick = kick_of(report, report.named)
-    return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]
+    return [
+        shlex.join(words),
+        "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else ""),
+    ]

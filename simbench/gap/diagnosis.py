@@ -34,7 +34,13 @@ from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.conclusion import Conclusion, from_posterior, from_record, judged, without
+from simbench.gap.stiction.conclusion import (
+    Conclusion,
+    from_posterior,
+    from_record,
+    judged,
+    without,
+)
 from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
@@ -93,7 +99,9 @@ def diagnose(
     >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
     'detuning'
     """
-    several: list[Any] = list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    several: list[Any] = (
+        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    )
     records = [as_record(one, **signals) for one in several]
     if not records:
         raise RecordError("no record to diagnose")
@@ -118,7 +126,12 @@ def diagnose_all(
         judged_by, like = closing(classify(found), found, runs), None
         weights = judged_by
         if describe and named_by(weights, found) == [UNKNOWN]:
-            like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
+            like = described(
+                found.situation,
+                search(found.situation, held_out(found.situation)),
+                lambda: found,
+                seed,
+            )
             if like.block:
                 # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
                 weights = replace(weights, unknown_block=like.block)
@@ -126,7 +139,9 @@ def diagnose_all(
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
             # what a simulation with friction does not model is not the friction that the valve has
             tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
-            sound = diagnose_all(records, with_sound_valve(baseline), tested, jobs, seed, describe=False)
+            sound = diagnose_all(
+                records, with_sound_valve(baseline), tested, jobs, seed, describe=False
+            )
             return replace(out, conclusion=sound.conclusion)
         return out
 
@@ -169,8 +184,12 @@ def conclude(
     """
     if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
         return judged(as_record(record, **signals))[0]
-    several = list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
-    return diagnose_all([as_record(one, **signals) for one in several], loop, tests, describe=False).conclusion
+    several = (
+        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    )
+    return diagnose_all(
+        [as_record(one, **signals) for one in several], loop, tests, describe=False
+    ).conclusion
 
 
 def _assess_one(
@@ -190,7 +209,9 @@ def _assess_one(
         behind = behind if situation.trusted else candidate_loops(record, baseline)
     except UserError as why:
         behind, silent = str(why), f"{FRICTION}: cannot tell, {why}"
-        found = replace(found, situation=replace(found.situation, notes=[*found.situation.notes, silent]))
+        found = replace(
+            found, situation=replace(found.situation, notes=[*found.situation.notes, silent])
+        )
     sticky = None if isinstance(behind, str) else behind.probability >= DENIED_BELOW
     return found if situation.trusted else plausible(found, sticky), behind
 
@@ -216,18 +237,25 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
             kept = [one for one, said in zip(kept, others) if not said]
             found = assess(situation, kept)
     if kept:
-        notes.append(f"tests: {', '.join(one.name for one in kept)} judged with the record as one model")
+        notes.append(
+            f"tests: {', '.join(one.name for one in kept)} judged with the record as one model"
+        )
     said = replace(found.situation, notes=[*found.situation.notes, *notes])
     return replace(found, situation=said, asked=tuple(t.id for t in tests))
 
 
 def _assess_all(
-    records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest] = ()
+    records: list[LoopRecord],
+    baseline: Loop | Partial | None,
+    jobs: int,
+    tests: Sequence[RecordedTest] = (),
 ) -> tuple[Assessment, CandidateLoops | str, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
     longest = max(records, key=lambda r: r.n) if tests else None
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        calls = (delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records)
+        calls = (
+            delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records
+        )
         pairs: list[Any] = list(parallel(calls))
     every = [found for found, _ in pairs]
     main, behind = max(pairs, key=lambda pair: pair[0].situation.record.n)
@@ -240,12 +268,22 @@ def _assess_all(
     if not others:
         return main, behind, []
     proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
-    gains = {e: float(sum(f.log_likelihood_gains[e] for f in every)) for e in main.log_likelihood_gains if e not in proven}
+    gains = {
+        e: float(sum(f.log_likelihood_gains[e] for f in every))
+        for e in main.log_likelihood_gains
+        if e not in proven
+    }
     gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
     parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), behind, [said]
+    return (
+        replace(
+            main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others
+        ),
+        behind,
+        [said],
+    )
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:
@@ -282,11 +320,17 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
     """
     if not _wide(found, runs) or float(np.std(found.base.residual)) < _PREDICTED:
         return weights
-    left, block = max((found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items())
+    left, block = max(
+        (found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items()
+    )
     if left > 1.0 and not found.situation.trusted:
         return weights.refuted(NONE, block)
     lacks = runs.lacking
-    if lacks is None or lacks.least <= _WIDE or (left <= 1.0 and found.tested and lacks.block != "sensor"):
+    if (
+        lacks is None
+        or lacks.least <= _WIDE
+        or (left <= 1.0 and found.tested and lacks.block != "sensor")
+    ):
         # tests under which the model is whole refute that plant, valve or load lack something
         return weights
     return weights.refuted(NONE, block if left > 1.0 else lacks.block)
@@ -310,16 +354,30 @@ def report(
     first = named[0]
     effects = [e for e in named if e in EFFECTS]
     main = runs.shrink(effects)
-    rivals = {e: runs.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
+    rivals = {
+        e: runs.rival([e], effects)
+        for e, _ in ranking[:3]
+        if e in found.parameters and [e] != effects
+    }
     shown = {e: gap for e, gap in rivals.items() if gap is not None}
     if len(effects) == 1:
         shown[first] = main
     lines = []
     for e, p in ranking:
-        before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
-        lines.append(Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {})))
+        before, after = (
+            (shown[e].before, shown[e].after)
+            if e in shown
+            else (main.before,) * 2
+            if e == NONE
+            else (None, None)
+        )
+        lines.append(
+            Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {}))
+        )
     by_load = first == NONE and _wide(found, runs)
-    gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load)
+    gap = Gap(
+        main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load
+    )
     shrinkage = None
     if main.value is not None and effects:
         shrinkage = {"value": main.value, "lo": main.lo, "hi": main.hi}
@@ -333,7 +391,11 @@ def report(
         for e in named
     )
     advice, why, after_tests = _advice(found, weights, runs)
-    notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
+    notes = [
+        *situation.notes,
+        *more,
+        *(f"{block}: {why}" for block, why in found.unexplained.items()),
+    ]
     if advice is None:
         notes.append(f"next test: none, {why}")
     if by_load:
@@ -343,7 +405,9 @@ def report(
     if first == UNKNOWN and runs.lacking is not None and runs.lacking.features:
         notes.append(f"the simulation lacks: in the record {runs.lacking.sentence}")
     if not main.resolvable:
-        notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
+        notes.append(
+            f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed"
+        )
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     if situation.trusted and not behind:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
@@ -361,13 +425,22 @@ def report(
     )  # fmt: skip
 
 
-def _advice(found: Assessment, weights: Classified, runs: ClosedLoops) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
+def _advice(
+    found: Assessment, weights: Classified, runs: ClosedLoops
+) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
     """Return the next test, why there is none, and the probability of a right answer after each test."""
     s = found.situation
     open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in found.asked
     if open_yet and not (s.law.known or s.archive.faithful):
         says = "log the loop without the archive between: the recorded PV is not the PV the controller saw"
-        raw = {"test": "raw", "size": 0.0, "hold_s": 0.0, "separates": [], "p_right_after": None, "says": says}
+        raw = {
+            "test": "raw",
+            "size": 0.0,
+            "hold_s": 0.0,
+            "separates": [],
+            "p_right_after": None,
+            "says": says,
+        }
         return raw, "", {}
     planned = plan(found, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU)
     return planned.next_test, planned.why, {x.trial.id: x.p_right for x in planned.tests}

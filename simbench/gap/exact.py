@@ -21,7 +21,9 @@ from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
 from simbench.loop.laws import LAW_FORMS
 
-_EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
+_EXPLAINS = (
+    0.6  # share of what the law without the new term leaves, below which the term is the law
+)
 _MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
 _PROOF = 60.0  # nats from which a law needs no statistics
@@ -37,7 +39,11 @@ _Numbers = dict[str, float]
 def controller_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
     told = _told(s, first)
-    if told or (s.law.known and not s.law.averaged and not s.unexplained_law) or s.baseline.controller.type == "PID":
+    if (
+        told
+        or (s.law.known and not s.law.averaged and not s.unexplained_law)
+        or s.baseline.controller.type == "PID"
+    ):
         # a PID's terms are the baseline's own
         return max(told, key=lambda one: one.nats, default=None)
     # an archive may store PV before the controller ran; where no law is exact, nothing has said so yet
@@ -47,7 +53,11 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
     found += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
     best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    few = best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first)
+    few = (
+        best is not None
+        and s.law.averaged
+        and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first)
+    )
     return None if few else best
 
 
@@ -57,13 +67,19 @@ def _told(s: Situation, first: int) -> list[FoundLaw]:
     unit = max(written_unit(op, np.asarray(s.record.pv)), 1e-6 * float(np.std(op)), 1e-9)
     if law.limits is not None:
         numbers = {"low": law.limits[0], "high": law.limits[1]}
-        return [_read_off("limits", numbers, np.isin(op, law.limits), unit / float(np.ptp(op)), first)]
+        return [
+            _read_off("limits", numbers, np.isin(op, law.limits), unit / float(np.ptp(op)), first)
+        ]
     out = []
     if law.gap > 0.0:
         still, moves = np.append(False, np.diff(op) == 0.0), float(np.std(np.diff(op)))
         out.append(_read_off("rest", {"width": law.gap}, still, unit / moves, first))
     if law.step > 0.0:
-        out.append(_read_off("rest", {"step": law.step}, _on_lattice(op, law.step, unit), unit / law.step, first))
+        out.append(
+            _read_off(
+                "rest", {"step": law.step}, _on_lattice(op, law.step, unit), unit / law.step, first
+            )
+        )
     if law.tuning is not None:
         c, guess = _Controller.of(s, law.late), dict(zip(("gain", "integral"), law.tuning))
         by = {name: 0.1 * value for name, value in guess.items()}
@@ -76,7 +92,14 @@ def _on_lattice(x: np.ndarray, step: float, unit: float) -> np.ndarray:
     return np.abs(x - x[0] - step * np.round((x - x[0]) / step)) < 0.75 * unit
 
 
-def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: int, on: np.ndarray | None = None) -> FoundLaw:
+def _read_off(
+    form: str,
+    numbers: _Numbers,
+    event: np.ndarray,
+    q: float,
+    first: int,
+    on: np.ndarray | None = None,
+) -> FoundLaw:
     """Return a law that shows in single samples, whose numbers are read off, not fitted.
 
     How often its `event` (n,) happens is learnt from one part of the record and judged on the other beside a chance `q` of
@@ -85,12 +108,17 @@ def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: 
     q = float(np.clip(q, 1e-6, 0.5))
 
     def nats(learn: np.ndarray, judge: np.ndarray) -> float:
-        p, hits = float(np.clip((learn.sum() + 0.5) / (learn.size + 1.0), q, 1.0 - 1e-6)), int(judge.sum())
+        p, hits = (
+            float(np.clip((learn.sum() + 0.5) / (learn.size + 1.0), q, 1.0 - 1e-6)),
+            int(judge.sum()),
+        )
         return float(hits * np.log(p / q) + (judge.size - hits) * np.log((1.0 - p) / (1.0 - q)))
 
     parts = event[:first], event[first:]
     longest = max((b - a for a, b in runs_of(event)), default=0) * -np.log(q) - np.log(event.size)
-    return FoundLaw(form, numbers, float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)), on=on)
+    return FoundLaw(
+        form, numbers, float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)), on=on
+    )
 
 
 class _Controller(NamedTuple):
@@ -113,8 +141,20 @@ class _Controller(NamedTuple):
         control, Ts = s.baseline.controller, s.record.Ts
         Kc = control.sign * control.Kc
         # digits of OP and PV, as far as they reach OP
-        unit = max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
-        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit, np.diff(s.sp), late)
+        unit = (
+            max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9)
+            / 3.0
+        )
+        law = cls(
+            np.asarray(s.op),
+            e,
+            Kc,
+            Kc * Ts / control.Ti if control.Ti else 0.0,
+            Ts,
+            unit,
+            np.diff(s.sp),
+            late,
+        )
         # the form in which its integral counts the newest error
         forms = [law._replace(newest=share) for share in FORMS]
         return min(forms, key=lambda one: float(np.median(np.abs(one.left({})))))
@@ -122,10 +162,15 @@ class _Controller(NamedTuple):
     def left(self, numbers: _Numbers) -> np.ndarray:
         """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
         e, get = self.e, numbers.get
-        counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
+        counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get(
+            "side", 0.0
+        ) * np.abs(e)
         change = np.diff(counts)
         adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
-        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / get("integral", 1.0) * adds
+        du = (
+            self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves)
+            + self.Ki / get("integral", 1.0) * adds
+        )
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
@@ -138,7 +183,9 @@ class _Controller(NamedTuple):
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def fitted(self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
+    def fitted(
+        self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray
+    ) -> FoundLaw | None:
         """Return a law with its numbers fitted robustly to the first part, from a guess and in steps of `by`.
 
         How the integral counts the newest error is fitted too: under another form other numbers are the same law.
@@ -155,13 +202,21 @@ class _Controller(NamedTuple):
                 x_scale=[*by.values(), 0.5], max_nfev=60,
             )  # fmt: skip
         numbers = {m: float(v) for m, v in zip(guess, found.x)}
-        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(np.std(misfit(found.x)))
-        intervals = {m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)}
+        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(
+            np.std(misfit(found.x))
+        )
+        intervals = {
+            m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)
+        }
         left = self._replace(newest=found.x[-1]).left(numbers)
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
         nats = -float(np.log(ratio)) * left[first:].size
-        return FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late) if ratio < _EXPLAINS else None
+        return (
+            FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late)
+            if ratio < _EXPLAINS
+            else None
+        )
 
     def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
         """Yield form, first guess and step of each term that may be missing."""
@@ -170,9 +225,16 @@ class _Controller(NamedTuple):
             yield "regime", {"gain": 1.0, name: 0.0}, {"gain": 0.3, name: step}
         pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
         for share in (0.05, 0.3, 1.0):
-            yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}, {"Td": 0.1 * pace, "filter": 0.05 * pace}
+            yield (
+                "derivative",
+                {"Td": share * pace, "filter": 0.1 * share * pace},
+                {"Td": 0.1 * pace, "filter": 0.05 * pace},
+            )
         yield "weight", {"weight": 0.5}, {"weight": 0.5}
-        fall, rise = (Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit) for side in (-1.0, 1.0))
+        fall, rise = (
+            Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit)
+            for side in (-1.0, 1.0)
+        )
         for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
             yield "ramps", guess, guess
 
@@ -181,7 +243,12 @@ class _Controller(NamedTuple):
         still = np.append(False, np.diff(self.op) == 0.0)
         asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
         runs = np.array(
-            [(a, b) for a, b in runs_of(still) if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int
+            [
+                (a, b)
+                for a, b in runs_of(still)
+                if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit
+            ],
+            dtype=int,
         ).reshape(-1, 2)
         idle = np.zeros(still.size, dtype=bool)
         for a, b in runs:
@@ -195,12 +262,18 @@ class _Controller(NamedTuple):
         for before in (self.e[last], self.e[:-1]):
             for newest in FORMS:
                 counts = newest * self.e[1:] + (1.0 - newest) * before
-                tries.append(np.diff(self.op) - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * counts))
+                tries.append(
+                    np.diff(self.op)
+                    - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * counts)
+                )
         left = min(tries, key=self.misfit)
         length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
         if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
             return None
-        return replace(_read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle), late=self.late)
+        return replace(
+            _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle),
+            late=self.late,
+        )
 
 
 _POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
@@ -213,18 +286,27 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
         step = s.archive.rounding[0]
-        return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first)
+        return _read_off(
+            "stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first
+        )
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     stands = np.append(False, np.diff(pv) == 0.0)
     found = []
-    ends = {name: end for name, end in (("low", float(pv.min())), ("high", float(pv.max()))) if np.mean(pv == end) > _ENDS}
+    ends = {
+        name: end
+        for name, end in (("low", float(pv.min())), ("high", float(pv.max())))
+        if np.mean(pv == end) > _ENDS
+    }
     at_end = np.isin(pv, [*ends.values()])
     if ends and stands[at_end].mean() > 0.3:
         found.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
-        numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts}
+        numbers = {
+            "share": float(long.mean()),
+            "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts,
+        }
         found.append(_read_off("held", numbers, long, chance, first, long))
     return max(found, key=lambda law: law.nats, default=None)
 

@@ -42,9 +42,13 @@ _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quan
 MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
 _LEAST = 1e-12  # that a logarithm is taken of
-_FEWEST = 10  # draws that oscillate before and after the change, from which the two periods are compared
+_FEWEST = (
+    10  # draws that oscillate before and after the change, from which the two periods are compared
+)
 # where an answer ends to be valid
-_LEAST_MARGIN = 1.3  # gain margin: below it small errors of gain or dead time decide how the loop swings
+_LEAST_MARGIN = (
+    1.3  # gain margin: below it small errors of gain or dead time decide how the loop swings
+)
 _SHARE = 0.1  # of the draws that may lie below it, or run away
 _REPRODUCED = 3.0  # standard deviations of the draws from the record
 _FARTHER = 2.5  # times the recorded standard deviation of PV or OP
@@ -104,7 +108,11 @@ class Prediction:
         if not self.valid or self.pv_std is None:
             return f"No valid prediction: {self.reason}."
         p, now = self.pv_std, self.now["pv_std"]
-        swings = "no sustained oscillation" if self.period_s is None else f"oscillation of {self.period_s.value:.3g} s"
+        swings = (
+            "no sustained oscillation"
+            if self.period_s is None
+            else f"oscillation of {self.period_s.value:.3g} s"
+        )
         return f"PV standard deviation {p.value:.3g} [{p.lo:.3g}, {p.hi:.3g}] after {now:.3g} in the record; {swings}."
 
     def as_text(self) -> str:
@@ -113,15 +121,25 @@ class Prediction:
             ("PV standard deviation (PV units)", "pv_std"), ("OP standard deviation (%)", "op_std"),
             ("period of the oscillation (s)", "period_s"), ("OP travel (% per hour)", "op_travel_per_hour"),
         ]  # fmt: skip
-        lines = [self.sentence(), "", f"{'':34s}{'record':>10s}{'predicted':>11s}{'90 % interval':>24s}"]
+        lines = [
+            self.sentence(),
+            "",
+            f"{'':34s}{'record':>10s}{'predicted':>11s}{'90 % interval':>24s}",
+        ]
         for words, name in rows:
             found, now = getattr(self, name), self.now[name]
             was = "-" if now is None else f"{now:.3g}"
-            value, between = ("-", "-") if found is None else (f"{found.value:.3g}", f"{found.lo:.3g} to {found.hi:.3g}")
+            value, between = (
+                ("-", "-")
+                if found is None
+                else (f"{found.value:.3g}", f"{found.lo:.3g} to {found.hi:.3g}")
+            )
             lines.append(f"{words:34s}{was:>10s}{value:>11s}{between:>24s}")
         p = "-" if self.oscillates is None else f"{self.oscillates:.2f}"
         lines += ["", f"probability of a sustained oscillation: {p}"]
-        lines.append("settings: " + ", ".join(f"{key} = {value}" for key, value in self.settings.items()))
+        lines.append(
+            "settings: " + ", ".join(f"{key} = {value}" for key, value in self.settings.items())
+        )
         lines.append(f"{'valid' if self.valid else 'not valid'}: {self.reason}")
         return "\n".join(lines)
 
@@ -141,7 +159,9 @@ def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
         section, _, name = key.partition(".")
         if section not in SECTIONS or not name:
             known = " and ".join(f"{s}.*" for s in SECTIONS)
-            raise ParameterError(f"--set {key}={text}: {key} is not a setting of the loop; {known} are allowed")
+            raise ParameterError(
+                f"--set {key}={text}: {key} is not a setting of the loop; {known} are allowed"
+            )
         try:
             settings[key] = tomllib.loads(f"x = {text}")["x"]
         except tomllib.TOMLDecodeError:
@@ -208,8 +228,16 @@ def _draws(report: GapReport, seed: int) -> list[_Draw]:
     s, rng = found.situation, np.random.default_rng([seed, 71])
     named = tuple(report.named)
     first = named[0] if named else NONE
-    known = {r.effect: r.probability for r in report.ranking if r.effect in (NONE, first, *found.parameters)}
-    p = {named if e == first else (e,) if e != NONE else (): x for e, x in known.items() if e == first or x >= _FAINT}
+    known = {
+        r.effect: r.probability
+        for r in report.ranking
+        if r.effect in (NONE, first, *found.parameters)
+    }
+    p = {
+        named if e == first else (e,) if e != NONE else (): x
+        for e, x in known.items()
+        if e == first or x >= _FAINT
+    }
     whole = sum(p.values()) or 1.0
     out = []
     for effects, share in p.items():
@@ -218,8 +246,13 @@ def _draws(report: GapReport, seed: int) -> list[_Draw]:
         raised = corrected.operating_point.op0 - loops.loop(effects).operating_point.op0
         own = {e: found.parameters[e] for e in effects if e in found.parameters}
         # what single samples, the controller's law or MV show does not scatter with the fit
-        fitted = [e for e in own if e in found.candidates and recogniser(e).numbers(fit, s) == own[e]]
-        for one in [fit, *Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng)]:
+        fitted = [
+            e for e in own if e in found.candidates and recogniser(e).numbers(fit, s) == own[e]
+        ]
+        for one in [
+            fit,
+            *Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng),
+        ]:
             own = own | {e: recogniser(e).numbers(one, s) for e in fitted}
             loop = fixed_loop(s, one, own, jumps=load_may_jump(effects))
             op0 = float(np.clip(loop.operating_point.op0 + raised, 1.0, 99.0))
@@ -234,7 +267,8 @@ def _ahead(s: Situation, loop: Loop, effects: Mapping[str, Mapping[str, float | 
     gain = np.inf if s.integrating else loop.plant.K
     half, before = 0.5 * s.record.n * s.record.Ts, _warm_up(s) * s.record.Ts
     return sum(
-        recogniser(e).mean_op_shift(p, half + before, gain) - recogniser(e).mean_op_shift(p, half, gain)
+        recogniser(e).mean_op_shift(p, half + before, gain)
+        - recogniser(e).mean_op_shift(p, half, gain)
         for e, p in effects.items()
     )
 
@@ -270,13 +304,21 @@ class _Pair:
 def _run(s: Situation, draw: _Draw, settings: Mapping[str, Any], seed: int) -> _Pair:
     changed = draw.loop.with_all(_moved(draw.loop, settings))
     # of another seed: the load of the record will not come again
-    return _Pair(_simulated(s, draw, draw.loop, seed), _simulated(s, draw, changed, seed + 1), _margin(changed))
+    return _Pair(
+        _simulated(s, draw, draw.loop, seed),
+        _simulated(s, draw, changed, seed + 1),
+        _margin(changed),
+    )
 
 
 def _moved(loop: Loop, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings, with the steps of the set point moved as its first value is unless they are set themselves."""
     out = dict(settings)
-    if "setpoint.value" in out and "setpoint.steps" not in out and isinstance(out["setpoint.value"], (int, float)):
+    if (
+        "setpoint.value" in out
+        and "setpoint.steps" not in out
+        and isinstance(out["setpoint.value"], (int, float))
+    ):
         by = out["setpoint.value"] - loop.setpoint.value
         out["setpoint.steps"] = [[t, value + by] for t, value in loop.setpoint.steps]
     return out
@@ -292,12 +334,16 @@ def _simulated(s: Situation, draw: _Draw, loop: Loop, seed: int) -> Measures | N
     steps = [[t + first * loop.sampling.Ts, value] for t, value in loop.setpoint.steps]
     op0 = float(np.clip(loop.operating_point.op0 + draw.ahead, 1.0, 99.0))
     try:
-        loop = loop.with_all({"sampling.warm_up": first, "setpoint.steps": steps, "operating_point.op0": op0})
+        loop = loop.with_all(
+            {"sampling.warm_up": first, "setpoint.steps": steps, "operating_point.op0": op0}
+        )
         run = simulate(loop, seed=seed, kick=draw.kick).record
     except UserError:
         return None
     op, pv = as_archived(s, np.asarray(run.op), np.asarray(run.pv))
-    return measure(op, pv, s.record.Ts) if np.all(np.isfinite(pv)) and np.abs(pv).max() < 1e9 else None
+    return (
+        measure(op, pv, s.record.Ts) if np.all(np.isfinite(pv)) and np.abs(pv).max() < 1e9 else None
+    )
 
 
 def measure(op: np.ndarray, pv: np.ndarray, Ts: float) -> Measures:
@@ -305,7 +351,15 @@ def measure(op: np.ndarray, pv: np.ndarray, Ts: float) -> Measures:
     cycle = find_oscillation(op, pv, Ts)
     travel = float(np.abs(np.diff(op)).sum()) / (op.size * Ts / 3600.0)
     period = cycle.period_s if cycle.sustained else float("nan")
-    return Measures(float(pv.std()), float(op.std()), travel, period, float(op.mean()), float(op.min()), float(op.max()))
+    return Measures(
+        float(pv.std()),
+        float(op.std()),
+        travel,
+        period,
+        float(op.mean()),
+        float(op.min()),
+        float(op.max()),
+    )
 
 
 def _margin(loop: Loop) -> float | None:
@@ -320,7 +374,9 @@ def _margin(loop: Loop) -> float | None:
     response = setup.sign * setup.Kc * np.polyval(setup.num, jw) / np.polyval(setup.den, jw)
     response *= np.exp(-jw * (setup.Td + 0.5 * setup.Ts)) / (1.0 + jw * setup.sensor_tau)
     for part in loop.effect:
-        if part.name == "valve_lag":  # a stage of the valve, which is not in the plant's polynomials
+        if (
+            part.name == "valve_lag"
+        ):  # a stage of the valve, which is not in the plant's polynomials
             response /= 1.0 + jw * float(part.parameters["tau"])
     if setup.Ti is not None:
         response *= 1.0 + 1.0 / (jw * setup.Ti)
@@ -338,7 +394,10 @@ def _interval(y: np.ndarray) -> Interval:
     """Return mean and 90 % interval of draws' logarithms y (m,), as numbers."""
     value = float(y.mean())
     lo, hi = np.quantile(y, _QUANTILES)
-    lo, hi = (value + side * np.hypot(max(side * (x - value), 0.0), _NORMAL * MODEL_ERROR) for side, x in ((-1, lo), (1, hi)))
+    lo, hi = (
+        value + side * np.hypot(max(side * (x - value), 0.0), _NORMAL * MODEL_ERROR)
+        for side, x in ((-1, lo), (1, hi))
+    )
     return Interval(*(float(np.exp(v)) for v in (value, lo, hi)))
 
 
@@ -347,7 +406,11 @@ def _compared(name: str, record: Measures, pairs: Sequence[_Pair]) -> Interval |
 
     The two runs of a draw have different loads: the scatter of their ratio is that of a fresh record and of the given one.
     """
-    log = {id(m): float(np.log(max(getattr(m, name), _LEAST))) for p in pairs for m in (p.before, p.after)}
+    log = {
+        id(m): float(np.log(max(getattr(m, name), _LEAST)))
+        for p in pairs
+        for m in (p.before, p.after)
+    }
     seen = float(np.log(max(getattr(record, name), _LEAST)))
     y = np.array([log[id(p.after)] - log[id(p.before)] + seen for p in pairs])
     if np.count_nonzero(np.isfinite(y)) < _FEWEST:
@@ -357,7 +420,9 @@ def _compared(name: str, record: Measures, pairs: Sequence[_Pair]) -> Interval |
     return _interval(y) if y.size else None
 
 
-def _answer(report: GapReport, settings: Mapping[str, Any], record: Measures, pairs: Sequence[_Pair]) -> Prediction:
+def _answer(
+    report: GapReport, settings: Mapping[str, Any], record: Measures, pairs: Sequence[_Pair]
+) -> Prediction:
     """Turn the simulated pairs into intervals about the record, and say whether they hold."""
     whole = [p for p in pairs if p.before is not None and p.after is not None]
     now = {name: getattr(record, name) for name in _PREDICTED}
@@ -370,24 +435,34 @@ def _answer(report: GapReport, settings: Mapping[str, Any], record: Measures, pa
         found["period_s"] = _compared("period_s", record, whole) if p >= 0.5 else None
     why = _limits(report, record, pairs, whole, found)
     reason = "; ".join(why) or "the loop stays stable and within the range that the record shows"
-    return Prediction(**found, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings))
+    return Prediction(
+        **found, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings)
+    )
 
 
 # 4. The range in which the record supports the model
 
 
 def _limits(
-    report: GapReport, record: Measures, pairs: Sequence[_Pair], whole: Sequence[_Pair], found: Mapping[str, Interval | None]
+    report: GapReport,
+    record: Measures,
+    pairs: Sequence[_Pair],
+    whole: Sequence[_Pair],
+    found: Mapping[str, Interval | None],
 ) -> list[str]:
     """Return what speaks against the prediction, each in words; nothing where it holds."""
     why = []
     if report.effect == UNKNOWN:
-        why.append(f"something in the {report.block} block is missing that no known effect explains")
+        why.append(
+            f"something in the {report.block} block is missing that no known effect explains"
+        )
     if report.conclusion.verdict == NO_DECISION:
         why.append("whether the valve sticks cannot be told")
     margin = [p.margin for p in pairs if p.margin is not None]
     if margin and np.quantile(margin, _SHARE) < _LEAST_MARGIN:
-        why.append(f"the fitted loop comes near its stability limit (gain margin {np.quantile(margin, _SHARE):.2g})")
+        why.append(
+            f"the fitted loop comes near its stability limit (gain margin {np.quantile(margin, _SHARE):.2g})"
+        )
     if len(whole) < (1.0 - _SHARE) * len(pairs):
         why.append(f"{len(pairs) - len(whole)} of {len(pairs)} draws of the model run away")
         return why
@@ -401,13 +476,19 @@ def _limits(
             )
     for name, words in (("pv_std", "PV"), ("op_std", "OP")):
         if found[name].value > _FARTHER * getattr(record, name):
-            why.append(f"{words} would move {found[name].value / getattr(record, name):.1f} times as far as in the record")
+            why.append(
+                f"{words} would move {found[name].value / getattr(record, name):.1f} times as far as in the record"
+            )
     pv = found["pv_std"]
     if pv.hi > _WIDEST * pv.lo:
-        why.append(f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or {pv.hi:.3g}")
+        why.append(
+            f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or {pv.hi:.3g}"
+        )
     mean = float(np.median([p.after.op_mean for p in whole]))
     if not record.op_lo <= mean <= record.op_hi:
-        why.append(f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to {record.op_hi:.3g} %")
+        why.append(
+            f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to {record.op_hi:.3g} %"
+        )
     lo, hi = (float(np.median([getattr(p.after, n) for p in whole])) for n in ("op_lo", "op_hi"))
     if (lo <= 0.0 < record.op_lo) or (hi >= 100.0 > record.op_hi):
         why.append("OP would reach a limit that it does not reach in the record")

@@ -75,11 +75,23 @@ class Situation:
         found = {
             "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
             "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
-            "spikes": (self.archive.spikes is not None, "sensor", "single samples of PV stand far off their neighbours"),
-            "limits": (self.law.limits is not None, "controller", "OP stands at a value while the law pushes on"),
+            "spikes": (
+                self.archive.spikes is not None,
+                "sensor",
+                "single samples of PV stand far off their neighbours",
+            ),
+            "limits": (
+                self.law.limits is not None,
+                "controller",
+                "OP stands at a value while the law pushes on",
+            ),
             "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
             "step": (self.law.step > 0.0, "controller", "OP stands on a lattice"),
-            "tuning": (self.law.tuning is not None, "controller", "the law holds with another tuning"),
+            "tuning": (
+                self.law.tuning is not None,
+                "controller",
+                "the law holds with another tuning",
+            ),
         }
         return {name: (block, words) for name, (seen, block, words) in found.items() if seen}
 
@@ -128,7 +140,9 @@ def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
     own: dict[str, Any] = dict(valve.parameters)
     before, behind = own.pop("before", []), own.pop("behind", [])
     for stage in [*before, {"model": valve.name, **own}, *behind]:
-        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
+        op = valve_response(
+            stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts
+        )
     return op
 
 

@@ -12,8 +12,16 @@ from markupsafe import Markup
 @cache
 def _environment(room: str) -> Environment:
     """Return a room's templates and the shared ones; every text is escaped, a missing value is an error."""
-    loader = ChoiceLoader([PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")])
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    loader = ChoiceLoader(
+        [PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")]
+    )
+    return Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
 
 
 def render(room: str, template: str, **values: Any) -> Markup:

@@ -20,9 +20,18 @@ def sortable(
 ) -> dict[str, Any]:
     """Return what the `sortable` macro of parts.html draws."""
     formats = formats or {}
-    numbers = {c for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool}
-    names = [c for c in frame.columns if c not in numbers and c not in long][:1]  # it stays in view when the rest is scrolled
-    kinds = {c: "n" if c in numbers else "long" if c in long else "name" if c in names else "" for c in frame.columns}
+    numbers = {
+        c
+        for c in frame.columns
+        if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool
+    }
+    names = [c for c in frame.columns if c not in numbers and c not in long][
+        :1
+    ]  # it stays in view when the rest is scrolled
+    kinds = {
+        c: "n" if c in numbers else "long" if c in long else "name" if c in names else ""
+        for c in frame.columns
+    }
     columns = [{"name": str(c), "kind": kind.replace("long", "")} for c, kind in kinds.items()]
     rows = []
     for i, record in enumerate(frame.itertuples(index=False, name=None)):
@@ -30,7 +39,14 @@ def sortable(
         for name, value in zip(frame.columns, record):
             small = beside[name][i] if beside and name in beside else ""
             text = _text(value, formats.get(name))
-            row.append({"text": text, "small": small, "kind": kinds[name], "value": _key(value, name in numbers)})
+            row.append(
+                {
+                    "text": text,
+                    "small": small,
+                    "kind": kinds[name],
+                    "value": _key(value, name in numbers),
+                }
+            )
         rows.append(row)
     return {"columns": columns, "rows": rows, "matrix": matrix}
 

@@ -105,7 +105,20 @@ def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
     points = np.array(c.schedule or [[0.0, 1.0]], dtype=float).T.copy()
     b, weight = (default if value is None else value for value, default in ((c.b, 1.0), (c.c, 0.0)))
     velocity, on = float(c.form == "velocity"), float(SCHEDULED_ON.index(c.schedule_on or "pv"))
-    numbers = Kc, Kc * Ts / Ti, lo, hi, b, weight, Td / (lag + Ts), lag / (lag + Ts), float(back), velocity, pv0, on
+    numbers = (
+        Kc,
+        Kc * Ts / Ti,
+        lo,
+        hi,
+        b,
+        weight,
+        Td / (lag + Ts),
+        lag / (lag + Ts),
+        float(back),
+        velocity,
+        pv0,
+        on,
+    )
     return PID(*numbers, points[0], points[1])
 
 

@@ -16,14 +16,20 @@ from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
 
 _AT = ("input", "output")
-_PLACE = Choice(_AT, default="input", says="input: in % of travel, between MV and plant; output: in PV units, on PV")
+_PLACE = Choice(
+    _AT,
+    default="input",
+    says="input: in % of travel, between MV and plant; output: in PV units, on PV",
+)
 _AMPLITUDE = Number("% or PV units", low=0.0, says="size of the load")
 _START = Number("s", low=0.0, default=0.0, says="when it begins")
 
 
 def sine(t, Ts, p, rng):
     """Return amplitude sin(2 pi (t - start)/period + phase); its phase walks where `jitter` is given."""
-    return p.amplitude * np.sin(2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase)
+    return p.amplitude * np.sin(
+        2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase
+    )
 
 
 def steps(t, Ts, p, rng):
@@ -67,7 +73,9 @@ def _phase_walk(n: int, Ts: float, p: Any, rng: np.random.Generator) -> np.ndarr
     return np.cumsum(steps) * p.jitter * np.sqrt(Ts / p.period) / (2.0 * np.pi)
 
 
-_LEAST_SAMPLES = 20  # per period of the other loop: with J near S/2 and few samples it does not cycle
+_LEAST_SAMPLES = (
+    20  # per period of the other loop: with J near S/2 and few samples it does not cycle
+)
 
 
 def propagated(t, Ts, p, rng):
@@ -81,7 +89,9 @@ def propagated(t, Ts, p, rng):
     moved = _phase_walk(t.size, Ts, p, rng) * p.period / Ts  # samples
     more = int(np.ceil(np.max(moved))) + 2 if np.ndim(moved) else 0
     fine = max(int(np.ceil(_LEAST_SAMPLES * Ts / p.period)), 1)
-    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed)[::fine]
+    wave = _other_loop(
+        p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed
+    )[::fine]
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
@@ -99,7 +109,9 @@ def propagated(t, Ts, p, rng):
 
 
 @lru_cache(maxsize=4)  # a loop and its twin see the same
-def _other_loop(S: float, J: float, noise: float, period: float, Ts: float, n: int, seed: int) -> np.ndarray:
+def _other_loop(
+    S: float, J: float, noise: float, period: float, Ts: float, n: int, seed: int
+) -> np.ndarray:
     """Return the PV of a sticky loop about its rest, shape (n,)."""
     # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
     j = J / 1.8
@@ -129,13 +141,31 @@ _PERIOD = {
     "coloured": "over which it forgets (correlation time)",
     "propagated": "of the other loop's cycle",
 }
-_JITTER = Number("rad", low=0.0, default=0.0, says="std of the random walk of the phase after one period")
+_JITTER = Number(
+    "rad", low=0.0, default=0.0, says="std of the random walk of the phase after one period"
+)
 _MORE: dict[str, dict[str, Any]] = {
     "sine": {"phase": Number("rad", default=0.0, says="phase at the start"), "jitter": _JITTER},
-    "coloured": {"lag": Number("s", low=0.0, default=0.0, says="second time constant, 0 = first order")},
+    "coloured": {
+        "lag": Number("s", low=0.0, default=0.0, says="second time constant, 0 = first order")
+    },
     "propagated": {
-        "S": Number("% of travel", low=0.0, high=100.0, default=5.0, says="the other valve's band", positive=True),
-        "J": Number("% of travel", low=0.0, high=100.0, default=2.0, says="the other valve's jump", positive=True),
+        "S": Number(
+            "% of travel",
+            low=0.0,
+            high=100.0,
+            default=5.0,
+            says="the other valve's band",
+            positive=True,
+        ),
+        "J": Number(
+            "% of travel",
+            low=0.0,
+            high=100.0,
+            default=2.0,
+            says="the other valve's jump",
+            positive=True,
+        ),
         "lag": Number("s", low=0.0, default=0.0, says="first-order lag on the way"),
         "noise": Number("-", low=0.0, default=0.0, says="noise of the other loop over its J"),
         "jitter": _JITTER,
@@ -156,7 +186,9 @@ PARAMETERS = {
 }
 
 
-def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+def disturbance_signal(
+    part: Part, total: int, Ts: float, rng: np.random.Generator
+) -> tuple[str, np.ndarray]:
     """Return where a disturbance acts and its signal."""
     if part.name not in DISTURBANCES:
         raise UnknownName("disturbance", part.name, DISTURBANCES)

@@ -35,12 +35,18 @@ _hosts: dict[tuple, Host] = {}  # of loops with several plug-ins
 
 @contextlib.contextmanager
 def hosted_parts(
-    valves: _Files = (), effects: _Files = (), plants: _Files = (), controllers: _Files = (), seconds: float = SECONDS
+    valves: _Files = (),
+    effects: _Files = (),
+    plants: _Files = (),
+    controllers: _Files = (),
+    seconds: float = SECONDS,
 ) -> Iterator[None]:
     """Make files of parts known for one question; these, and what is installed, live in worker processes."""
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
-        for folder, files in zip(_FOLDERS.values(), (valves, effects, plants, controllers), strict=True):
+        for folder, files in zip(
+            _FOLDERS.values(), (valves, effects, plants, controllers), strict=True
+        ):
             stack.enter_context(folder.hosted(files, seconds))
         yield
 
@@ -65,7 +71,11 @@ def host_of(parts: Iterable[tuple[str, str]]) -> Host | None:
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
     True
     """
-    own = [host for kind, name in sorted(set(parts)) if (host := _FOLDERS[kind].host_of(name)) is not None]
+    own = [
+        host
+        for kind, name in sorted(set(parts))
+        if (host := _FOLDERS[kind].host_of(name)) is not None
+    ]
     if len(own) < 2:
         return own[0] if own else None
     sources = tuple(host.sources[0] for host in own)
@@ -85,11 +95,17 @@ def _describe_parts(sources: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
     for kind, source in sources:
         module = imported(_FOLDERS[kind], source)
         rules = module.PARAMETERS
-        if not isinstance(rules, dict) or not all(isinstance(rule, (Number, Choice)) for rule in rules.values()):
-            raise ParameterError(f"PARAMETERS = {rules!r:.60}; a dict of Number and Choice is needed")
+        if not isinstance(rules, dict) or not all(
+            isinstance(rule, (Number, Choice)) for rule in rules.values()
+        ):
+            raise ParameterError(
+                f"PARAMETERS = {rules!r:.60}; a dict of Number and Choice is needed"
+            )
         for word, values in _WORDS[kind].items():
             if getattr(module, word) not in values:
-                raise ParameterError(f"{word} = {getattr(module, word)!r}; allowed: {', '.join(map(str, values))}")
+                raise ParameterError(
+                    f"{word} = {getattr(module, word)!r}; allowed: {', '.join(map(str, values))}"
+                )
         words = {word: getattr(module, word) for word in ("PARAMETERS", *_WORDS[kind])}
         said.append({**words, "SOURCE": str(module.SOURCE), "__doc__": str(module.__doc__ or "")})
     return said
@@ -108,10 +124,17 @@ def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
     >>> sorted(parts_of_loop(loop))
     [('effect', 'stiction'), ('valve', 'lag')]
     """
-    stages = [s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))]
+    stages = [
+        s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))
+    ]
     valves = {loop.valve.name, *(s.get("model") for s in stages if isinstance(s, dict))}
-    named = {("valve", name) for name in valves if isinstance(name, str)} | {("effect", e.name) for e in loop.effect}
-    laws = (("plant", loop.plant.type, PLANT_TYPES), ("controller", loop.controller.type, CONTROLLER_TYPES))
+    named = {("valve", name) for name in valves if isinstance(name, str)} | {
+        ("effect", e.name) for e in loop.effect
+    }
+    laws = (
+        ("plant", loop.plant.type, PLANT_TYPES),
+        ("controller", loop.controller.type, CONTROLLER_TYPES),
+    )
     return named | {(kind, name) for kind, name, own in laws if name not in own}
 
 
@@ -122,7 +145,9 @@ def _listed(value: Any) -> list:
 def simulated(loop: Loop, seed: int = 0, kick: float = 0.0) -> Run:
     """Return `simulate(loop, seed, kick=kick)`, wherever its parts live."""
     with _with_help():
-        return valid_run(ask(host_of(parts_of_loop(loop)), partial(simulate, kick=kick), loop, seed), loop)
+        return valid_run(
+            ask(host_of(parts_of_loop(loop)), partial(simulate, kick=kick), loop, seed), loop
+        )
 
 
 def response(model: str, op: np.ndarray, parameters: Mapping[str, Any], Ts: float) -> np.ndarray:
@@ -139,7 +164,9 @@ def _with_help() -> Iterator[None]:
     try:
         yield
     except PluginError as error:
-        raise PluginError(f"{error}; `simbench contract FILE` says what such a file needs") from None
+        raise PluginError(
+            f"{error}; `simbench contract FILE` says what such a file needs"
+        ) from None
 
 
 def valid_run(run: Run, loop: Loop) -> Run:

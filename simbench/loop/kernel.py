@@ -97,14 +97,18 @@ def naming(classes):
     return f"def named(n):\n    return {', '.join(parts)}, ({valve})\n"
 
 
-def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
+def bind(
+    steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
+) -> FunctionType:
     """Return `closed_loop`, or `cascade`, in plain Python for the given steps: the slow, obvious twin of `compiled`."""
     scope = _scope(stages, classes)
     exec(naming(classes) + valve_chain(len(stages)), scope)
     return FunctionType(_loop_of(steps).__code__, {**globals(), **steps, **scope})
 
 
-def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
+def compiled(
+    steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
+) -> FunctionType:
     """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there.
 
     numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own whose
@@ -128,14 +132,23 @@ def compiled_where_possible(
         from numba.core.errors import NumbaError, UnsupportedBytecodeError
 
         for step in outside:
-            odd = [n for f in reached([step]) for n, v in names_used(f).items() if not isinstance(v, _COMPILED)]
+            odd = [
+                n
+                for f in reached([step])
+                for n, v in names_used(f).items()
+                if not isinstance(v, _COMPILED)
+            ]
             if odd and step not in _plainly:
                 _plainly[step] = f"it uses {odd[0]}"
         if not any(step in _plainly for step in outside):
             try:
                 return compiled(steps, stages, classes)(*arguments)
             except (NumbaError, UnsupportedBytecodeError) as error:
-                for step in (s for s in outside if Path(s.__code__.co_filename).parent != Path(__file__).parent):
+                for step in (
+                    s
+                    for s in outside
+                    if Path(s.__code__.co_filename).parent != Path(__file__).parent
+                ):
                     _plainly[step] = f"numba cannot compile it ({type(error).__name__})"
         return bind(steps, stages, classes)(*arguments)
 
@@ -145,14 +158,20 @@ def compiled_where_possible(
 def runs_plainly(step: FunctionType) -> str:
     """Return why a step runs in plain Python, in a sentence; "" of one that is compiled."""
     name = Path(step.__code__.co_filename).stem
-    return f"{name!r} runs in plain Python, some 100 times slower: {_plainly[step]}" if step in _plainly else ""
+    return (
+        f"{name!r} runs in plain Python, some 100 times slower: {_plainly[step]}"
+        if step in _plainly
+        else ""
+    )
 
 
 @lru_cache(maxsize=256)
 def _compiled(steps, stages, classes):
     loop = _loop_of(dict(steps))
     text = f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n@njit(cache=True)\n{inspect.getsource(loop)}"
-    return getattr(cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__)
+    return getattr(
+        cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__
+    )
 
 
 def _loop_of(steps: dict[str, FunctionType]) -> FunctionType:

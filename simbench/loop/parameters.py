@@ -15,9 +15,18 @@ from detectors.plugins.registry import PluginFolder
 from detectors.record import LARGEST
 from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES
 
-VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
+VALVES = PluginFolder(
+    "valve",
+    "simbench.loop.valves",
+    "simbench.valves",
+    ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"),
+)
 PLANT_PLUGINS = PluginFolder(
-    "plant", "simbench.loop.plants", "simbench.plants", ("SOURCE", "INTEGRATING", "PARAMETERS", "start", "step"), PLANT_TYPES
+    "plant",
+    "simbench.loop.plants",
+    "simbench.plants",
+    ("SOURCE", "INTEGRATING", "PARAMETERS", "start", "step"),
+    PLANT_TYPES,
 )
 CONTROLLER_PLUGINS = PluginFolder(
     "controller", "simbench.loop.controllers", "simbench.controllers", ("SOURCE", "INTEGRAL", "PARAMETERS", "start", "step"),
@@ -36,10 +45,14 @@ class Number:
     # low, high: smallest and largest allowed value
     low: float = -math.inf
     high: float = math.inf
-    default: float | None = None  # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+    default: float | None = (
+        None  # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+    )
     says: str = ""  # what it is, in a few words
     positive: bool = False  # refuse `low` itself: the value must be larger
-    identity: float = math.nan  # value at which an effect does nothing; the default where it is not given
+    identity: float = (
+        math.nan
+    )  # value at which an effect does nothing; the default where it is not given
 
     def __post_init__(self) -> None:
         if math.isnan(self.identity) and self.default is not None:
@@ -56,11 +69,15 @@ class Number:
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite, {allowed}") from None
+            raise ParameterError(
+                f"{where}: {name} = {_start(value)} is not finite, {allowed}"
+            ) from None
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
         if abs(number) > LARGEST:
-            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}")
+            raise ParameterError(
+                f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}"
+            )
         if number < self.low or number > self.high or (self.positive and number == self.low):
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, {allowed}")
         return number
@@ -93,7 +110,9 @@ class Choice:
     def read(self, value: Any, name: str, where: str) -> float:
         """Return the index of the word `value`, or raise `ParameterError` with the nearest word."""
         if value not in self.names:
-            raise ParameterError(f"{where}: {name} = {value!r} is unknown: {nearest(str(value), self.names)}")
+            raise ParameterError(
+                f"{where}: {name} = {value!r} is unknown: {nearest(str(value), self.names)}"
+            )
         return float(self.names.index(value))
 
 
@@ -113,7 +132,9 @@ def resolve(
     as NaN). UnknownName for a key the schema lacks, ParameterError for a value that is missing, not finite, or out of range.
     """
     if not table.keys() <= schema.keys():
-        raise UnknownName("parameter", next(name for name in table if name not in schema), schema, where)
+        raise UnknownName(
+            "parameter", next(name for name in table if name not in schema), schema, where
+        )
     values: dict[str, float] = {}
     for name, rule in schema.items():
         if name in table:
@@ -135,7 +156,9 @@ def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) ->
     """Resolve the parameters of one valve model or stage: what its `start` and `step` take as `p`, the sampling period last."""
     # a look into its namespace: asking a module for what it lacks raises an error inside, which costs more than the numbers
     own = vars(module)
-    p = resolve(own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts))
+    p = resolve(
+        own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts)
+    )
     if "check" in own:
         own["check"](p)
     return p

@@ -61,9 +61,13 @@ def table_of(system) -> dict:
 def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
     """Accept a user's transfer function, or say why not."""
     if tf.ninputs != 1 or tf.noutputs != 1:
-        raise ParameterError(f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed")
+        raise ParameterError(
+            f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed"
+        )
     if tf.dt not in (0, None):
-        raise ParameterError(f"plant is discrete (dt = {tf.dt}); a continuous transfer function is needed")
+        raise ParameterError(
+            f"plant is discrete (dt = {tf.dt}); a continuous transfer function is needed"
+        )
     try:
         num, den = checked_polynomials(tf.num[0][0].astype(float), tf.den[0][0].astype(float))
     except ValueError as error:
@@ -76,7 +80,9 @@ def first_order_like(plant: Plant) -> Plant:
     if plant.den is None or len(plant.den) == 2:
         return plant
     den = np.array(plant.den[: -1 if plant.integrating else None])
-    (n1, n2), (d1, d2) = (np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den))
+    (n1, n2), (d1, d2) = (
+        np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den)
+    )
     delay, spread = d1 - n1, d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
     T = 0.0 if plant.integrating else float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
     table = {"type": "integrating"} if plant.integrating else {"type": "foptd", "T": T}
@@ -99,7 +105,9 @@ def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
     """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s)."""
     assert plant.num is not None
     assert plant.den is not None
-    num, den = ([c * T**i for i, c in enumerate(reversed(side))][::-1] for side in (plant.num, plant.den))
+    num, den = (
+        [c * T**i for i, c in enumerate(reversed(side))][::-1] for side in (plant.num, plant.den)
+    )
     per = T if plant.integrating else 1.0  # K of an integrating plant stands per second
     return {"type": "tf", "num": [K * per * c for c in num], "den": den, "Td": Td}
 
@@ -114,9 +122,13 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
     if not (np.isfinite(Ts) and Ts > 0):
         raise ParameterError(f"sampling: Ts = {Ts} s; a number above 0 is needed")
     A, B, C = _state_space(num, den)
-    if len(A) == 1:  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
+    if (
+        len(A) == 1
+    ):  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
         whole, B_old, B_new, delay = first_order(float(A[0, 0]), float(B[0]), Td, Ts)
-        return SampledPlant(np.array([[whole]]), np.array([B_old]), np.array([B_new]), C, int(delay))
+        return SampledPlant(
+            np.array([[whole]]), np.array([B_old]), np.array([B_new]), C, int(delay)
+        )
     delay, old = _split(Td, Ts)
     whole, _ = _hold(A, B, Ts)
     late, B_new = _hold(A, B, Ts - old)
@@ -127,7 +139,12 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
 def first_order(A, B, Td, Ts):
     """Sample first-order plants x' = A x + B w(t - Td), numbers or arrays."""
     delay, old = _split(Td, Ts)
-    return np.exp(A * Ts), np.exp(A * (Ts - old)) * _answer(A, B, old), _answer(A, B, Ts - old), delay
+    return (
+        np.exp(A * Ts),
+        np.exp(A * (Ts - old)) * _answer(A, B, old),
+        _answer(A, B, Ts - old),
+        delay,
+    )
 
 
 def _split(Td, Ts):
@@ -175,7 +192,14 @@ def second_order(g: SampledPlant, den: np.ndarray, Ts: float, pv0: float) -> Sec
     """
     change = np.expm1(np.roots(den) * Ts)
     row = g.C @ (g.A - np.eye(2))
-    numbers = 1.0 + change.sum().real, change.prod().real, g.C @ g.B_old, g.C @ g.B_new, row @ g.B_old, row @ g.B_new
+    numbers = (
+        1.0 + change.sum().real,
+        change.prod().real,
+        g.C @ g.B_old,
+        g.C @ g.B_new,
+        row @ g.B_old,
+        row @ g.B_new,
+    )
     return SecondOrder(*map(float, numbers), pv0)
 
 

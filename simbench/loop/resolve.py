@@ -16,11 +16,15 @@ from simbench.loop.setup import Setup, bands_of, plain_setup, stages_of
 _DISTURBANCE, _EFFECT = 100, 200
 
 
-def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
+def resolve_loop(
+    loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None
+) -> Setup:
     """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, _DISTURBANCE + i]))
+        where, signal = disturbance_signal(
+            part, setup.sp.size, setup.Ts, np.random.default_rng([seed, _DISTURBANCE + i])
+        )
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
     _apply_effects(setup)
@@ -31,7 +35,11 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: in
 
 def friction(loop: Loop) -> list[tuple[float, float]]:
     """Return (S, J) in % of travel of every stage of the valve that has friction, effects included."""
-    bands = undisturbed(loop).bands if loop.effect else bands_of(stages_of(loop.valve, loop.sampling.Ts))
+    bands = (
+        undisturbed(loop).bands
+        if loop.effect
+        else bands_of(stages_of(loop.valve, loop.sampling.Ts))
+    )
     return [(S, J) for S, J in bands if S > 0.0]
 
 

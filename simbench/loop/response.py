@@ -33,7 +33,12 @@ def trace(op, state, p, mv):
 
 
 def valve_response(
-    model: str, op: ArrayLike, parameters: Mapping[str, Any] | None = None, Ts: float = 1.0, *, plain: bool = False
+    model: str,
+    op: ArrayLike,
+    parameters: Mapping[str, Any] | None = None,
+    Ts: float = 1.0,
+    *,
+    plain: bool = False,
 ) -> np.ndarray:
     """Return the valve position under an OP series."""
     module = VALVES.load(model)
@@ -42,9 +47,13 @@ def valve_response(
     p = valve_parameters(module, parameters or {}, Ts)
     op = np.ascontiguousarray(op, dtype=np.float64)
     if op.ndim != 1:
-        raise ParameterError(f"valve {model!r}: OP must be one series, not an array of shape {op.shape}")
+        raise ParameterError(
+            f"valve {model!r}: OP must be one series, not an array of shape {op.shape}"
+        )
     if not np.isfinite(op).all():
-        raise ParameterError(f"valve {model!r}: OP is not finite at sample {int(np.argmin(np.isfinite(op)))}")
+        raise ParameterError(
+            f"valve {model!r}: OP is not finite at sample {int(np.argmin(np.isfinite(op)))}"
+        )
     mv = np.empty(op.size)
     if op.size:
         state = tuple(float(s) for s in module.start(float(op[0]), p))
@@ -88,7 +97,9 @@ def valve_file(
     op = read_numbers(sheet, [names["op"]], str(source))[names["op"]]
     empty = np.flatnonzero(np.isnan(op))
     if empty.size:
-        raise RecordError(f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every sample")
+        raise RecordError(
+            f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every sample"
+        )
     Ts = 1.0
     time = next((names[name] for name in TIME_NAMES if name in names), None)
     if time is not None and op.size > 1:
@@ -97,7 +108,9 @@ def valve_file(
         uneven = np.flatnonzero(np.abs(step - Ts) > JITTER * Ts)
         if uneven.size:
             at, dt = uneven[0] + 3, step[uneven[0]]
-            raise RecordError(f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps are needed")
+            raise RecordError(
+                f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps are needed"
+            )
     columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
     columns["mv"] = (respond or valve_response)(model, op, parameters or {}, Ts).tolist()
     with whole_file(out) as f:

@@ -10,7 +10,15 @@ import numpy as np
 from detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
 from simbench.loop.laws import swapped
-from simbench.loop.setup import MV_NOISE, Parts, Setup, control_start, in_series, parts_of, plant_start
+from simbench.loop.setup import (
+    MV_NOISE,
+    Parts,
+    Setup,
+    control_start,
+    in_series,
+    parts_of,
+    plant_start,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,11 +31,17 @@ class Start:
     op: float  # OP (%) one sample before the run; a PI controller goes on from it
     error: float  # SP - PV (PV units) at that sample
     pv: float  # PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants
-    valve: tuple[float, ...]  # state of the (one) valve model at that sample, as its `step` takes it
+    valve: tuple[
+        float, ...
+    ]  # state of the (one) valve model at that sample, as its `step` takes it
     # the last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing
     mv: tuple[float, ...]
-    state: tuple[float, ...] = ()  # state of a plant of higher order at sample 0; `pv` says it where there is none
-    control: tuple[float, ...] = ()  # state of a PID one sample before the run; `op` and `error` say it where there is none
+    state: tuple[
+        float, ...
+    ] = ()  # state of a plant of higher order at sample 0; `pv` says it where there is none
+    control: tuple[
+        float, ...
+    ] = ()  # state of a PID one sample before the run; `op` and `error` say it where there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +106,9 @@ class Run:
         return self.record._repr_html_()
 
 
-def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:
+def run_setup(
+    setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
+) -> Run:
     """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
     return finished_run(setup, *signals_of(setup, kick=kick, start=start, plain=plain))
 
@@ -126,11 +142,17 @@ def signals_of(
     if setup.sensor_law is not None:
         s: Any = swapped.sensor_start(pv)
     else:
-        s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
+        s = (
+            sensor.full_start(pv)
+            if parts.steps["sensor_step"] is sensor.full_step
+            else sensor.plain_start(pv)
+        )
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
     if outer is not None:
-        return _cascaded(setup, parts, outer, lags, kick, plain, (w, x, c, tuple(v), s, op, measured, mv))
+        return _cascaded(
+            setup, parts, outer, lags, kick, plain, (w, x, c, tuple(v), s, op, measured, mv)
+        )
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
@@ -139,16 +161,32 @@ def signals_of(
     return op, measured, mv
 
 
-def _cascaded(setup: Setup, parts: Parts, outer: Parts, lags: tuple[int, int], kick: float, plain: bool, rooms: tuple) -> tuple:
+def _cascaded(
+    setup: Setup,
+    parts: Parts,
+    outer: Parts,
+    lags: tuple[int, int],
+    kick: float,
+    plain: bool,
+    rooms: tuple,
+) -> tuple:
     """Run both loops of a cascade; the inner set point stands in `setup.sp` afterwards, the outer OP and PV beside it."""
     assert setup.outer is not None
     assert setup.loop.outer is not None
     w, x, c, v, s, op, measured, mv = rooms
     master, (lo, hi) = setup.outer, setup.loop.outer.sp_span
-    steps = {"outer_plant_step": "plant_step", "outer_plant_output": "plant_output", "outer_step": "controller_step"}
+    steps = {
+        "outer_plant_step": "plant_step",
+        "outer_plant_output": "plant_output",
+        "outer_step": "controller_step",
+    }
     steps = parts.steps | {name: outer.steps[own] for name, own in steps.items()}
     plant_p, control_p, gap_p, sensor_p, valve_p = parts.numbers
-    both = replace(parts, steps=steps, numbers=(plant_p, control_p, gap_p, sensor_p, *outer.numbers[:2], valve_p))
+    both = replace(
+        parts,
+        steps=steps,
+        numbers=(plant_p, control_p, gap_p, sensor_p, *outer.numbers[:2], valve_p),
+    )
     X, C = plant_start(master, outer, master.pv0), control_start(master, outer.numbers[1])
     signals = np.empty_like(op), np.empty_like(op)
     (kernel.bind if plain else kernel.compiled)(both.steps, both.stages, both.classes)(
@@ -168,7 +206,9 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     process = "integrating" if setup.integrating else "self-regulating"
     recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
-        recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(mv.size)
+        recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(
+            mv.size
+        )
 
     def part(cut: slice) -> LoopRecord:
         return LoopRecord(
@@ -183,10 +223,20 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
 
     tail = part(slice(end, None)) if setup.tail >= 3 else None
     notes = [
-        why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
+        why
+        for found in (setup.plant_plugin, setup.control_plugin)
+        if found and (why := kernel.runs_plainly(found[0].step))
     ]
     loads = setup.load_in[first:], setup.load_out[first:]
-    run = Run(part(slice(first, end)), *loads, tail, setup.sticky, mv[first:], setup.friction, tuple(notes))
+    run = Run(
+        part(slice(first, end)),
+        *loads,
+        tail,
+        setup.sticky,
+        mv[first:],
+        setup.friction,
+        tuple(notes),
+    )
     if setup.outer is None or setup.outer_signals is None:
         return run
     master = "integrating" if setup.outer.integrating else "self-regulating"

@@ -15,7 +15,13 @@ from scenarios.polynomials import checked_polynomials
 from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
 from simbench.loop import controller, plant, sensor
 from simbench.loop.laws import swapped
-from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, resolve, valve_parameters
+from simbench.loop.parameters import (
+    CONTROLLER_PLUGINS,
+    PLANT_PLUGINS,
+    VALVES,
+    resolve,
+    valve_parameters,
+)
 
 _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 
@@ -81,7 +87,9 @@ class Setup:
         """+1 for a reverse, -1 for a direct acting controller; effects change `Kc` without it."""
         return self.loop.controller.sign
 
-    def add_valve(self, model: str | ModuleType, parameters: Mapping[str, Any], *, first: bool = False) -> None:
+    def add_valve(
+        self, model: str | ModuleType, parameters: Mapping[str, Any], *, first: bool = False
+    ) -> None:
         """Put one more stage (a valve model's name, or a module like one) behind (or in front of) the valves that are there."""
         module = VALVES.load(model) if isinstance(model, str) else model
         stage = (module, valve_parameters(module, parameters, self.Ts))
@@ -90,7 +98,11 @@ class Setup:
     @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
-        return bool(self.plant_plugin[0].INTEGRATING) if self.plant_plugin is not None else bool(self.den[-1] == 0)
+        return (
+            bool(self.plant_plugin[0].INTEGRATING)
+            if self.plant_plugin is not None
+            else bool(self.den[-1] == 0)
+        )
 
     @property
     def not_linear(self) -> str:
@@ -101,7 +113,11 @@ class Setup:
             return f"plant {self.loop.plant.type!r} has no transfer function"
         if self.control_plugin is not None:
             return f"controller {self.loop.controller.type!r} is a law of its own"
-        return "the controller's gain follows a schedule" if self.loop.controller.schedule is not None else ""
+        return (
+            "the controller's gain follows a schedule"
+            if self.loop.controller.schedule is not None
+            else ""
+        )
 
     @property
     def resting_mv(self) -> float:
@@ -148,7 +164,9 @@ class Setup:
 
 def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
     """Return mapped (S, J) in % of travel of every stage of a valve; (0, 0) of one that maps on none."""
-    return [module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in valves]
+    return [
+        module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in valves
+    ]
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
@@ -158,9 +176,19 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     """
     total = (loop.sampling.warm_up or 0) + loop.sampling.n + tail
     own = _plant_plugin(loop) if tf is None else None
-    num, den = plant.polynomials_of(tf) if tf is not None else plant.polynomials(loop.plant) if own is None else _linear(*own)
-    if (own is None or hasattr(own[0], "linear")) and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:
-        raise ParameterError("positive feedback: the plant's gain and the controller's direction have opposite signs")
+    num, den = (
+        plant.polynomials_of(tf)
+        if tf is not None
+        else plant.polynomials(loop.plant)
+        if own is None
+        else _linear(*own)
+    )
+    if (own is None or hasattr(own[0], "linear")) and loop.controller.sign * num[-1] / den[
+        den != 0
+    ][-1] < 0:
+        raise ParameterError(
+            "positive feedback: the plant's gain and the controller's direction have opposite signs"
+        )
     setup = Setup(
         loop=loop,
         seed=seed,
@@ -196,10 +224,17 @@ def _step(setup: Setup, steps: Iterable[tuple[float, float]]) -> None:
 def _outer(inner: Setup, outer: Outer) -> Setup:
     """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest where the inner PV rests."""
     if inner.not_linear:
-        raise ParameterError(f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a transfer function")
+        raise ParameterError(
+            f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a transfer function"
+        )
     num, den = plant.polynomials(outer.plant)
     lo, hi = outer.sp_span
-    alone = {"plant": outer.plant, "controller": outer.controller, "setpoint": outer.setpoint, "outer": None}
+    alone = {
+        "plant": outer.plant,
+        "controller": outer.controller,
+        "setpoint": outer.setpoint,
+        "outer": None,
+    }
     setup = replace(
         inner, loop=inner.loop.model_copy(update=alone), num=num, den=den, Td=outer.plant.Td, Kc=outer.controller.Kc,
         Ti=outer.controller.Ti, op0=100.0 * (inner.pv0 - lo) / (hi - lo), pv0=outer.setpoint.value,
@@ -250,13 +285,21 @@ def parts_of(setup: Setup) -> Parts:
         **plant_steps,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = controller.Gap(setup.error_gap / 2, setup.op_step) if full_control else controller.NoGap(0.0)
+    gap_p = (
+        controller.Gap(setup.error_gap / 2, setup.op_step)
+        if full_control
+        else controller.NoGap(0.0)
+    )
     sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
     if setup.controller_law is not None:
         if steps["controller_kick"] is not controller.kicked:
-            raise ParameterError(f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI")
+            raise ParameterError(
+                f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI"
+            )
         if setup.outer is not None:
-            raise ParameterError("an effect changes the inner controller's law of a cascade, whose SP the outer OP moves")
+            raise ParameterError(
+                "an effect changes the inner controller's law of a cascade, whose SP the outer OP moves"
+            )
         steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
     if setup.sensor_law is not None:
         steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)
@@ -282,16 +325,26 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
             )
         p = p._replace(Td=setup.Td, op0=setup.op0, pv0=setup.pv0)
         empty = np.zeros(0)
-        sampled = plant.SampledPlant(np.zeros((0, 0)), empty, empty, empty, plant.whole_delay(setup.Td, setup.Ts))
+        sampled = plant.SampledPlant(
+            np.zeros((0, 0)), empty, empty, empty, plant.whole_delay(setup.Td, setup.Ts)
+        )
         return sampled, {"plant_step": module.step, "plant_output": plant.first_order_output}, p
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
     old, new = sampled.B_old.tolist(), sampled.B_new.tolist()
     if sampled.order == 1:
         p = plant.FirstOrder(float(sampled.A[0, 0]), *old, *new, setup.pv0)
-        return sampled, {"plant_step": plant.first_order_step, "plant_output": plant.first_order_output}, p
+        return (
+            sampled,
+            {"plant_step": plant.first_order_step, "plant_output": plant.first_order_output},
+            p,
+        )
     if sampled.order == 2 and setup.loop.plant.type == "tf":
         p = plant.second_order(sampled, setup.den, setup.Ts, setup.pv0)
-        return sampled, {"plant_step": plant.second_order_step, "plant_output": plant.first_order_output}, p
+        return (
+            sampled,
+            {"plant_step": plant.second_order_step, "plant_output": plant.first_order_output},
+            p,
+        )
     p = plant.General(sampled.A, sampled.B_old, sampled.B_new, sampled.C, setup.pv0)
     return sampled, {"plant_step": plant.general_step, "plant_output": plant.general_output}, p
 
@@ -301,16 +354,24 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     gain, limits = setup.sign * setup.Kc, (setup.op_lo, setup.op_hi)
     if setup.control_plugin is not None:
         module, p = setup.control_plugin
-        tuned = {k: v for k, v in (("Kc", setup.Kc), ("Ti", setup.Ti)) if v is not None and k in p._fields}
+        tuned = {
+            k: v
+            for k, v in (("Kc", setup.Kc), ("Ti", setup.Ti))
+            if v is not None and k in p._fields
+        }
         if "Kc" not in tuned and setup.Kc != setup.loop.controller.Kc:
-            raise ParameterError(f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not have")
+            raise ParameterError(
+                f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not have"
+            )
         p = p._replace(**tuned, op0=setup.op0, pv0=setup.pv0, lo=limits[0], hi=limits[1])
         return {"controller_step": module.step, "controller_kick": controller.plugin_kicked}, p
     if setup.Ti is None:
         p = controller.P(gain, setup.op0, *limits)
         return {"controller_step": controller.p_step, "controller_kick": controller.kicked}, p
     if setup.loop.controller.type == "PID":
-        p = controller.pid_numbers(setup.loop.controller, gain, setup.Ti, setup.Ts, setup.pv0, *limits)
+        p = controller.pid_numbers(
+            setup.loop.controller, gain, setup.Ti, setup.Ts, setup.pv0, *limits
+        )
         return {"controller_step": controller.pid_step, "controller_kick": controller.pid_kicked}, p
     p = controller.PI(gain, gain * setup.Ts / setup.Ti, *limits)
     return {"controller_step": controller.pi_step, "controller_kick": controller.kicked}, p
@@ -353,10 +414,20 @@ def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
 
 def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
     """Return a plug-in controller and its numbers: its PARAMETERS, then sign, OP's limits, Ts (s), op0 (%) and pv0."""
-    return _plugin(CONTROLLER_PLUGINS, loop.controller, CONTROLLER_TYPES, loop, sign=loop.controller.sign, lo=0.0, hi=100.0)
+    return _plugin(
+        CONTROLLER_PLUGINS,
+        loop.controller,
+        CONTROLLER_TYPES,
+        loop,
+        sign=loop.controller.sign,
+        lo=0.0,
+        hi=100.0,
+    )
 
 
-def _plugin(folder: PluginFolder, part: Any, built_in: tuple[str, ...], loop: Loop, **more: float) -> Any:
+def _plugin(
+    folder: PluginFolder, part: Any, built_in: tuple[str, ...], loop: Loop, **more: float
+) -> Any:
     if part.type in built_in:
         return None
     known = (*built_in, *folder.names())
@@ -386,6 +457,10 @@ def stages_of(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
 
 def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
     stages = part.parameters.get(place, [])
-    if not isinstance(stages, list) or not all(isinstance(s, dict) and "model" in s for s in stages):
-        raise ParameterError(f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is needed")
+    if not isinstance(stages, list) or not all(
+        isinstance(s, dict) and "model" in s for s in stages
+    ):
+        raise ParameterError(
+            f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is needed"
+        )
     return [(s["model"], {k: v for k, v in s.items() if k != "model"}) for s in stages]

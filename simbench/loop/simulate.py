@@ -107,7 +107,9 @@ def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> list[Run]:
     [500, 70]
     """
     if len(seeds) != len(loops):
-        message = f"simulate_batch: {len(loops)} loops and {len(seeds)} seeds; one of each is needed"
+        message = (
+            f"simulate_batch: {len(loops)} loops and {len(seeds)} seeds; one of each is needed"
+        )
         raise ParameterError(message)
     return [simulate(loop, seed) for loop, seed in zip(loops, seeds)]
 

@@ -47,7 +47,9 @@ def report_folder(
     refuse_orders(orders)
     judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
     fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
-    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs, keep=judged)
+    beside = write_fleet(
+        fleet, page, None if labels is None else read_labels(labels), jobs=jobs, keep=judged
+    )
     if orders is not None:
         write_orders(fleet, orders)
     return fleet, beside
@@ -91,5 +93,8 @@ def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: An
     """Return one line per record on what it could have shown; `path` is a record or a folder of them."""
     if Path(path).is_dir():
         records, _ = read_folder(path, **about)
-        return [f"{name}: {trust(r, methods=methods, help_wanted=False).power_line()}" for name, r in records.items()]
+        return [
+            f"{name}: {trust(r, methods=methods, help_wanted=False).power_line()}"
+            for name, r in records.items()
+        ]
     return [trust(read_record(path, **about), methods=methods, help_wanted=False).power_line()]

@@ -87,7 +87,12 @@ def _counted(record: LoopRecord, episodes: Sequence[_Episode]) -> tuple[int, int
         return 0, 0
     count = int(record.duration / period)
     middles = (np.arange(count) + 0.5) * period
-    size = np.array([swing(record.pv[int(k * period / record.Ts) :][: int(period / record.Ts) + 1]) for k in range(count)])
+    size = np.array(
+        [
+            swing(record.pv[int(k * period / record.Ts) :][: int(period / record.Ts) + 1])
+            for k in range(count)
+        ]
+    )
     swings = size > _SWINGS * np.quantile(size, 0.9) if count else np.zeros(0, dtype=bool)
     held = [[e.verdict for e in episodes if e.start <= m < e.end] for m in middles]
     sticky = [bool(v) and all(x == STICTION for x in v) for v in held]

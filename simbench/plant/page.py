@@ -33,7 +33,10 @@ def section(
     points: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return one section of a page."""
-    drawn = [{"svg": inline_svg(f, f"{name}-{i}", says), "caption": says} for i, (f, says) in enumerate(pictures)]
+    drawn = [
+        {"svg": inline_svg(f, f"{name}-{i}", says), "caption": says}
+        for i, (f, says) in enumerate(pictures)
+    ]
     body: Markup = render(
         ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
         table=None if table is None else sortable(table, long=long, beside=beside, matrix=matrix),
@@ -44,6 +47,8 @@ def section(
 def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[str, Any]]) -> None:
     """Write a self-contained page, readable in light and dark and on a phone."""
     footer = f"simbench {version('stiction-simbench')}"
-    text = render(ROOM, "page.html", title=title, subtitle=subtitle, sections=list(sections), footer=footer)
+    text = render(
+        ROOM, "page.html", title=title, subtitle=subtitle, sections=list(sections), footer=footer
+    )
     with whole_file(path) as f:
         f.write(text)

@@ -27,7 +27,12 @@ _NAMED = "of"  # key under which an encoded object names its class
 
 
 def resumed(
-    ask: Callable[..., Any], about: Sequence[tuple[Any, ...]], *, jobs: int, keep: str | Path | None, what: str
+    ask: Callable[..., Any],
+    about: Sequence[tuple[Any, ...]],
+    *,
+    jobs: int,
+    keep: str | Path | None,
+    what: str,
 ) -> list[Any]:
     """Ask of each in turn, in several processes, and return the answers in order.
 
@@ -41,7 +46,9 @@ def resumed(
         for other in set(place.glob(f"{ask.__name__}-*.json")) - set(files):
             other.unlink(missing_ok=True)
         calls = [delayed(_kept)(ask, file, a) for file, a in zip(files, about, strict=True)]
-    with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:
+    with Parallel(
+        n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator"
+    ) as parallel:
         return list(Progress(parallel(calls), total=len(about), desc=what))
 
 
@@ -49,14 +56,20 @@ def resumed(
 def _code() -> str:
     """Return what changes with any line of the sources that answer."""
     rooms = (detectors, scenarios, simbench)
-    return str(joblib.hash([f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))]))
+    return str(
+        joblib.hash(
+            [f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))]
+        )
+    )
 
 
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
     """Return the answer in a file; where there is none, or not what was written, ask and keep it."""
     try:
         content = without_checksum(json.loads(file.read_text(encoding="utf-8")), file)
-        return _decoded(content["answer"], {c.__name__: c for c in _classes(get_type_hints(ask)["return"])})
+        return _decoded(
+            content["answer"], {c.__name__: c for c in _classes(get_type_hints(ask)["return"])}
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
         answer = ask(*about)
     with whole_file(file) as f:
@@ -70,7 +83,11 @@ def _classes(hint: Any) -> set[type]:
     while todo:
         hint = todo.pop()
         todo += get_args(hint)
-        if isinstance(hint, type) and (is_dataclass(hint) or issubclass(hint, BaseModel)) and hint not in found:
+        if (
+            isinstance(hint, type)
+            and (is_dataclass(hint) or issubclass(hint, BaseModel))
+            and hint not in found
+        ):
             found.add(hint)
             todo += get_type_hints(hint).values()
     return found
@@ -87,8 +104,15 @@ def _encoded(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, BaseModel) or is_dataclass(value):
-        names = type(value).model_fields if isinstance(value, BaseModel) else [f.name for f in fields(value) if f.init]
-        return {_NAMED: type(value).__name__, "with": {name: _encoded(getattr(value, name)) for name in names}}
+        names = (
+            type(value).model_fields
+            if isinstance(value, BaseModel)
+            else [f.name for f in fields(value) if f.init]
+        )
+        return {
+            _NAMED: type(value).__name__,
+            "with": {name: _encoded(getattr(value, name)) for name in names},
+        }
     return value
 
 

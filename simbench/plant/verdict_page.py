@@ -16,7 +16,9 @@ from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 _SHOWN = 12  # records drawn on one page
 
 
-def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord], ShownConclusion]) -> None:
+def write_page(
+    report: Report, path: str | Path, conclude: Callable[[LoopRecord], ShownConclusion]
+) -> None:
     """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is for the records drawn."""
     groups = report.groups()
     said = []
@@ -24,23 +26,49 @@ def write_page(report: Report, path: str | Path, conclude: Callable[[LoopRecord]
         found = report.conclusions.get(name)
         if found is None and record is not None and number < _SHOWN:
             found = conclude(record)
-        lines = [*([] if found is None else found.as_lines()), f"Methods: {summary.sentence(verdicts)}."]
+        lines = [
+            *([] if found is None else found.as_lines()),
+            f"Methods: {summary.sentence(verdicts)}.",
+        ]
         said += [f"{name + ': ' if name else ''}{line}" for line in lines]
     parts = [section("answer", "The answer", said)]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"
-            seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
-            parts.append(section(f"record-{number}", title, pictures=seen, points=summary.notes_of(verdicts, record)))
+            seen = [
+                (draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"),
+                (draw_pv_op(record), "PV against OP"),
+            ]
+            parts.append(
+                section(
+                    f"record-{number}",
+                    title,
+                    pictures=seen,
+                    points=summary.notes_of(verdicts, record),
+                )
+            )
     parts.append(section("methods", "Every method", table=_table(report), long=["reason"]))
     if report.refused:
-        parts.append(section("refused", "Left out", points=[f"{name}: {why}" for name, why in report.refused.items()]))
-    write(path, "Does the valve stick?", f"{len(groups)} record{'s' * (len(groups) != 1)} judged", parts)
+        parts.append(
+            section(
+                "refused",
+                "Left out",
+                points=[f"{name}: {why}" for name, why in report.refused.items()],
+            )
+        )
+    write(
+        path,
+        "Does the valve stick?",
+        f"{len(groups)} record{'s' * (len(groups) != 1)} judged",
+        parts,
+    )
 
 
 def _table(report: Report) -> pd.DataFrame:
     fits = {True: "yes", False: "no", None: "cannot tell"}
-    shared = {name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()}
+    shared = {
+        name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()
+    }
     return pd.DataFrame(
         {
             **({} if name is None else {"record": name}),

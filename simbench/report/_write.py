@@ -6,7 +6,17 @@ from pathlib import Path
 
 from simbench.bench.score.names import benchmark_text
 from simbench.files import whole_file
-from simbench.report import axes, disagreement, failures, maps, overview, provenance, roc, slowest, summary
+from simbench.report import (
+    axes,
+    disagreement,
+    failures,
+    maps,
+    overview,
+    provenance,
+    roc,
+    slowest,
+    summary,
+)
 from simbench.report.data import RunData
 from simbench.report.page import render
 
@@ -14,14 +24,16 @@ _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures
 
 
 def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:
-    """Write a run's report, which may be read already: one self-contained HTML file, readable in light and dark and on a phone.
-    """
+    """Write a run's report, which may be read already: one self-contained HTML file, readable in light and dark and on a phone."""
     run = run or RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]
     grid = f"grid {manifest['grid']} ({manifest['grid_hash']}){benchmark_text(manifest)}"
     origin = f"commit {commit}, {grid}, records {manifest.get('records_hash', '-')}"
-    sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in _SECTIONS]
+    sections = [
+        {"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)}
+        for s in _SECTIONS
+    ]
     text = render(
         "page.html",
         title=f"Stiction detectors on {manifest['grid']}",

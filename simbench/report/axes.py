@@ -23,7 +23,14 @@ def section(run: RunData) -> Markup:
         "found": "found", "false_alarms": "false alarms", "no_decision": "undecided",
     }  # fmt: skip
     # a rate of few loops says nothing
-    enough, said = here["applicable"] >= LEAST, here.columns.isin(["axis", "value", "method", "n", "applicable"])
+    enough, said = (
+        here["applicable"] >= LEAST,
+        here.columns.isin(["axis", "value", "method", "n", "applicable"]),
+    )
     here = here.where(enough.to_numpy()[:, None] | said)
-    digits = dict.fromkeys(["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format)
-    return render("axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits))
+    digits = dict.fromkeys(
+        ["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format
+    )
+    return render(
+        "axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits)
+    )

@@ -38,7 +38,13 @@ class RunData:
         called = book.verdict[i] == CODES[STICTION]
         positive = book.truth["cycled"] == 1
         right = (called == positive) & (book.verdict[i] != CODES[NO_DECISION])
-        columns = {"score": book.score[i].astype(float), "called": called, "positive": positive, "right": right, **book.axes}
+        columns = {
+            "score": book.score[i].astype(float),
+            "called": called,
+            "positive": positive,
+            "right": right,
+            **book.axes,
+        }
         return pd.DataFrame({name: values[clear] for name, values in columns.items()})
 
     def role(self, method: str) -> str:
@@ -64,11 +70,15 @@ class RunData:
     def abstentions(self) -> pd.DataFrame:
         """Verdicts "no decision" of methods that did not fail: method, reason."""
         undecided = (pc.field("verdict") == NO_DECISION) & pc.field("error").is_null()
-        found = read_table(self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided)
+        found = read_table(
+            self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided
+        )
         return found.select(["method", "reason"]).to_pandas()
 
     @cached_property
     def times(self) -> pd.DataFrame:
         """Milliseconds of every method (columns) on every scenario (rows)."""
         ids = np.char.decode(self.book.ids, "ascii")
-        return pd.DataFrame(1000.0 * self.book.runtime.T, index=ids, columns=list(self.book.methods))
+        return pd.DataFrame(
+            1000.0 * self.book.runtime.T, index=ids, columns=list(self.book.methods)
+        )

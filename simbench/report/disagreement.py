@@ -16,7 +16,13 @@ def section(run: RunData) -> Markup:
     names = list(REPORTED_TRUTHS)
     words = run.truths.astype(object).where(run.truths.notna(), "-").astype(str)
     words = words.replace({"True": "yes", "False": "no"})
-    counted = words.groupby(names).size().rename("scenarios").reset_index().sort_values("scenarios", ascending=False)
+    counted = (
+        words.groupby(names)
+        .size()
+        .rename("scenarios")
+        .reset_index()
+        .sort_values("scenarios", ascending=False)
+    )
     agree = counted[names].nunique(axis=1) == 1
     counted.insert(0, "all agree", agree.map({True: "yes", False: "no"}))
     share = counted.loc[~agree, "scenarios"].sum() / max(len(words), 1)

@@ -21,4 +21,8 @@ def section(run: RunData) -> Markup:
         says = f"share of right verdicts of {method} over dead time and S/2J"
         picture = inline_svg(draw(counted[counted["method"] == method]), f"map-{method}", says)
         items.append({"svg": picture, "caption": ""})
-    return render("maps.html", items=items, bar=inline_svg(draw_bar(), "map-bar", "colours of the maps, from 0 to 1"))
+    return render(
+        "maps.html",
+        items=items,
+        bar=inline_svg(draw_bar(), "map-bar", "colours of the maps, from 0 to 1"),
+    )

@@ -16,6 +16,10 @@ def section(run: RunData) -> Markup:
     """Draw the share of right answers of every detector on every kind of loop."""
     data = overview(run.book, run.scores)
     if data.empty:
-        return Markup("<p>No loop of this run is known to cycle or to rest, so that no answer is right or wrong.</p>")
-    picture = inline_svg(draw(data), "overview", "share of right verdicts by detector and kind of loop")
+        return Markup(
+            "<p>No loop of this run is known to cycle or to rest, so that no answer is right or wrong.</p>"
+        )
+    picture = inline_svg(
+        draw(data), "overview", "share of right verdicts by detector and kind of loop"
+    )
     return render("overview.html", picture=picture)

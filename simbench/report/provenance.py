@@ -31,16 +31,30 @@ def section(run: RunData) -> Markup:
     manifest = run.book.manifest
     rows = [(says, manifest.get(key)) for key, says in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
-    rows += [(f"threshold {m}.{k}", v) for m, chosen in manifest.get("thresholds", {}).items() for k, v in chosen.items()]
-    frame = pd.DataFrame([(name, "" if value is None else str(value)) for name, value in rows], columns=["what", "value"])
-    return render("provenance.html", table=sortable(frame, long=["value"]), commands=reproduce(manifest), folder=run.folder)
+    rows += [
+        (f"threshold {m}.{k}", v)
+        for m, chosen in manifest.get("thresholds", {}).items()
+        for k, v in chosen.items()
+    ]
+    frame = pd.DataFrame(
+        [(name, "" if value is None else str(value)) for name, value in rows],
+        columns=["what", "value"],
+    )
+    return render(
+        "provenance.html",
+        table=sortable(frame, long=["value"]),
+        commands=reproduce(manifest),
+        folder=run.folder,
+    )
 
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     words += ["--set", f"seed={manifest['seed']}"]
-    words += [w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")]
+    words += [
+        w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")
+    ]
     words += [w for m in manifest["methods"] for w in ("--method", m)]
     words += ["--until-width", str(manifest["until_width"])] if manifest.get("until_width") else []
     lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []

@@ -11,7 +11,19 @@ from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from simbench.bench.statistics import auc
-from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY, label, panels, styled
+from simbench.figures._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PINK,
+    RED,
+    SKY,
+    label,
+    panels,
+    styled,
+)
 from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
@@ -37,9 +49,19 @@ def section(run: RunData) -> Markup:
         mine = run.of(method).dropna(subset=["score"])
         if run.role(method) == "stiction" and len(set(mine["positive"])) == 2:
             area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
-            point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))
+            point = tuple(
+                mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True)
+            )
             found.append(
-                (area.value, _Curve(method, f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})", roc_curve(mine), point))
+                (
+                    area.value,
+                    _Curve(
+                        method,
+                        f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})",
+                        roc_curve(mine),
+                        point,
+                    ),
+                )
             )
     curves = [curve for _, curve in sorted(found, key=lambda pair: -pair[0])]
     says = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
@@ -51,7 +73,9 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     from sklearn import metrics  # here, for it takes a second to load
 
     ranks = rankdata(judged["score"].to_numpy(dtype=float))  # the same curve, and finite
-    alarms, hits, _ = metrics.roc_curve(judged["positive"].to_numpy(), ranks, drop_intermediate=False)
+    alarms, hits, _ = metrics.roc_curve(
+        judged["positive"].to_numpy(), ranks, drop_intermediate=False
+    )
     return pd.DataFrame({"false_alarms": alarms, "detections": hits})
 
 
@@ -64,9 +88,18 @@ def _draw(curves: Sequence[_Curve]) -> Figure:
         colour = _COLOURS[i % len(_COLOURS)]
         line = _LINES[i // len(_COLOURS) % len(_LINES)]
         says = f"{curve.method}  {curve.area}"
-        axes.plot(curve.points["false_alarms"], curve.points["detections"], line, color=colour, linewidth=1.4, label=says)
+        axes.plot(
+            curve.points["false_alarms"],
+            curve.points["detections"],
+            line,
+            color=colour,
+            linewidth=1.4,
+            label=says,
+        )
         axes.plot(*curve.published, "o", color=colour, markersize=5)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
     label(axes, "false alarms (share of healthy)", "detections (share of cycling)")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), title="area (95 % interval)", alignment="left")
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(1.02, 1.0), title="area (95 % interval)", alignment="left"
+    )
     return figure

@@ -24,5 +24,13 @@ def section(run: RunData) -> Markup:
             "share of all": (ms.sum() / max(float(ms.to_numpy().sum()), 1e-12)).to_numpy(),
         }
     ).sort_values("share of all", ascending=False)
-    ten = ms.rename_axis(index="scenario", columns="method").stack().nlargest(10).rename("time (ms)").reset_index()
-    return render("slowest.html", cost=sortable(cost, formats={"share of all": percent}), ten=sortable(ten))
+    ten = (
+        ms.rename_axis(index="scenario", columns="method")
+        .stack()
+        .nlargest(10)
+        .rename("time (ms)")
+        .reset_index()
+    )
+    return render(
+        "slowest.html", cost=sortable(cost, formats={"share of all": percent}), ten=sortable(ten)
+    )

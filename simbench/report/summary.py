@@ -23,7 +23,11 @@ _HEADLINE = {
     "false positives": "false_alarms",
     "no decision": "no_decision",
 }
-_DETAILS = {"accuracy of decided": "accuracy_decided", "sensitivity at 5 % false positives": "found_at_5", "AUC": "auc"}
+_DETAILS = {
+    "accuracy of decided": "accuracy_decided",
+    "sensitivity at 5 % false positives": "found_at_5",
+    "AUC": "auc",
+}
 _SHARES = (*_HEADLINE, *_DETAILS, "accuracy, not applicable counted as wrong", "applies")
 _FORMATS = dict.fromkeys(_SHARES, "{:.3f}".format) | {"rank": "{:.0f}".format}
 _DETECTION = {FRONT: "with the common oscillation detection", RAW: "without it"}
@@ -43,24 +47,46 @@ def section(run: RunData) -> Markup:
     if len(fair):
         best = fair.iloc[0]
         limits = f"{percent(best['accuracy_applicable_lo'])} to {percent(best['accuracy_applicable_hi'])}"
-        tiles.append((percent(best["accuracy_applicable"]), f"right by {best['method']}, the best on OP and PV ({limits})"))
+        tiles.append(
+            (
+                percent(best["accuracy_applicable"]),
+                f"right by {best['method']}, the best on OP and PV ({limits})",
+            )
+        )
     if stable.winner is not None:
-        tiles.append((f"{stable.wins} of {HALVES}", f"random halves of the loops in which {stable.winner} costs least"))
+        tiles.append(
+            (
+                f"{stable.wins} of {HALVES}",
+                f"random halves of the loops in which {stable.winner} costs least",
+            )
+        )
     if not math.isnan(run.scores.resolution):
-        tiles.append((f"{run.scores.resolution:.3f}", "smallest difference of cost that this run resolves"))
+        tiles.append(
+            (f"{run.scores.resolution:.3f}", "smallest difference of cost that this run resolves")
+        )
     tiles.append((str(len(run.errors)), "failures"))
     other = next(m for m in (FRONT, RAW) if m != mode)
     places: list[tuple[str, tuple[str, str, str, str]]] = [
-        ("Oscillating loops, against whether the loop cycles by itself", ("cycled", mode, ALL, OF_OSCILLATING)),
+        (
+            "Oscillating loops, against whether the loop cycles by itself",
+            ("cycled", mode, ALL, OF_OSCILLATING),
+        ),
         ("Oscillating loops, against Table 11.3", ("predicted", mode, ALL, OF_OSCILLATING)),
         ("Oscillating self-regulating loops", ("cycled", mode, "self-regulating", OF_OSCILLATING)),
         ("Oscillating integrating loops", ("cycled", mode, "integrating", OF_OSCILLATING)),
-        (f"Loops that do not oscillate, {_DETECTION[mode]}", ("cycled", mode, ALL, OF_NOT_OSCILLATING)),
+        (
+            f"Loops that do not oscillate, {_DETECTION[mode]}",
+            ("cycled", mode, ALL, OF_NOT_OSCILLATING),
+        ),
         (f"All loops, {_DETECTION[mode]}", ("cycled", mode, ALL, ALL)),
         (f"All loops, {_DETECTION[other]}", ("cycled", other, ALL, ALL)),
     ]
     tables = [(title, _readable(run.scores, place)) for title, place in places]
-    return render("summary.html", tiles=tiles, tables=[(title, table) for title, table in tables if table is not None])
+    return render(
+        "summary.html",
+        tiles=tiles,
+        tables=[(title, table) for title, table in tables if table is not None],
+    )
 
 
 def _readable(scores: Scores, place: tuple[str, str, str, str]) -> dict[str, Any] | None:
@@ -72,11 +98,19 @@ def _readable(scores: Scores, place: tuple[str, str, str, str]) -> dict[str, Any
     beside, everything = {}, place[-1] == ALL
     for name, column in {**_HEADLINE, **(_DETAILS if everything else {})}.items():
         table[name] = ranking[column]
-        beside[name] = [f"{lo:.2f}-{hi:.2f}" for lo, hi in zip(ranking[f"{column}_lo"], ranking[f"{column}_hi"])]
+        beside[name] = [
+            f"{lo:.2f}-{hi:.2f}" for lo, hi in zip(ranking[f"{column}_lo"], ranking[f"{column}_hi"])
+        ]
     if everything:
         table["accuracy, not applicable counted as wrong"] = ranking["accuracy_all"]
         table["median (ms)"] = ranking["median_ms"]
     table["applies"] = ranking["applicable"] / ranking["n"]
-    table["use"] = [f"{role}, with MV" if mv else role for role, mv in zip(ranking["role"], ranking["sees_mv"])]
-    table["fitted"] = ranking["home"].map({"fitted here": "on this grid", "siblings": "on a related grid"}).fillna("")
+    table["use"] = [
+        f"{role}, with MV" if mv else role for role, mv in zip(ranking["role"], ranking["sees_mv"])
+    ]
+    table["fitted"] = (
+        ranking["home"]
+        .map({"fitted here": "on this grid", "siblings": "on a related grid"})
+        .fillna("")
+    )
     return sortable(table, formats=_FORMATS, beside=beside)

@@ -27,7 +27,11 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
             return False
         period = 2 * np.diff(run.sample).mean() * loop.Ts
         swing = np.abs(np.diff(run.stop)).mean()
-        near = near + 1 if abs(period / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25 else 0
+        near = (
+            near + 1
+            if abs(period / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25
+            else 0
+        )
         if near == 2:
             return True
     return False
@@ -42,7 +46,9 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     """
     if not 0 < loop.fs < loop.hi:
         return None
-    scan = loop.fs * 1.0005 * _RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(_RATIO)) + 1)
+    scan = (
+        loop.fs * 1.0005 * _RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(_RATIO)) + 1)
+    )
     before = False
     for i, kick in enumerate(scan):
         now = starts_cycle(loop, cycle, kick)

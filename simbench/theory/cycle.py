@@ -35,7 +35,9 @@ class ExactCycle:
     irregularity: float  # standard deviation of the half period over its mean
     # growth of a deviation per half cycle, of the mean cycle; None when it was found by marching alone
     multiplier: float | None
-    state: tuple[np.ndarray, np.ndarray, np.ndarray]  # (x, s, past) as `simbench.theory.march` takes it, on the cycle
+    state: tuple[
+        np.ndarray, np.ndarray, np.ndarray
+    ]  # (x, s, past) as `simbench.theory.march` takes it, on the cycle
 
 
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
@@ -85,7 +87,9 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
         run = reversals(loop, x, s, past, BLOCK, left)
         left -= run.samples
         if run.count < BLOCK and not run.stalled:
-            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {_LONGEST_MARCH:g} samples"
+            asked = (
+                f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {_LONGEST_MARCH:g} samples"
+            )
             raise ParameterError(f"{asked}; a longer Ts, or a larger gain K Kc, is needed")
         if run.count < BLOCK:
             return None
@@ -121,7 +125,9 @@ def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndar
 def cycle_start(loop: Loop) -> Start:
     """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped."""
     sampled = sampled_loop(loop)
-    [*stages, (module, p)] = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0).valves
+    [*stages, (module, p)] = resolve_loop(
+        loop.model_copy(update={"disturbance": ()}), seed=0
+    ).valves
     cycle = exact_cycle(sampled)
     if cycle is None:
         raise ParameterError("cycle_start: this loop has no limit cycle to start on")
@@ -133,12 +139,16 @@ def cycle_start(loop: Loop) -> Start:
     op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
     ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
     if sampled.order != 1 and loop.plant.parameters is not None:
-        raise ParameterError("cycle_start: a plant plug-in starts there only where it is of first order")
+        raise ParameterError(
+            "cycle_start: a plant plug-in starts there only where it is of first order"
+        )
     pid, order = loop.controller.type == "PID", sampled.order - 2 * (sampled.kd > 0.0)
     return Start(
         op=op0 + op,
         error=loop.setpoint.value - loop.pv0 - w / sampled.gain,
-        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain if order == 1 and not pid else loop.pv0,
+        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain
+        if order == 1 and not pid
+        else loop.pv0,
         state=tuple(ahead[:order].tolist()) if order > 1 or pid else (),
         control=_pid_state(loop, sampled, x, op, op0) if pid else (),
         valve=module.step(op0 + op, module.start(op0 + mv, p), p),
@@ -146,7 +156,9 @@ def cycle_start(loop: Loop) -> Start:
     )
 
 
-def _pid_state(loop: Loop, sampled: SampledLoop, x: np.ndarray, op: float, op0: float) -> tuple[float, ...]:
+def _pid_state(
+    loop: Loop, sampled: SampledLoop, x: np.ndarray, op: float, op0: float
+) -> tuple[float, ...]:
     """Return the state of a PID as its `step` takes it, from the state of the sampled loop."""
     y, d = float(sampled.C @ x), 0.0
     if sampled.kd > 0.0:

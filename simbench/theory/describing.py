@@ -81,7 +81,13 @@ def deadzone(D: float) -> _DescribingFunction:
 
 
 def first_harmonic(
-    model: str, parameters: Mapping[str, Any], A: ArrayLike, *, period: float = 100.0, samples: int = 1000, centre: float = 50.0
+    model: str,
+    parameters: Mapping[str, Any],
+    A: ArrayLike,
+    *,
+    period: float = 100.0,
+    samples: int = 1000,
+    centre: float = 50.0,
 ) -> np.ndarray:
     """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
 
@@ -108,10 +114,14 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
     moves = np.nonzero(np.abs(N) < 1e-6)[0]
     first = moves[-1] + 1 if moves.size else 0
     if first > A.size - 2:
-        raise ParameterError(f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %")
+        raise ParameterError(
+            f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %"
+        )
     x, re, im = np.log(A[first:]), N.real[first:], N.imag[first:]
     real, imag = PchipInterpolator(x, re), PchipInterpolator(x, im)
-    return _DescribingFunction(lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1]))
+    return _DescribingFunction(
+        lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1])
+    )
 
 
 def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
@@ -143,7 +153,11 @@ def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Inters
             continue
         period, A = 2 * np.pi / np.exp(solved.x[0]), valve.low * (1 + np.exp(solved.x[1]))
         if all(abs(np.log(period / f.period)) > 1e-6 for f in found):
-            found.append(_Intersection(float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))))
+            found.append(
+                _Intersection(
+                    float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))
+                )
+            )
     return sorted(found, key=lambda f: f.period)
 
 

@@ -68,16 +68,35 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
             turns.append(turn)
             if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
                 known = any(abs(h.samples - half.samples) <= 3 for h in found)
-                found += [] if known else [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
+                found += (
+                    []
+                    if known
+                    else [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
+                )
         m = next((t for t in turns if t not in tried), m)
     return sorted(found, key=lambda h: h.samples)
 
 
-def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m: int) -> Iterator[tuple[HalfCycle, np.ndarray]]:
+def _with_moving_samples(
+    loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m: int
+) -> Iterator[tuple[HalfCycle, np.ndarray]]:
     """Yield candidates, their amplitude and multiplier left open, each with its map Y."""
     c = loop.order + 2
-    head = np.zeros((c, c + 1))  # of z one sample before break-away and of 1: state after the move and the dead time
-    _move(loop.A, loop.B_old, loop.B_new, loop.C, loop.integral, loop.beta, loop.fd, loop.delay, m, head)
+    head = np.zeros(
+        (c, c + 1)
+    )  # of z one sample before break-away and of 1: state after the move and the dead time
+    _move(
+        loop.A,
+        loop.B_old,
+        loop.B_new,
+        loop.C,
+        loop.integral,
+        loop.beta,
+        loop.fd,
+        loop.delay,
+        m,
+        head,
+    )
     lows = _sign_changes(head, T, loop.fs, waits)
     if lows.size == 0:
         return
@@ -89,7 +108,10 @@ def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m:
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
-        yield HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, np.nan), Y[0] + part * (Y[1] - Y[0])
+        yield (
+            HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, np.nan),
+            Y[0] + part * (Y[1] - Y[0]),
+        )
 
 
 def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -100,7 +122,9 @@ def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.n
         on = (q >> bit) & 1 == 1
         Y[on] = power @ Y[on]
     mirrored = Y + np.eye(c, c + 1)
-    threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])  # mean OP around the break-away that began the half cycle
+    threshold = -0.5 * (
+        Y[:, -2] + (T @ Y)[:, -2]
+    )  # mean OP around the break-away that began the half cycle
     threshold[:, -2] -= 1.0
     threshold[:, -1] += fs
     rows = np.concatenate([mirrored[:, :-1], threshold[:, None]], axis=1)
@@ -196,7 +220,9 @@ def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     rise = 0.5 * (growth[-2] + (T @ growth)[-2])
     speed = rise[:-1] @ z + rise[-1]
     later = -threshold[:-1] / speed if speed != 0 else np.full(z.size, np.inf)
-    with np.errstate(over="ignore", invalid="ignore"):  # a candidate may grow without bound; it is dropped below
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a candidate may grow without bound; it is dropped below
         total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
     return float(np.abs(np.linalg.eigvals(total)).max()) if np.isfinite(total).all() else np.inf
 

@@ -98,10 +98,15 @@ class _Reversals:
         return len(self.sample)
 
 
-def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62) -> _Reversals:
+def reversals(
+    loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62
+) -> _Reversals:
     """March a loop until its valve has reversed `count` times."""
     arrays = np.zeros((4, count))
-    plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi)
+    plant, control = (
+        (loop.A, loop.B_old, loop.B_new, loop.C),
+        (loop.integral, loop.beta, loop.lo, loop.hi),
+    )
     valve = loop.fs, loop.fd, loop.resticks
     found, samples, how = march(plant, control, valve, x, s, past, most, loop.patience, *arrays)
     return _Reversals(*arrays[:, :found], samples=samples, stalled=how == _STALLED)

@@ -47,7 +47,8 @@ def predict(loop: Loop) -> dict[str, Any]:
         "table_11_3": table,
         "refined": refined,
         "describing_function": [
-            {"period": f.period, "amplitude": f.amplitude, "stable": f.stable} for f in theory["describing_function"]
+            {"period": f.period, "amplitude": f.amplitude, "stable": f.stable}
+            for f in theory["describing_function"]
         ],
         "exact": {k: theory[k] for k in ("period", "amplitude", "kick_min")} if cycles else None,
         "reason": theory["reason"],
@@ -65,7 +66,11 @@ def as_text(found: dict[str, Any]) -> str:
     if exact is None:
         cycle = "none"
     else:
-        kick = "no kick starts it" if exact["kick_min"] is None else f"smallest kick {exact['kick_min']:.4g} %"
+        kick = (
+            "no kick starts it"
+            if exact["kick_min"] is None
+            else f"smallest kick {exact['kick_min']:.4g} %"
+        )
         cycle = f"{exact['period']:.4g} s, OP +-{exact['amplitude']:.4g} %, {kick}"
     lines = [
         ("Table 11.3", word[found["table_11_3"]]),

@@ -106,14 +106,20 @@ class SampledLoop:
     @cached_property
     def patience(self) -> int:
         """Samples without a reversal after which the loop is taken to rest: ten times the slowest half period there is."""
-        swing = 0.5 * max(self.J, self.S / 10, 1e-12)  # the smallest half swing of the valve that counts as cycling
+        swing = 0.5 * max(
+            self.J, self.S / 10, 1e-12
+        )  # the smallest half swing of the valve that counts as cycling
         if self.integrating:
-            slope = float(abs(self.C @ (self.B_old + self.B_new))) / self.Ts * swing  # of OP, % per s
+            slope = (
+                float(abs(self.C @ (self.B_old + self.B_new))) / self.Ts * swing
+            )  # of OP, % per s
         elif self.integral:
             slope = abs(self.static_gain) * swing * self.beta / self.Ts
         else:
             slope = np.inf
-        return 100 + int(min(10 * (self.S / max(slope, 1e-300) + 5 * max(self.times)) / self.Ts, 1e8))
+        return 100 + int(
+            min(10 * (self.S / max(slope, 1e-300) + 5 * max(self.times)) / self.Ts, 1e8)
+        )
 
 
 def sampled_loop(loop: Loop) -> SampledLoop:
@@ -127,9 +133,13 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     resticks, misfit = nearest_map(tuple(setup.valves), S, J)
     for name, says in (("error_gap", "an error dead-band"), ("op_step", "a rounded OP")):
         if getattr(setup, name) > 0:
-            raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
+            raise ParameterError(
+                f"theory: the controller has {says}; the cycle is known for plain P and PI only"
+            )
     if setup.sensor_tau > 0 or setup.pv_step > 0:
-        raise ParameterError("theory: the sensor has a lag or rounds PV; the cycle is known for a plain sensor only")
+        raise ParameterError(
+            "theory: the sensor has a lag or rounds PV; the cycle is known for a plain sensor only"
+        )
     if setup.not_linear:
         raise ParameterError(f"theory: cannot tell, {setup.not_linear}; simulate the loop instead")
     flat = np.ascontiguousarray  # one memory layout, one compiled march
@@ -154,18 +164,32 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and PI =
     ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
     """
-    c, Ti, flat, n = setup.loop.controller, float(setup.Ti or 0.0), np.ascontiguousarray, sampled.order
+    c, Ti, flat, n = (
+        setup.loop.controller,
+        float(setup.Ti or 0.0),
+        np.ascontiguousarray,
+        sampled.order,
+    )
     p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)
     beta, Tf = setup.Ts / Ti, float(c.Td or 0.0) / controllers.derivative_filter(c)
     a, g, through = p.fade, 1.0 / (1.0 + beta), p.kd / (1.0 + beta)
     A = np.zeros((n + 2, n + 2))
     A[:n, :n], A[n, :n] = sampled.A, gain * sampled.C
     A[n, n:], A[n + 1, n] = (a + g, -a * g), 1.0
-    C = np.concatenate([gain * (1.0 + through) * sampled.C, through * np.array([a + g - 2.0, 1.0 - a * g])])
+    C = np.concatenate(
+        [gain * (1.0 + through) * sampled.C, through * np.array([a + g - 2.0, 1.0 - a * g])]
+    )
     law = np.polymul([Ti, 1.0], [Tf, 1.0])
     S, J, resticks, misfit = valve
     poles = np.roots(setup.den)
-    times = [setup.Td, Ti, setup.Ts, Tf, float(c.Td or 0.0), *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
+    times = [
+        setup.Td,
+        Ti,
+        setup.Ts,
+        Tf,
+        float(c.Td or 0.0),
+        *(1 / abs(p) for p in poles if abs(p) > 1e-12),
+    ]
     return SampledLoop(
         A=flat(A), B_old=np.append(sampled.B_old, [0.0, 0.0]), B_new=np.append(sampled.B_new, [0.0, 0.0]), C=flat(C),
         delay=sampled.delay, Ts=setup.Ts, integral=True, beta=beta, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
@@ -181,12 +205,16 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
     for module, p in setup.valves:
         if not hasattr(module, "mapped_SJ"):
             name = module.__name__.rpartition(".")[2]
-            raise ParameterError(f"theory: valve {name!r} has no (S, J); tables and exact cycle do not describe it")
+            raise ParameterError(
+                f"theory: valve {name!r} has no (S, J); tables and exact cycle do not describe it"
+            )
         S, J = _numbers(module.mapped_SJ(p))
         if S > 0 or J > 0:
             found.append((S, J))
     if len(found) > 1:
-        raise ParameterError(f"theory: {len(found)} valve stages have friction; tables and exact cycle describe one")
+        raise ParameterError(
+            f"theory: {len(found)} valve stages have friction; tables and exact cycle describe one"
+        )
     return found[0] if found else (0.0, 0.0)
 
 
@@ -203,9 +231,15 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
         return False, 0.0
     slope = np.arange(-40, 40) / 40
     wave = 50.0 + reach * np.concatenate([slope[40:], -slope, slope, -slope, slope])
-    driven, follows, sticks = stages_response(stages, wave, 50.0), stiction_map.valve_position(wave, S, J), np.empty(wave.size)
+    driven, follows, sticks = (
+        stages_response(stages, wave, 50.0),
+        stiction_map.valve_position(wave, S, J),
+        np.empty(wave.size),
+    )
     compiled(_sticking)(wave, S, J, sticks)
-    errors = [float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)]
+    errors = [
+        float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)
+    ]
     return errors[1] < errors[0], min(errors)
 
 

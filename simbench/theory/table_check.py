@@ -59,7 +59,9 @@ def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> 
                 continue
             exist += 1
             steps = rng.uniform(-_LARGEST_LOAD, _LARGEST_LOAD, load_steps)
-            reached += any(reaches_cycle(loop, cycle, after_load_step(loop, step)) for step in steps)
+            reached += any(
+                reaches_cycle(loop, cycle, after_load_step(loop, step)) for step in steps
+            )
         checks.append(_CellCheck(*key, table, len(loops), exist, right, reached, dict(differ)))
     return checks
 
@@ -72,12 +74,20 @@ def _condition(key: tuple[str, str, str], exists: bool) -> str:
 
 def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
     integrating = process == "integrating"
-    plant: dict[str, Any] = {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
+    plant: dict[str, Any] = (
+        {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
+    )
     for Td in (0.0, 1.0, 4.0) if integrating else (0.0, 2.0, 10.0):
-        for Ti in ((10.0, 20.0, 40.0) if integrating else (5.0, 10.0, 20.0)) if controller == "PI" else (None,):
+        for Ti in (
+            ((10.0, 20.0, 40.0) if integrating else (5.0, 10.0, 20.0))
+            if controller == "PI"
+            else (None,)
+        ):
             table: dict[str, Any] = {
                 "plant": {**plant, "Td": Td},
-                "controller": {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti},
+                "controller": {"type": "P", "Kc": 1.0}
+                if Ti is None
+                else {"type": "PI", "Kc": 1.0, "Ti": Ti},
                 "valve": {"model": "choudhury", "S": _BAND_S, "J": 0.0},
                 "sampling": {"Ts": 0.1},
             }

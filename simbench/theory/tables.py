@@ -48,7 +48,11 @@ TABLE_11_3 = MappingProxyType(
 CONDITIONS = MappingProxyType(
     {
         ("self-regulating", "P", STICK_SLIP): "a cycle exists if and only if K Kc J > S",
-        ("self-regulating", "PI", DEAD_BAND): "tight tuning (Ti below T, Kc near its limit) keeps a dead-band cycling",
+        (
+            "self-regulating",
+            "PI",
+            DEAD_BAND,
+        ): "tight tuning (Ti below T, Kc near its limit) keeps a dead-band cycling",
     }
 )
 """Where the table is too coarse, and what decides instead."""
@@ -87,9 +91,13 @@ def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
     return table_11_3(loop)
 
 
-def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tuple[bool | None, bool | None, dict[str, Any]]:
+def truth_columns(
+    loop: Loop, *, kick: bool = False, waves: bool = True
+) -> tuple[bool | None, bool | None, dict[str, Any]]:
     """Return the theory's truth columns of one scenario."""
-    theory: dict[str, Any] = dict.fromkeys(("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min"))
+    theory: dict[str, Any] = dict.fromkeys(
+        ("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min")
+    )
     theory.update(describing_function=[], reason="")
     setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
     try:
@@ -106,11 +114,15 @@ def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tupl
     if sampled.fs == 0:
         theory.update(exists=False, by="exact", reason="the valve has no friction")
         return False, False, theory
-    theory["describing_function"] = intersections(sampled, stiction(S, J)) if waves and S > 0 else []
+    theory["describing_function"] = (
+        intersections(sampled, stiction(S, J)) if waves and S > 0 else []
+    )
     cycle = exact_cycle(sampled)
     theory.update(exists=cycle is not None, by="exact", reason=_reason(sampled, cycle))
     if cycle is not None:
-        theory.update({k: getattr(cycle, k) for k in ("period", "amplitude", "multiplier", "irregularity")})
+        theory.update(
+            {k: getattr(cycle, k) for k in ("period", "amplitude", "multiplier", "irregularity")}
+        )
         theory["kick_min"] = kick_min(sampled, cycle) if kick else None
     if sampled.kd > 0.0:
         theory["reason"] = "; ".join(filter(None, [_NO_CELL, theory["reason"]]))
@@ -129,7 +141,9 @@ def _without_mapping(setup: Setup, theory: dict[str, Any]) -> None:
         else:
             valve = measured(part.name, part.parameters, centre=setup.op0)
         found = intersections(reduced(setup, 0.0, 0.0), valve)
-    except ParameterError as error:  # what the exact cycle does not describe, the describing function does not either
+    except (
+        ParameterError
+    ) as error:  # what the exact cycle does not describe, the describing function does not either
         theory["reason"] += "; " + str(error).removeprefix("theory: ")
         return
     theory["describing_function"] = found
@@ -143,14 +157,21 @@ def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
     assert place is not None
     said = []
     if cycle is None:
-        said.append("no cycle keeps itself going" + (f": {CONDITIONS[place]}" if place in CONDITIONS else ""))
+        said.append(
+            "no cycle keeps itself going"
+            + (f": {CONDITIONS[place]}" if place in CONDITIONS else "")
+        )
     else:
         if place in CONDITIONS and not TABLE_11_3[place]:
             said.append(f"the table is too coarse here: {CONDITIONS[place]}")
         if max(abs(cycle.state[1][0]), cycle.amplitude) >= 0.98 * min(loop.hi, -loop.lo):
             said.append("OP reaches its limits in the cycle")
         if loop.misfit > _MISFIT:
-            said.append("the valve moves otherwise than its (S, J): period and amplitude are those of the nearest (S, J) map")
+            said.append(
+                "the valve moves otherwise than its (S, J): period and amplitude are those of the nearest (S, J) map"
+            )
         if cycle.irregularity > 0.01:
-            said.append(f"half periods vary by {100 * cycle.irregularity:.0f} % (switching between samples)")
+            said.append(
+                f"half periods vary by {100 * cycle.irregularity:.0f} % (switching between samples)"
+            )
     return "; ".join(said)

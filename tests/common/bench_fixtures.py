@@ -13,18 +13,41 @@ SMALL = {
     "title": "small",
     "seed": 3,
     "disturbances": {"sine": {"type": "sine", "amplitude": [0.7, 2.0], "period": [0.4, 2.5]}},
-    "draw": {"K": [0.5, 2], "T": [5, 50], "S": [2, 5], "samples_per_period": [20, 40], "periods": [18, 25], "step": 0.8},
+    "draw": {
+        "K": [0.5, 2],
+        "T": [5, 50],
+        "S": [2, 5],
+        "samples_per_period": [20, 40],
+        "periods": [18, 25],
+        "step": 0.8,
+    },
     "block": [
         {
             "name": "a",
-            "axes": {"Td_over_T": [0.3, 1.0], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none", "sine"]},
-            "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
+            "axes": {
+                "Td_over_T": [0.3, 1.0],
+                "S_over_2J": [0.5],
+                "noise_ratio": [0.1],
+                "disturbance": ["none", "sine"],
+            },
+            "member": [
+                {"name": "sticky", "valve": "choudhury"},
+                {"name": "healthy", "valve": "ideal"},
+            ],
         },
         {
             "name": "b",
             "process": "integrating",
-            "axes": {"Td_over_Ti": [0.05], "S_over_2J": [0.5, 2.0], "noise_ratio": [0.1], "disturbance": ["none", "sine"]},
-            "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
+            "axes": {
+                "Td_over_Ti": [0.05],
+                "S_over_2J": [0.5, 2.0],
+                "noise_ratio": [0.1],
+                "disturbance": ["none", "sine"],
+            },
+            "member": [
+                {"name": "sticky", "valve": "choudhury"},
+                {"name": "healthy", "valve": "ideal"},
+            ],
         },
     ],
 }
@@ -38,11 +61,24 @@ def small():
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
     """One run of the small grid with two methods, never to be changed."""
-    return run_grid(make_grid(SMALL, "small", {"repeats": 2}), tmp_path_factory.mktemp("runs") / "done", ["he", "yamashita"])
+    return run_grid(
+        make_grid(SMALL, "small", {"repeats": 2}),
+        tmp_path_factory.mktemp("runs") / "done",
+        ["he", "yamashita"],
+    )
 
 
 def make_book(
-    verdict, truth, score=None, methods=None, ids=None, hashes=None, places=None, axes=None, grid="toy", grid_hash="g"
+    verdict,
+    truth,
+    score=None,
+    methods=None,
+    ids=None,
+    hashes=None,
+    places=None,
+    axes=None,
+    grid="toy",
+    grid_hash="g",
 ):
     """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1."""
     verdict = np.atleast_2d(np.asarray(verdict, dtype=np.int8))
@@ -50,9 +86,19 @@ def make_book(
     methods = tuple(methods or (f"m{i}" for i in range(m)))
     ids = np.array([f"{i:016d}" for i in range(n)] if ids is None else ids, dtype="S16")
     truth = np.asarray(truth, dtype=np.int8)
-    words = {w: np.full(n, "w") for w in ("block", "member", "process", "controller", "valve", "disturbance", "tuning")}
-    empty = {a: np.full(n, np.nan) for a in ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "samples_per_period")}
-    score = verdict.astype(np.float32) if score is None else np.atleast_2d(np.asarray(score, dtype=np.float32))
+    words = {
+        w: np.full(n, "w")
+        for w in ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+    }
+    empty = {
+        a: np.full(n, np.nan)
+        for a in ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "samples_per_period")
+    }
+    score = (
+        verdict.astype(np.float32)
+        if score is None
+        else np.atleast_2d(np.asarray(score, dtype=np.float32))
+    )
     about = {"front_end": True, "needs_mv": False, "role": "stiction", "budget": "fast"}
     return RunArrays(
         manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},

@@ -36,7 +36,9 @@ def executable() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
-needs_browser = pytest.mark.skipif(executable() is None, reason="no Chromium here: the page is checked as text only")
+needs_browser = pytest.mark.skipif(
+    executable() is None, reason="no Chromium here: the page is checked as text only"
+)
 PAPER = 703  # px of A4 between margins of 12 mm
 OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e => {
   const frame = e.closest(".scroll, .wide"), edge = document.documentElement.clientWidth + 1;
@@ -82,7 +84,9 @@ class Page:
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of a JavaScript expression."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        found = self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
 
@@ -92,14 +96,20 @@ class Page:
             self.requests.append(given["request"]["url"])
         elif method == "Runtime.exceptionThrown":
             self.errors.append(str(given["exceptionDetails"]))
-        elif method == "Runtime.consoleAPICalled" and given["type"] in ("error", "warning", "assert"):
+        elif method == "Runtime.consoleAPICalled" and given["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             self.errors.append(str(given["args"]))
         elif method == "Log.entryAdded" and given["entry"]["level"] in ("error", "warning"):
             self.errors.append(given["entry"]["text"])
 
 
 @contextlib.contextmanager
-def opened(file: Path, width: int = 1200, dark: bool = False, media: str = "screen") -> Iterator[Page]:
+def opened(
+    file: Path, width: int = 1200, dark: bool = False, media: str = "screen"
+) -> Iterator[Page]:
     """Load a file in a browser of its own."""
     import websocket
 
@@ -107,7 +117,13 @@ def opened(file: Path, width: int = 1200, dark: bool = False, media: str = "scre
     assert browser is not None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         process = subprocess.Popen(
-            [browser, *FLAGS, f"--user-data-dir={profile}", f"--window-size={width},900", "about:blank"],
+            [
+                browser,
+                *FLAGS,
+                f"--user-data-dir={profile}",
+                f"--window-size={width},900",
+                "about:blank",
+            ],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "HOME": profile},
@@ -121,7 +137,13 @@ def opened(file: Path, width: int = 1200, dark: bool = False, media: str = "scre
                 page = Page(socket)
                 for domain in ("Page", "Runtime", "Network", "Log"):
                     page.call(f"{domain}.enable")
-                page.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+                page.call(
+                    "Emulation.setDeviceMetricsOverride",
+                    width=width,
+                    height=900,
+                    deviceScaleFactor=1,
+                    mobile=False,
+                )
                 scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
                 page.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
                 page.call("Page.navigate", url=file.resolve().as_uri())

@@ -118,7 +118,12 @@ def he(x, period, points=None):
     sine, triangle = [], []
     for t, y in half_cycles(x, period, points):
         sine.append(_fitted_sine_error(t, y))
-        triangle.append(min(_error(y, np.minimum(t / p, (1 - t) / (1 - p))) for p in np.linspace(0.02, 0.98, 200)))
+        triangle.append(
+            min(
+                _error(y, np.minimum(t / p, (1 - t) / (1 - p)))
+                for p in np.linspace(0.02, 0.98, 200)
+            )
+        )
     if len(sine) < 4:
         return "no_decision", np.nan
     eta = np.mean(sine) / (np.mean(sine) + np.mean(triangle))
@@ -128,7 +133,10 @@ def he(x, period, points=None):
 def _relay_answer(t, tau):
     top = np.tanh(0.5 / tau)
     switch = 1 - tau * np.log1p(top)
-    rising, falling = 1 - (1 + top) * np.exp(-(t - switch + 1) / tau), -1 + (1 + top) * np.exp(-(t - switch) / tau)
+    rising, falling = (
+        1 - (1 + top) * np.exp(-(t - switch + 1) / tau),
+        -1 + (1 + top) * np.exp(-(t - switch) / tau),
+    )
     return np.where(t <= switch, rising, falling)
 
 
@@ -141,7 +149,9 @@ def rossi_scali(pv, period, points=None):
     if len(sine) < 4:
         return "no_decision", np.nan
     index = (np.mean(sine) - np.mean(relay)) / (np.mean(sine) + np.mean(relay))
-    return ("stiction" if index > 0.21 else "no_stiction" if index < -0.21 else "no_decision"), index
+    return (
+        "stiction" if index > 0.21 else "no_stiction" if index < -0.21 else "no_decision"
+    ), index
 
 
 def singhal_salsbury(pv, period, points=None):

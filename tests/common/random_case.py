@@ -41,7 +41,11 @@ def random_loop(rng: np.random.Generator) -> Loop:
     Ts = float(rng.choice([0.5, 1.0, 2.0, 5.0, 10.0]))
     T = Ts * float(np.exp(rng.uniform(np.log(6), np.log(50))))
     Td = T * float(rng.uniform(0.05, 0.6))
-    closed = T * float(rng.uniform(0.35, 1.0)) if not integrating else Td + T * float(rng.uniform(0.1, 0.6))
+    closed = (
+        T * float(rng.uniform(0.35, 1.0))
+        if not integrating
+        else Td + T * float(rng.uniform(0.1, 0.6))
+    )
     gain = float(np.exp(rng.uniform(np.log(0.3), np.log(3.0)))) * float(rng.choice([1, -1]))
     if integrating:
         plant = {"type": "integrating", "K": gain / T, "Td": Td}
@@ -131,7 +135,9 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
     rng = np.random.default_rng([7, seed])
     while True:
         loop = random_loop(rng)
-        if not (loop.plant.type == "integrating" and any(recogniser(e).replaces == "T" for e in names)):
+        if not (
+            loop.plant.type == "integrating" and any(recogniser(e).replaces == "T" for e in names)
+        ):
             break
     effects = [{"name": name, **random_effect(name, loop, rng)} for name in names]
     truth = Loop.from_table({**loop.to_table(), "effect": effects})

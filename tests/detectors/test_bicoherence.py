@@ -44,7 +44,9 @@ def test_noise_is_called_nonlinear_in_at_most_five_percent():
     assert 0.15 < np.mean([f.ngi > 0 for f in found]) < 0.30
     assert np.mean([f.height > 1 for f in found]) < 0.10
     assert np.mean([f.bic2.mean() * f.segments for f in found]) == pytest.approx(1.02, abs=0.02)
-    assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in found]) == pytest.approx(0.05, abs=0.005)
+    assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in found]) == pytest.approx(
+        0.05, abs=0.005
+    )
 
 
 def test_peak_lies_at_the_coupled_pair():

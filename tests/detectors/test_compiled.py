@@ -17,13 +17,26 @@ RUN += "print(f(2.0), sum(f.stats.cache_hits.values()))"
 
 
 def run(folder):
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run([sys.executable, "-c", RUN], cwd=folder, env=environment, capture_output=True, text=True, check=True)
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(folder / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     value, hits = done.stdout.split()
     return float(value), int(hits)
 
 
-def test_next_process_reads_a_kernel_from_disk_and_an_edited_helper_in_another_file_makes_a_new_one(tmp_path):
+def test_next_process_reads_a_kernel_from_disk_and_an_edited_helper_in_another_file_makes_a_new_one(
+    tmp_path,
+):
     (tmp_path / "kernel.py").write_text(KERNEL)
     (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
     assert run(tmp_path) == (7.0, 0)
@@ -34,7 +47,9 @@ def test_next_process_reads_a_kernel_from_disk_and_an_edited_helper_in_another_f
 
 def test_a_constant_from_a_file_without_kernels_counts_as_well(tmp_path):
     (tmp_path / "numbers_.py").write_text("FACTOR = 3.0\n")
-    (tmp_path / "helper.py").write_text("from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n")
+    (tmp_path / "helper.py").write_text(
+        "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
+    )
     (tmp_path / "kernel.py").write_text(KERNEL)
     assert run(tmp_path) == (7.0, 0)
     (tmp_path / "numbers_.py").write_text("FACTOR = 4.0\n")
@@ -42,7 +57,10 @@ def test_a_constant_from_a_file_without_kernels_counts_as_well(tmp_path):
 
 
 DAMAGE = [("py", "text"), ("nbi", "one bit"), ("nbc", "half")]
-DAMAGE += [pytest.param(*more, marks=pytest.mark.slow) for more in (("py", "half"), ("nbi", "empty"), ("nbc", "one bit"))]
+DAMAGE += [
+    pytest.param(*more, marks=pytest.mark.slow)
+    for more in (("py", "half"), ("nbi", "empty"), ("nbc", "one bit"))
+]
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +80,12 @@ def test_a_damaged_file_of_the_cache_is_made_anew_and_never_executed(filled, suf
     for file in files:
         content = bytearray(file.read_bytes())
         content[len(content) // 2] ^= 4
-        spoilt = {"half": content[: len(content) // 2], "one bit": content, "empty": b"", "text": b"raise SystemExit(3)"}
+        spoilt = {
+            "half": content[: len(content) // 2],
+            "one bit": content,
+            "empty": b"",
+            "text": b"raise SystemExit(3)",
+        }
         file.write_bytes(bytes(spoilt[damage]))
     assert run(filled) == (7.0, 0)
     assert run(filled) == (7.0, 1)
@@ -127,10 +150,16 @@ def test_a_cache_of_one_process_goes_with_it(tmp_path):
     (tmp_path / "kernel.py").write_text(KERNEL)
     (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
     (tmp_path / "file").write_text("")
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(tmp_path / "file"),
+        "TMPDIR": str(tmp_path / "tmp"),
+    }
     (tmp_path / "tmp").mkdir()
     words = [sys.executable, "-c", RUN]
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
     assert done.stdout.split()[0] == "7.0"
     assert list((tmp_path / "tmp").iterdir()) == []
 
@@ -144,10 +173,15 @@ def test_light_kernels_give_the_same_bits_plain_and_compiled():
     for n in (120, 333, 4001):
         x = np.sin(2 * np.pi * np.arange(n) / 17.3) + 0.3 * rng.standard_normal(n)
         rho, at = acf(x - x.mean()), [np.empty(n), np.empty(n)]
-        counts = [kernel(rho, 0.05, to) for kernel, to in zip((_crossings, compiled(_crossings)), at)]
+        counts = [
+            kernel(rho, 0.05, to) for kernel, to in zip((_crossings, compiled(_crossings)), at)
+        ]
         assert counts[0] == counts[1] > 4
         assert np.array_equal(at[0][: counts[0]], at[1][: counts[0]])
-        both = [kernel(rho, at[0], x, 17.3) for kernel in (decay_and_lasting, compiled(decay_and_lasting))]
+        both = [
+            kernel(rho, at[0], x, 17.3)
+            for kernel in (decay_and_lasting, compiled(decay_and_lasting))
+        ]
         assert both[0] == both[1]
         turns = [np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)]
         assert _reversals(x, 0.5, turns[0]) == compiled(_reversals)(x, 0.5, turns[1])
@@ -160,17 +194,33 @@ with contextlib.redirect_stdout(io.StringIO()):
     code = main(sys.argv[1:])
 print(code, *(m for m in {heavy!r} if m in sys.modules))
 """
-HEAVY = ("numba", "control", "pandas", "matplotlib", "scipy.stats", "scipy.signal", "scipy.optimize", "joblib")
+HEAVY = (
+    "numba",
+    "control",
+    "pandas",
+    "matplotlib",
+    "scipy.stats",
+    "scipy.signal",
+    "scipy.optimize",
+    "joblib",
+)
 
 
 def imported(*words, heavy=HEAVY):
     """Return the exit code of a command, and what it imported of heavy packages."""
-    told = subprocess.run([sys.executable, "-c", IMPORTS.format(heavy=heavy), *map(str, words)], capture_output=True, text=True)
+    told = subprocess.run(
+        [sys.executable, "-c", IMPORTS.format(heavy=heavy), *map(str, words)],
+        capture_output=True,
+        text=True,
+    )
     code, *found = told.stdout.split()
     return int(code), found
 
 
-@pytest.mark.parametrize("words", [("--help",), ("list",), ("list", "detectors"), ("list", "valves"), ("list", "effects")])
+@pytest.mark.parametrize(
+    "words",
+    [("--help",), ("list",), ("list", "detectors"), ("list", "valves"), ("list", "effects")],
+)
 def test_help_and_lists_import_nothing_heavy(words):
     assert imported(*words) == (0, [])
 

@@ -31,7 +31,9 @@ def test_width_equals_geometry_on_200_random_ellipses():
 
 
 def test_width_is_the_published_formula_with_its_root():
-    assert fit_ellipse(*points(3.0, 1.0, 0.6)).apparent_stiction == pytest.approx(3.184214187, abs=1e-8)
+    assert fit_ellipse(*points(3.0, 1.0, 0.6)).apparent_stiction == pytest.approx(
+        3.184214187, abs=1e-8
+    )
 
 
 def test_noisy_fit_equals_an_independent_library():
@@ -45,7 +47,9 @@ def test_noisy_fit_equals_an_independent_library():
         centre = np.linalg.solve([[2 * A, B], [B, 2 * C]], [-D, -E])
         level = -(F + 0.5 * (D * centre[0] + E * centre[1]))
         assert (ours.x0, ours.y0) == pytest.approx(tuple(centre), abs=1e-8)
-        assert (ours.A, ours.B, ours.C) == pytest.approx((A / level, B / level, C / level), rel=1e-7)
+        assert (ours.A, ours.B, ours.C) == pytest.approx(
+            (A / level, B / level, C / level), rel=1e-7
+        )
 
 
 def test_width_scales_with_op_alone():
@@ -72,7 +76,9 @@ def test_fitness_is_the_share_of_points_between_the_limits():
 
 
 def cycle(phase, harmonic=0.0, n=6000, noise=0.02):
-    t = 2 * np.pi * np.arange(n) / 40 + 0.02 * np.cumsum(np.random.default_rng(1).standard_normal(n))
+    t = 2 * np.pi * np.arange(n) / 40 + 0.02 * np.cumsum(
+        np.random.default_rng(1).standard_normal(n)
+    )
     rng = np.random.default_rng(2)
     op = np.sin(t) + harmonic * np.cos(2 * t)
     pv = np.sin(t - phase) + harmonic * np.sin(2 * (t - phase)) + noise * rng.standard_normal(n)
@@ -83,7 +89,9 @@ def test_round_plot_is_an_ellipse_and_a_thin_one_is_a_line():
     assert judge(cycle(np.pi / 2), ["ellipse"])[0].verdict == "stiction"
     thin = judge(cycle(np.pi, noise=0.001), ["ellipse"])[0]
     assert thin.verdict == "no_stiction"
-    assert judge(cycle(np.pi / 2), ["ellipse"])[0].indices["S_apparent"] == pytest.approx(2.0, rel=0.05)
+    assert judge(cycle(np.pi / 2), ["ellipse"])[0].indices["S_apparent"] == pytest.approx(
+        2.0, rel=0.05
+    )
 
 
 def test_choudhury_needs_both_nonlinearity_and_ellipse():

@@ -48,7 +48,11 @@ def test_a_faults_log_holds_no_secret(tmp_path, monkeypatch, capsys):
 
 
 def test_a_sentence_names_its_file_once():
-    with pytest.raises(ParameterError, match=r"^loop\.toml: S = -1$"), naming("loop.toml"), naming("loop.toml"):
+    with (
+        pytest.raises(ParameterError, match=r"^loop\.toml: S = -1$"),
+        naming("loop.toml"),
+        naming("loop.toml"),
+    ):
         raise ParameterError("S = -1")
 
 

@@ -17,4 +17,6 @@ def test_the_bits_are_scipys(b, a):
 
 def test_a_state_from_before_counts():
     x = np.random.default_rng(3).standard_normal(50)
-    assert np.array_equal(lfilter([0.1], [1.0, -0.9], x, 2.0), signal.lfilter([0.1], [1.0, -0.9], x, zi=[2.0])[0])
+    assert np.array_equal(
+        lfilter([0.1], [1.0, -0.9], x, 2.0), signal.lfilter([0.1], [1.0, -0.9], x, zi=[2.0])[0]
+    )

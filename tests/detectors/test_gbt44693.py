@@ -19,7 +19,9 @@ def test_axis_ratio_of_an_ellipse_at_45_degrees_is_that_of_its_axes(ratio):
 
 @pytest.mark.parametrize("phase", [0.2, 0.6, 1.2])
 def test_axis_ratio_of_two_sines_is_the_tangent_of_half_their_phase(phase):
-    assert axis_ratio(5.0 * np.sin(T), -0.1 * np.sin(T - phase)) == pytest.approx(np.tan(phase / 2), rel=1e-3)
+    assert axis_ratio(5.0 * np.sin(T), -0.1 * np.sin(T - phase)) == pytest.approx(
+        np.tan(phase / 2), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("slope", [2.0, -0.5])
@@ -52,5 +54,16 @@ def test_points_without_a_long_axis_are_no_decision_where_that_is_asked():
 
 def test_a_healthy_loop_under_a_sine_is_accused_by_the_phase_of_its_controller(loop):
     load = 2.0 * np.sin(2 * np.pi / 60.0 * 0.5 * np.arange(4000))
-    healthy = loop(S=0.0, J=0.0, T=3.0, Td=1.0, Kc=0.3, Ti=60.0 / (2 * np.pi), Ts=0.5, n=4000, load=load, kick=0.0)
+    healthy = loop(
+        S=0.0,
+        J=0.0,
+        T=3.0,
+        Td=1.0,
+        Kc=0.3,
+        Ti=60.0 / (2 * np.pi),
+        Ts=0.5,
+        n=4000,
+        load=load,
+        kick=0.0,
+    )
     assert judge(healthy, ["gbt44693"])[0].verdict == "stiction"

@@ -8,7 +8,11 @@ from detectors.signal import half_cycles as h
 
 RNG = np.random.default_rng(21)
 POINT = (np.arange(h.HALF_CYCLE_POINTS) + 0.5) / h.HALF_CYCLE_POINTS
-SINE, TRIANGLE, SQUARE = np.sin(np.pi * POINT), np.minimum(POINT, 1 - POINT), np.ones(h.HALF_CYCLE_POINTS)
+SINE, TRIANGLE, SQUARE = (
+    np.sin(np.pi * POINT),
+    np.minimum(POINT, 1 - POINT),
+    np.ones(h.HALF_CYCLE_POINTS),
+)
 
 
 def naive_sine(hump):
@@ -28,7 +32,9 @@ def naive_triangle(hump):
 
     grid = np.linspace(0.02, 0.98, 200)
     start = min(grid, key=error)
-    return minimize_scalar(error, bounds=(max(start - 0.01, 0.02), min(start + 0.01, 0.98)), method="bounded").fun
+    return minimize_scalar(
+        error, bounds=(max(start - 0.01, 0.02), min(start + 0.01, 0.98)), method="bounded"
+    ).fun
 
 
 def naive_two_lines(hump):
@@ -42,7 +48,12 @@ def naive_two_lines(hump):
 def humps(count=12):
     """Between sine, triangle and square, leaning, and noisy."""
     mixed = [a * SINE + b * 2 * TRIANGLE + 0.3 * c * SQUARE for a, b, c in RNG.random((count, 3))]
-    return np.array([x * (1 + 0.5 * (POINT - 0.5)) + 0.02 * RNG.standard_normal(h.HALF_CYCLE_POINTS) for x in mixed])
+    return np.array(
+        [
+            x * (1 + 0.5 * (POINT - 0.5)) + 0.02 * RNG.standard_normal(h.HALF_CYCLE_POINTS)
+            for x in mixed
+        ]
+    )
 
 
 def test_sine_misfit_equals_the_nonlinear_fit():

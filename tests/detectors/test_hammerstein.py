@@ -17,7 +17,11 @@ POLES = np.array([0.3, 0.9, 1.0])
 
 def case(q=1, n=400, stops=False):
     rng = np.random.default_rng(0)
-    op = 50 + 3 * np.abs((np.arange(n * q) % (40 * q)) / (10 * q) - 2) + 0.1 * rng.standard_normal(n * q)
+    op = (
+        50
+        + 3 * np.abs((np.arange(n * q) % (40 * q)) / (10 * q) - 2)
+        + 0.1 * rng.standard_normal(n * q)
+    )
     y = np.cumsum(rng.standard_normal(n)) * 0.01 + np.sin(np.arange(n) * 2 * np.pi / 40 + 1.0)
     return (op, y - moving_mean(y, 20), q, 20, 60, n - 20, 1.0, 0.0, 100.0, stops)
 
@@ -38,7 +42,10 @@ def he_position(op, S, J, state):
 def naive(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, poles, delays):
     """The same error from its definition, by least squares over stacked columns."""
     u = op[0]
-    state = {2.0: (u - (S - J) / 2, 1.0, 1.0, u - 1e-9), -2.0: (u + (S - J) / 2, -1.0, 1.0, u + 1e-9)}
+    state = {
+        2.0: (u - (S - J) / 2, 1.0, 1.0, u - 1e-9),
+        -2.0: (u + (S - J) / 2, -1.0, 1.0, u + 1e-9),
+    }
     state = state.get(start, (u - start * (S + J) / 2, 0.0, 0.0, u))
     v = (he_position if stops else valve_position)(op, S, J, state).reshape(-1, q).mean(axis=1)
     h = v - np.array([v[max(k - half, 0) : k + half + 1].mean() for k in range(v.size)])
@@ -74,7 +81,9 @@ def errors(given, S, J, start, poles, delays, stride=1):
 @pytest.mark.parametrize("stops", [False, True])
 @pytest.mark.parametrize("q", [1, 3])
 @pytest.mark.parametrize("stride", [1, 3])
-@pytest.mark.parametrize(("S", "J", "start"), [(4.0, 1.5, 2.0), (3.0, 3.0, 0.5), (0.0, 0.0, 0.0), (5.0, 0.0, -2.0)])
+@pytest.mark.parametrize(
+    ("S", "J", "start"), [(4.0, 1.5, 2.0), (3.0, 3.0, 0.5), (0.0, 0.0, 0.0), (5.0, 0.0, -2.0)]
+)
 def test_error_equals_least_squares_by_definition(stops, q, stride, S, J, start):
     delays = 1 + stride * np.arange(3)
     found = errors(case(q, stops=stops), [S] * 3, [J] * 3, [start] * 3, POLES, delays, stride)
@@ -88,7 +97,12 @@ def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
     given = case(n=120)
     rng = np.random.default_rng(1)
     n = 35  # more than one block
-    S, J, start, poles = rng.uniform(1, 5, n), rng.uniform(0, 5, n), rng.choice([2.0, 0.4, -2.0], n), rng.uniform(0.5, 1, n)
+    S, J, start, poles = (
+        rng.uniform(1, 5, n),
+        rng.uniform(0, 5, n),
+        rng.choice([2.0, 0.4, -2.0], n),
+        rng.uniform(0.5, 1, n),
+    )
     poles[3] = 1.0
     low, count = np.repeat(rng.integers(1, 4, 5), 8)[:n], np.repeat(rng.integers(1, 4, 5), 8)[:n]
     plain, fast = np.empty((n, 2)), np.empty((n, 2))
@@ -130,9 +144,21 @@ def one_after_another(given, point, start, delays, steps, least):
 
 def test_many_points_go_down_together_as_each_does_alone():
     given = case()
-    points = np.array([[4.0, 1.0, -2.0], [2.0, 2.0, -1.0], [5.5, 0.5, -3.0], [3.0, 1.0, -np.inf], [1.0, 0.2, -2.0]])
+    points = np.array(
+        [
+            [4.0, 1.0, -2.0],
+            [2.0, 2.0, -1.0],
+            [5.5, 0.5, -3.0],
+            [3.0, 1.0, -np.inf],
+            [1.0, 0.2, -2.0],
+        ]
+    )
     steps = np.array([[0.2, 0.2, 0.1]] * 3 + [[0.2, 0.2, 0.0], [0.3, 0.0, 0.2]])
-    starts, low, count = np.array([2.0, 0.5, -2.0, 2.0, 2.0]), np.array([1, 2, 1, 3, 1]), np.array([4, 2, 3, 1, 4])
+    starts, low, count = (
+        np.array([2.0, 0.5, -2.0, 2.0, 2.0]),
+        np.array([1, 2, 1, 3, 1]),
+        np.array([4, 2, 3, 1, 4]),
+    )
     least, error, went = np.full(5, 0.2), np.empty(5), points.copy()
     record, stops = given[:-1], np.zeros(len(went))
     compiled(kernels.descend)(*record, stops, went, starts, low, count, steps, least, error)
@@ -145,7 +171,9 @@ def test_many_points_go_down_together_as_each_does_alone():
 
 def fitted(record):
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
-    return fit_hammerstein(record.op, record.pv, period, record.process == "integrating", Ts=record.Ts)
+    return fit_hammerstein(
+        record.op, record.pv, period, record.process == "integrating", Ts=record.Ts
+    )
 
 
 LOOPS = {
@@ -155,7 +183,15 @@ LOOPS = {
     "small S": {"S": 1.0, "J": 0.4, "kick": 0.7, "n": 3000},
     "delay": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0, "n": 3000},
     "level": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000},
-    "level, dead band": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "J": 0.0, "n": 3000},
+    "level, dead band": {
+        "process": "integrating",
+        "K": 0.1,
+        "Td": 1.0,
+        "Kc": 1.5,
+        "Ti": 30.0,
+        "J": 0.0,
+        "n": 3000,
+    },
 }
 
 
@@ -172,7 +208,12 @@ def test_S_is_found_in_nine_of_ten_noisy_loops(loop):
     right = []
     while len(right) < 30:
         S = float(rng.uniform(2, 8))
-        about = {"S": S, "J": S * float(rng.choice([0.3, 0.5, 0.8, 1.0])), "Td": float(rng.choice([1, 2, 4])), "n": 1500}
+        about = {
+            "S": S,
+            "J": S * float(rng.choice([0.3, 0.5, 0.8, 1.0])),
+            "Td": float(rng.choice([1, 2, 4])),
+            "n": 1500,
+        }
         about |= {"Kc": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(1000))}
         about["kick"] = (S + about["J"]) / 2 * float(rng.uniform(1.02, 1.3))
         clean = loop(**about)
@@ -180,7 +221,10 @@ def test_S_is_found_in_nine_of_ten_noisy_loops(loop):
             continue  # this kick did not start the cycle
         noise = float(rng.choice([0.02, 0.1, 0.2])) * float(clean.pv[750:].std())
         record = loop(**about, noise=noise)
-        if np.ptp(record.mv[-300:]) > 0.5 * about["J"] and find_oscillation(record.op, record.pv, 1.0).sustained:
+        if (
+            np.ptp(record.mv[-300:]) > 0.5 * about["J"]
+            and find_oscillation(record.op, record.pv, 1.0).sustained
+        ):
             right.append(abs(fitted(record).S - S) <= 0.5)
     assert np.mean(right) >= 0.9
 

@@ -43,7 +43,9 @@ def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
 
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
 def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
-    record = loop(process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=4000, J=J, noise=0.02, kick=6.0)
+    record = loop(
+        process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=4000, J=J, noise=0.02, kick=6.0
+    )
     verdict = judge(record, ["he"])[0]
     assert verdict.verdict == "stiction"
     assert verdict.reason.startswith("PV")
@@ -53,7 +55,12 @@ def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
 def test_sine_with_a_tenth_of_noise_is_no_stiction(process):
     rng = np.random.default_rng(1)
     op, pv = np.sin(T), np.cos(T)
-    record = LoopRecord(op + 0.07 * rng.standard_normal(4000), pv + 0.07 * rng.standard_normal(4000), 0.05, process=process)
+    record = LoopRecord(
+        op + 0.07 * rng.standard_normal(4000),
+        pv + 0.07 * rng.standard_normal(4000),
+        0.05,
+        process=process,
+    )
     assert judge(record, ["he"])[0].verdict == "no_stiction"
 
 

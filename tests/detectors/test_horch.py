@@ -39,7 +39,8 @@ def linear_loop_under_a_sine(loop, w_Ti, Kc):
 
 
 @pytest.mark.parametrize(
-    ("w_Ti", "Kc", "verdict"), [(10.0, 0.3, "no_stiction"), (1.0, 0.3, "no_decision"), (0.1, 0.1, "stiction")]
+    ("w_Ti", "Kc", "verdict"),
+    [(10.0, 0.3, "no_stiction"), (1.0, 0.3, "no_decision"), (0.1, 0.1, "stiction")],
 )
 def test_verdict_on_a_healthy_loop_under_a_sine_follows_w_Ti_alone(loop, w_Ti, Kc, verdict):
     found = judge(linear_loop_under_a_sine(loop, w_Ti, Kc), ["horch"])[0]
@@ -47,7 +48,10 @@ def test_verdict_on_a_healthy_loop_under_a_sine_follows_w_Ti_alone(loop, w_Ti, K
     assert found.indices["dtau"] == pytest.approx(2 / np.pi * np.arctan(1 / w_Ti), abs=0.03)
 
 
-@pytest.mark.parametrize(("turn", "low", "high"), [(1.73, "no_stiction", "no_decision"), (0.577, "no_decision", "stiction")])
+@pytest.mark.parametrize(
+    ("turn", "low", "high"),
+    [(1.73, "no_stiction", "no_decision"), (0.577, "no_decision", "stiction")],
+)
 def test_verdict_switches_at_the_w_Ti_of_the_two_margins(loop, turn, low, high):
     assert judge(linear_loop_under_a_sine(loop, 1.1 * turn, 0.3), ["horch"])[0].verdict == low
     assert judge(linear_loop_under_a_sine(loop, 0.9 * turn, 0.3), ["horch"])[0].verdict == high
@@ -79,11 +83,21 @@ def test_integrating_process_is_refused_and_an_unknown_one_judged_with_a_note():
 
 def test_disagreeing_indices_are_no_decision():
     record = LoopRecord(op=np.sin(T), pv=-np.sin(T - 0.95), Ts=0.05)
-    verdict = judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.9}})[0]
+    verdict = judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.9}})[
+        0
+    ]
     assert verdict.verdict == "no_decision"
-    assert judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.2}})[0].verdict == "stiction"
+    assert (
+        judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.2}})[
+            0
+        ].verdict
+        == "stiction"
+    )
 
 
 def test_score_rises_with_the_phase():
-    scores = [judge(LoopRecord(np.sin(T), -np.sin(T - d), 0.05), ["horch"])[0].score for d in np.linspace(0.1, 1.5, 8)]
+    scores = [
+        judge(LoopRecord(np.sin(T), -np.sin(T - d), 0.05), ["horch"])[0].score
+        for d in np.linspace(0.1, 1.5, 8)
+    ]
     assert scores == sorted(scores)

@@ -42,7 +42,9 @@ def test_templates_between_those_tried_turn_no_verdict():
     families, rng, turned, sticky = h._densities(1.0), np.random.default_rng(0), 0, 0
     between = [np.r_[family, (family[1:] + family[:-1]) / 2] for family in families]
     for _ in range(300):
-        d = rng.uniform(0.5, 1.5) * np.cos(rng.uniform(0, 2 * np.pi, 400)) + rng.uniform(0.3, 1.0) * rng.standard_normal(400)
+        d = rng.uniform(0.5, 1.5) * np.cos(rng.uniform(0, 2 * np.pi, 400)) + rng.uniform(
+            0.3, 1.0
+        ) * rng.standard_normal(400)
         found = np.histogram((d - d.mean()) / d.std(), h.BINS, density=True)[0]
         sticky += said(found, families)
         turned += said(found, families) != said(found, between)
@@ -53,7 +55,15 @@ def test_templates_between_those_tried_turn_no_verdict():
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
 def test_level_behind_a_sticky_valve_has_a_central_peak(loop, J, noise):
-    plant = {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 4000, "kick": 6.0}
+    plant = {
+        "process": "integrating",
+        "K": 0.1,
+        "Td": 1.0,
+        "Kc": 1.5,
+        "Ti": 30.0,
+        "n": 4000,
+        "kick": 6.0,
+    }
     assert judge(loop(J=J, noise=noise, **plant), ["horch_histogram"])[0].verdict == "stiction"
 
 

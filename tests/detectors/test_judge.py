@@ -12,7 +12,9 @@ from detectors.record import LoopRecord
 
 T = np.arange(2000.0)
 SINE = {"op": np.sin(T / 8), "pv": -np.sin(T / 8), "Ts": 1.0}
-NOISE = dict(zip(("op", "pv"), np.random.default_rng(0).standard_normal((2, 2000)), strict=True)) | {"Ts": 1.0}
+NOISE = dict(
+    zip(("op", "pv"), np.random.default_rng(0).standard_normal((2, 2000)), strict=True)
+) | {"Ts": 1.0}
 
 
 def test_without_a_sustained_oscillation_the_answer_is_no_stiction_with_its_regularity():
@@ -21,28 +23,41 @@ def test_without_a_sustained_oscillation_the_answer_is_no_stiction_with_its_regu
     assert verdict.reason.startswith("no sustained oscillation (r = ")
     assert verdict.score == -np.inf
     assert verdict.as_json()["score"] is None
-    assert verdict.indices["regularity"] == pytest.approx(Prepared(LoopRecord(**NOISE)).oscillation.regularity)
+    assert verdict.indices["regularity"] == pytest.approx(
+        Prepared(LoopRecord(**NOISE)).oscillation.regularity
+    )
 
 
 def test_raw_judges_without_the_front_end():
-    drifting = LoopRecord(op=np.sin(T / 8) * np.exp(-T / 500), pv=np.cos(T / 8) * np.exp(-T / 500), Ts=1.0)
+    drifting = LoopRecord(
+        op=np.sin(T / 8) * np.exp(-T / 500), pv=np.cos(T / 8) * np.exp(-T / 500), Ts=1.0
+    )
     assert "no sustained" in judge(drifting, ["horch"])[0].reason
     assert judge(drifting, ["horch"], raw=True)[0].verdict == "stiction"
 
 
 def test_raw_without_any_period_is_no_decision():
     verdict = judge(LoopRecord(op=T, pv=T**2, Ts=1.0), ["he"], raw=True)[0]
-    assert (verdict.verdict, verdict.reason.split(";")[0]) == ("no_decision", "no period found in OP or PV")
+    assert (verdict.verdict, verdict.reason.split(";")[0]) == (
+        "no_decision",
+        "no period found in OP or PV",
+    )
 
 
 def test_too_few_samples_and_too_few_periods_are_no_decision():
     assert "too short: 40 samples" in judge(LoopRecord(**SINE).window(0, 40), ["he"])[0].reason
-    few = judge(LoopRecord(op=np.sin(T[:130] / 8), pv=np.cos(T[:130] / 8), Ts=1.0), ["he"], raw=True)[0]
+    few = judge(
+        LoopRecord(op=np.sin(T[:130] / 8), pv=np.cos(T[:130] / 8), Ts=1.0), ["he"], raw=True
+    )[0]
     assert few.verdict == "no_decision"
 
 
 def test_methods_answer_in_the_order_asked():
-    assert [v.method for v in judge(LoopRecord(**SINE), ["yamashita", "he", "horch"])] == ["yamashita", "he", "horch"]
+    assert [v.method for v in judge(LoopRecord(**SINE), ["yamashita", "he", "horch"])] == [
+        "yamashita",
+        "he",
+        "horch",
+    ]
 
 
 def test_unknown_method_and_threshold_name_the_nearest():
@@ -70,7 +85,10 @@ def test_verdict_does_not_depend_on_which_methods_ran_before(loop):
 
 
 def test_unit_of_S_is_said_for_every_record():
-    assert judge(LoopRecord(op=50 + SINE["op"], pv=SINE["pv"], Ts=1.0), ["he"])[0].S_unit == "% of travel"
+    assert (
+        judge(LoopRecord(op=50 + SINE["op"], pv=SINE["pv"], Ts=1.0), ["he"])[0].S_unit
+        == "% of travel"
+    )
     assert judge(LoopRecord(**SINE), ["he"])[0].S_unit == "OP units"
 
 

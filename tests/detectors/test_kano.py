@@ -30,13 +30,17 @@ def test_intervals_equal_those_found_sample_by_sample():
         rng = np.random.default_rng(seed)
         op, still = np.cumsum(rng.standard_normal(200)), rng.random(200) < 0.8
         length, moved = stuck_intervals(op, still, 60.0, 1.0)
-        assert list(zip(length.tolist(), moved.tolist(), strict=True)) == naive_intervals(op, still, 60.0, 1.0)
+        assert list(zip(length.tolist(), moved.tolist(), strict=True)) == naive_intervals(
+            op, still, 60.0, 1.0
+        )
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize(("S", "J"), [(5.0, 0.5), (5.0, 2.0), (8.0, 2.0)])
 def test_parallelogram_is_as_wide_as_S_less_J(loop, S, J, noise):
-    record = loop(S=S, J=J, T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000, noise=noise, kick=1.2 * S)
+    record = loop(
+        S=S, J=J, T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000, noise=noise, kick=1.2 * S
+    )
     a, b = judge(record, ["kano_a", "kano_b"])
     assert (a.verdict, b.verdict) == ("stiction", "stiction")
     assert b.S == pytest.approx(S - J, abs=0.5)
@@ -45,8 +49,17 @@ def test_parallelogram_is_as_wide_as_S_less_J(loop, S, J, noise):
 
 def test_widths_are_given_in_percent_of_the_span(loop):
     record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000)
-    other = LoopRecord(4.0 + 0.16 * record.op, record.pv, 0.5, mv=record.mv, process="self-regulating", op_span=(4.0, 20.0))
-    for one, two in zip(judge(record, ["kano_a", "kano_b"]), judge(other, ["kano_a", "kano_b"]), strict=True):
+    other = LoopRecord(
+        4.0 + 0.16 * record.op,
+        record.pv,
+        0.5,
+        mv=record.mv,
+        process="self-regulating",
+        op_span=(4.0, 20.0),
+    )
+    for one, two in zip(
+        judge(record, ["kano_a", "kano_b"]), judge(other, ["kano_a", "kano_b"]), strict=True
+    ):
         assert one.S == pytest.approx(two.S, rel=1e-6)
         assert two.S_unit == "% of travel"
 
@@ -54,7 +67,9 @@ def test_widths_are_given_in_percent_of_the_span(loop):
 @pytest.mark.parametrize("lag", [0.0, 0.3, 0.8])
 def test_lag_alone_is_no_stiction(lag):
     t = np.arange(3000) / 20
-    record = LoopRecord(50 + np.sin(t), 50 + np.sin(t - lag), 0.05, kind="flow", process="self-regulating")
+    record = LoopRecord(
+        50 + np.sin(t), 50 + np.sin(t - lag), 0.05, kind="flow", process="self-regulating"
+    )
     for verdict in judge(record, ["kano_a", "kano_b"]):
         assert verdict.verdict == "no_stiction", verdict
 
@@ -62,7 +77,9 @@ def test_lag_alone_is_no_stiction(lag):
 def test_noise_that_hides_the_valve_is_no_decision():
     t = np.arange(3000) / 20
     noise = 2.0 * np.random.default_rng(0).standard_normal(3000)
-    record = LoopRecord(50 + np.sin(t), 50 + np.sin(t), 0.05, mv=50 + np.sin(t) + noise, kind="flow")
+    record = LoopRecord(
+        50 + np.sin(t), 50 + np.sin(t), 0.05, mv=50 + np.sin(t) + noise, kind="flow"
+    )
     for verdict in judge(record, ["kano_a", "kano_b"]):
         assert verdict.verdict == "no_decision"
     assert not steady_valve(np.sin(t) + noise, 125.7)[2]
@@ -81,4 +98,6 @@ def test_rounding_moves_no_valve_at_rest():
     mv = op + np.repeat([-1.0, 1.0], [6, 4])
     shaken = mv * (1 + 1e-15 * np.resize([1.0, -1.0], mv.size))
     moving = np.ones(mv.size, dtype=bool)
-    assert side_distance(op, shaken, moving) == pytest.approx(side_distance(op, mv, moving), abs=1e-9)
+    assert side_distance(op, shaken, moving) == pytest.approx(
+        side_distance(op, mv, moving), abs=1e-9
+    )

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from detectors.signal.lattice import hides_nothing, lattice, resolution, root_lattice, written, written_unit
+from detectors.signal.lattice import (
+    hides_nothing,
+    lattice,
+    resolution,
+    root_lattice,
+    written,
+    written_unit,
+)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
@@ -22,7 +29,12 @@ def test_four_to_ten_levels_that_lie_anywhere_are_hardly_ever_a_lattice():
 @pytest.mark.parametrize("seed", range(20))
 def test_values_that_lie_anywhere_stand_on_none(seed):
     rng = np.random.default_rng(seed)
-    for x in (rng.standard_normal(400), rng.uniform(0.0, 1.0, 12), np.cumsum(rng.standard_normal(400)), 1e6 + rng.random(50)):
+    for x in (
+        rng.standard_normal(400),
+        rng.uniform(0.0, 1.0, 12),
+        np.cumsum(rng.standard_normal(400)),
+        1e6 + rng.random(50),
+    ):
         assert lattice(x) == root_lattice(x) == 0.0
 
 
@@ -66,7 +78,9 @@ def test_no_unit_of_the_signal_changes_the_answer():
 
 @pytest.mark.parametrize("start", [0.0, 0.11, 7.003])
 @pytest.mark.parametrize("archive", [0.0, 0.006])
-def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(start, archive):
+def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(
+    start, archive
+):
     x = start + 0.17 * np.round(np.random.default_rng(3).normal(300, 20, 1500))
     if archive:
         x = archive * np.round(x / archive)
@@ -90,8 +104,12 @@ def test_rounding_is_weighed_against_the_moves_it_hides():
     assert hides_nothing(0.4, x, noise=2.0)
 
 
-@pytest.mark.parametrize(("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)])
-def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(levels, samples, found):
+@pytest.mark.parametrize(
+    ("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
+)
+def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(
+    levels, samples, found
+):
     x = 42.2 + 0.7 * (np.arange(samples) % levels)
     assert lattice(x) == (pytest.approx(0.7) if found else 0.0)
 
@@ -104,7 +122,9 @@ def test_a_level_may_be_a_little_off(off, found):
 
 
 @pytest.mark.parametrize(("step", "digits", "coarse"), [(0.3, 0.3, 0.0), (0.4, 0.001, 0.4)])
-def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the_signals(step, digits, coarse):
+def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the_signals(
+    step, digits, coarse
+):
     # white noise moves by a variance of 2, of which 0.005 are those of rounding by 0.35
     x = np.round(step * np.round(np.random.default_rng(5).standard_normal(5000) / step), 3)
     found = written(x, np.array([1.234, 5.678]))

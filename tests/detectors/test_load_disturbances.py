@@ -78,7 +78,9 @@ def test_it_can_be_chosen(loop):
     loads = Prepared(slow.without_mv(), "hagglund").oscillation.loads
     assert ("no sustained oscillation" in second.reason) == (loads <= 10)
     quiet = loop(S=0.0, J=0.0, noise=0.1, n=2000)
-    assert judge(quiet, ["ellipse"], front_end="hagglund")[0].reason.startswith("no sustained oscillation (")
+    assert judge(quiet, ["ellipse"], front_end="hagglund")[0].reason.startswith(
+        "no sustained oscillation ("
+    )
     assert "of more than 10 loads" in judge(quiet, ["procedure"], front_end="hagglund")[0].reason
     with pytest.raises(UserError, match="did you mean 'hagglund'"):
         judge(quiet, ["ellipse"], front_end="haglund")
@@ -101,4 +103,6 @@ def test_both_commands_know_it(loop, tmp_path, capsys):
 
 def test_memory_is_that_of_the_recursion():
     e = np.sin(2 * np.pi * T / 40)
-    assert iae_loads(e, 1.0, 1e-6, 40.0, np.exp(-1 / 1000)) == pytest.approx(half_cycles_counted(e, 1e-6, 20.0), rel=0.02)
+    assert iae_loads(e, 1.0, 1e-6, 40.0, np.exp(-1 / 1000)) == pytest.approx(
+        half_cycles_counted(e, 1e-6, 20.0), rel=0.02
+    )

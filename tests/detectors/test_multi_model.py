@@ -53,7 +53,9 @@ def test_plant_by_normal_equations_equals_that_by_columns(hold):
     rng = np.random.default_rng(hold)
     x = np.repeat(rng.standard_normal(400 // hold), hold)
     y = np.cumsum(rng.standard_normal(x.size)) * 0.1 + x
-    assert fit_plant(x, y, range(9)) == pytest.approx(fit_plant_by_columns(x, y, range(9)), rel=1e-9)
+    assert fit_plant(x, y, range(9)) == pytest.approx(
+        fit_plant_by_columns(x, y, range(9)), rel=1e-9
+    )
 
 
 def test_a_valve_that_stands_still_has_the_plant_of_the_columns():

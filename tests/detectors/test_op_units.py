@@ -12,15 +12,23 @@ from detectors.record import LoopRecord
 
 def test_a_share_of_one_is_asked_for_its_span():
     record = example_record("stiction", "self-regulating")
-    share = LoopRecord(op=np.asarray(record.op) / 100.0, pv=record.pv, Ts=record.Ts, process=record.process)
+    share = LoopRecord(
+        op=np.asarray(record.op) / 100.0, pv=record.pv, Ts=record.Ts, process=record.process
+    )
     assert share.op_percent is None
     assert share.S_unit == "OP units"
     for _, verdict in detect(share, ["fast"]).verdicts:
         assert "--op-span" in verdict.reason
         assert verdict.S_unit == "OP units"
-    known = LoopRecord(op=share.op, pv=share.pv, Ts=share.Ts, process=record.process, op_span=(0.0, 1.0))
-    whole = LoopRecord(op=record.op, pv=record.pv, Ts=record.Ts, process=record.process, op_span=(0.0, 100.0))
-    for (_, a), (_, b) in zip(detect(known, ["fast"]).verdicts, detect(whole, ["fast"]).verdicts, strict=True):
+    known = LoopRecord(
+        op=share.op, pv=share.pv, Ts=share.Ts, process=record.process, op_span=(0.0, 1.0)
+    )
+    whole = LoopRecord(
+        op=record.op, pv=record.pv, Ts=record.Ts, process=record.process, op_span=(0.0, 100.0)
+    )
+    for (_, a), (_, b) in zip(
+        detect(known, ["fast"]).verdicts, detect(whole, ["fast"]).verdicts, strict=True
+    ):
         assert a.verdict == b.verdict, a.method
         assert a.S_unit == b.S_unit == "% of travel"
 

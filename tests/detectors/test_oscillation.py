@@ -14,7 +14,9 @@ RNG = np.random.default_rng(11)
 
 
 def naive_acf(x):
-    return np.array([sum(x[k] * x[k + lag] for k in range(x.size - lag)) for lag in range(x.size // 2)]) / (x @ x)
+    return np.array(
+        [sum(x[k] * x[k + lag] for k in range(x.size - lag)) for lag in range(x.size // 2)]
+    ) / (x @ x)
 
 
 def naive_crossings(x, band):
@@ -56,10 +58,15 @@ def test_no_more_crossings_are_looked_for_than_asked(most):
 def test_decay_and_lasting_compiled_are_the_plain_ones():
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        x = a.detrend(np.sin(T[:600] / (4 + seed)) * np.exp(-T[:600] / 300) + 0.1 * rng.standard_normal(600))
+        x = a.detrend(
+            np.sin(T[:600] / (4 + seed)) * np.exp(-T[:600] / 300) + 0.1 * rng.standard_normal(600)
+        )
         rho = a.acf(x)
         at, period = a.zero_crossings(rho, 0.05, 11), 2 * np.pi * (4 + seed)
-        plain, fast = a.decay_and_lasting(rho, at, x, period), compiled(a.decay_and_lasting)(rho, at, x, period)
+        plain, fast = (
+            a.decay_and_lasting(rho, at, x, period),
+            compiled(a.decay_and_lasting)(rho, at, x, period),
+        )
         assert fast == pytest.approx(plain, rel=1e-12)
 
 
@@ -67,7 +74,9 @@ def test_the_line_taken_off_is_that_of_least_squares_and_a_constant_leaves_nothi
     x = RNG.standard_normal(301).cumsum()
     k = np.arange(301)
     flat = x - np.polyval(np.polyfit(k, x, 1), k)
-    assert np.allclose(a.detrended(np.array([x, 3.0 + 0.1 * k])), [flat / flat.std(), np.zeros(301)])
+    assert np.allclose(
+        a.detrended(np.array([x, 3.0 + 0.1 * k])), [flat / flat.std(), np.zeros(301)]
+    )
     off, std = a.centred(x)
     assert np.allclose(off, x - x.mean())
     assert std == pytest.approx(x.std(), rel=1e-14)
@@ -100,7 +109,10 @@ def test_sine_is_sustained_with_its_period(period):
 def test_noise_as_large_as_the_sine_leaves_it_found():
     period = 40.0
     hits = [
-        o.oscillation_of(np.sqrt(2) * np.sin(2 * np.pi * T / period + seed) + np.random.default_rng(seed).standard_normal(2000))
+        o.oscillation_of(
+            np.sqrt(2) * np.sin(2 * np.pi * T / period + seed)
+            + np.random.default_rng(seed).standard_normal(2000)
+        )
         for seed in range(40)
     ]
     assert sum(h.sustained and abs(h.period_s / period - 1) < 0.02 for h in hits) >= 39
@@ -112,12 +124,20 @@ def test_noise_of_any_colour_is_not_sustained(n, pole):
     from scipy.signal import lfilter
 
     rng = np.random.default_rng(n)
-    found = [o.oscillation_of(lfilter([1.0], [1.0, -pole], rng.standard_normal(n))).sustained for _ in range(100)]
+    found = [
+        o.oscillation_of(lfilter([1.0], [1.0, -pole], rng.standard_normal(n))).sustained
+        for _ in range(100)
+    ]
     assert np.mean(found) <= 0.05
 
 
 def test_constant_short_and_rounding_noise_are_nothing():
-    for x in (np.full(500, 7.0), np.full(500, 0.1) + 1e-17, np.arange(500.0), np.array([1.0, 2.0, 1.0])):
+    for x in (
+        np.full(500, 7.0),
+        np.full(500, 0.1) + 1e-17,
+        np.arange(500.0),
+        np.array([1.0, 2.0, 1.0]),
+    ):
         assert o.oscillation_of(x) == o.NOTHING
 
 
@@ -152,11 +172,20 @@ def test_period_is_that_of_a_sticky_loop(loop):
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.floats(1e-3, 1e3), st.sampled_from([1.0, -1.0]), st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
+@given(
+    st.floats(1e-3, 1e3),
+    st.sampled_from([1.0, -1.0]),
+    st.floats(-1e3, 1e3),
+    st.floats(1e-3, 1e3),
+    st.floats(-1e3, 1e3),
+)
 def test_finding_does_not_depend_on_units(scale, sign, b, c, d):
     rng = np.random.default_rng(2)
     op, pv = np.sin(T[:800] / 7) + 0.4 * rng.standard_normal((2, 800))
-    one, other = o.find_oscillation(op, pv, 1.0), o.find_oscillation(c * op + d, sign * scale * pv + b, 1.0)
+    one, other = (
+        o.find_oscillation(op, pv, 1.0),
+        o.find_oscillation(c * op + d, sign * scale * pv + b, 1.0),
+    )
     assert (one.sustained, one.signal) == (other.sustained, other.signal)
     assert other.period_s == pytest.approx(one.period_s, rel=1e-6)
 
@@ -176,7 +205,9 @@ def test_lasting_is_the_ratio_of_amplitudes():
 
 def test_segment_is_where_the_oscillation_is_regular():
     rng = np.random.default_rng(4)
-    x = np.sin(2 * np.pi * T / 40) + np.where((T > 800) & (T < 1400), 0.05, 1.0) * rng.standard_normal(2000)
+    x = np.sin(2 * np.pi * T / 40) + np.where(
+        (T > 800) & (T < 1400), 0.05, 1.0
+    ) * rng.standard_normal(2000)
     start, stop = o.regular_segment(x, 40.0, 400)
     assert stop - start == 400
     assert start >= 780
@@ -207,9 +238,13 @@ def test_hagglund_fills_its_memory_on_an_oscillation_only():
 
 def wandering_cycle(seed=0, swings=60):
     """Triangles of one height whose half periods lie between 8 and 160 samples."""
-    lengths = np.exp(np.random.default_rng(seed).uniform(np.log(8), np.log(160), swings)).astype(int)
+    lengths = np.exp(np.random.default_rng(seed).uniform(np.log(8), np.log(160), swings)).astype(
+        int
+    )
     ends = np.where(np.arange(swings + 1) % 2 == 0, 48.0, 52.0)
-    return np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends), lengths
+    return np.interp(
+        np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends
+    ), lengths
 
 
 def test_a_cycle_of_one_swing_is_sustained_though_its_period_wanders():
@@ -234,20 +269,26 @@ def test_its_reversals_are_those_of_the_signal_in_any_unit(turned):
 def test_ten_swings_of_one_size_are_a_cycle_under_way_and_none_of_steps_between_which_op_rests():
     """Two of one height and one set of times: OP ramps to each end of the one, and jumps to that of the other and waits."""
     ramps, lengths = wandering_cycle(4, 12)
-    steps = np.append(np.repeat(np.where(np.arange(12) % 2 == 0, 52.0, 48.0), lengths), 52.0)[: ramps.size]
+    steps = np.append(np.repeat(np.where(np.arange(12) % 2 == 0, 52.0, 48.0), lengths), 52.0)[
+        : ramps.size
+    ]
     noise = 0.1 * np.random.default_rng(1).standard_normal(ramps.size)
     assert o.wandering(ramps + noise) is not None
     assert o.wandering(steps + noise) is None
 
 
-@pytest.mark.parametrize("swings", ["random walk", "coloured noise", "growing", "over long ago", "few"])
+@pytest.mark.parametrize(
+    "swings", ["random walk", "coloured noise", "growing", "over long ago", "few"]
+)
 def test_swings_of_every_size_or_of_the_past_are_no_cycle(swings):
     rng = np.random.default_rng(2)
     walk = rng.standard_normal(3000).cumsum()
     op, _ = wandering_cycle()
     signal = {
         "random walk": walk,
-        "coloured noise": np.convolve(rng.standard_normal(3000), np.exp(-np.arange(100) / 15), "same"),
+        "coloured noise": np.convolve(
+            rng.standard_normal(3000), np.exp(-np.arange(100) / 15), "same"
+        ),
         "growing": (op - 50.0) * np.linspace(0.2, 2.0, op.size),
         "over long ago": np.concatenate([op, np.full(op.size, 50.0)]),
         "few": wandering_cycle(swings=6)[0],

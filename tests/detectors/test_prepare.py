@@ -17,7 +17,9 @@ def record(gate, **more):
     """OP and PV swing with a period of 40 where the gate is open; elsewhere they take a few big steps."""
     rng = np.random.default_rng(5)
     noise, rest = 0.02 * rng.standard_normal((2, N))
-    wander = np.select([K % 600 < 110, K % 600 < 150, K % 600 < 420, K % 600 < 510], [0.0, 9.0, -6.0, 4.0], -2.0)
+    wander = np.select(
+        [K % 600 < 110, K % 600 < 150, K % 600 < 420, K % 600 < 510], [0.0, 9.0, -6.0, 4.0], -2.0
+    )
     swing = np.where(gate, np.sin(2 * np.pi * K / 40), wander)
     delayed = np.where(gate, np.cos(2 * np.pi * K / 40), -wander)
     return LoopRecord(op=50 + 5 * swing + noise, pv=10 + delayed + rest, Ts=2.0, **more)
@@ -27,7 +29,10 @@ def record(gate, **more):
     ("gate", "part"),
     [
         (K >= 600, (600, 1200)),
-        ((K >= 300) & (K < 900), (304, 904)),  # at samples that a record eight times as sparse has too
+        (
+            (K >= 300) & (K < 900),
+            (304, 904),
+        ),  # at samples that a record eight times as sparse has too
         (K < 600, (0, 600)),
         (K >= 0, None),
         (K < 0, None),
@@ -55,13 +60,19 @@ def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged)
     """From the first to the last third of the half, whose middles are 400 samples apart; 3 ** -0.5 = .577 is allowed."""
     swing = np.where(K < 600, fall ** (K / 400) * np.sin(2 * np.pi * K / 20), 0.0)
     noise = 0.01 * np.random.default_rng(1).standard_normal(N)
-    assert (prepare(LoopRecord(op=swing + noise, pv=swing + noise, Ts=1.0)).part == (0, 600)) == judged
+    assert (
+        prepare(LoopRecord(op=swing + noise, pv=swing + noise, Ts=1.0)).part == (0, 600)
+    ) == judged
 
 
 def test_what_is_judged_is_the_half_alone_and_the_reason_says_so():
     whole = record(K >= 600, process="self-regulating", op_span=(0.0, 100.0))
     half = whole.window(600, 1200)
-    for one, other in zip(judge(whole, ["he", "horch", "procedure"]), judge(half, ["he", "horch", "procedure"]), strict=True):
+    for one, other in zip(
+        judge(whole, ["he", "horch", "procedure"]),
+        judge(half, ["he", "horch", "procedure"]),
+        strict=True,
+    ):
         assert (one.verdict, one.score, one.indices) == (other.verdict, other.score, other.indices)
         assert one.reason == f"{other.reason}; judged on samples 600 to 1199, which oscillate"
     steps = {s.step: s.evidence for s in diagnose(whole).steps}
@@ -106,8 +117,12 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
     assert sighted.record.mv.tolist() == op[::4].tolist()
 
 
-@pytest.mark.parametrize(("seen", "sustained"), [({8.0}, False), ({16.0}, True), ({8.0, 16.0}, True), ({32.0}, True)])
-def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judged(monkeypatch, seen, sustained):
+@pytest.mark.parametrize(
+    ("seen", "sustained"), [({8.0}, False), ({16.0}, True), ({8.0, 16.0}, True), ({32.0}, True)]
+)
+def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judged(
+    monkeypatch, seen, sustained
+):
     """An oscillation of 2935 s, seen at some samplings only, is judged at one sample of 16 s, however dense the record came."""
 
     def found(op, pv, Ts):

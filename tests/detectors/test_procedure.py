@@ -38,7 +38,14 @@ def test_flow_chart_is_the_program_and_leads_somewhere_from_everywhere():
 @pytest.mark.parametrize("settings", [{"n": 3000, "noise": 0.05}, {**LEVEL, "noise": 0.05}])
 def test_sticky_loop_goes_all_the_way(loop, settings):
     found = diagnose(loop(**settings))
-    assert [s for s, _ in path(found)] == ["quality", "oscillation", "saturation", "nonlinearity", "stiction", "level"]
+    assert [s for s, _ in path(found)] == [
+        "quality",
+        "oscillation",
+        "saturation",
+        "nonlinearity",
+        "stiction",
+        "level",
+    ]
     assert found.verdict == "stiction"
     assert found.conclusion == "sticky"
     assert found.S[0] < 5.0 < found.S[1] < 10.0
@@ -82,7 +89,9 @@ def roaming(S):
         mv.append(v)
     pv = 3 * np.array(mv) + 0.1 * np.random.default_rng(0).standard_normal(op.size)
     noise = 0.02 * np.random.default_rng(1).standard_normal(op.size)
-    return LoopRecord(op + noise - 0.03 * (pv - pv.mean()), pv, 1.0, process="self-regulating", kind="flow")
+    return LoopRecord(
+        op + noise - 0.03 * (pv - pv.mean()), pv, 1.0, process="self-regulating", kind="flow"
+    )
 
 
 @pytest.mark.parametrize(("S", "expected"), [(2.4, "stiction"), (0.0, "no_stiction")])
@@ -105,7 +114,9 @@ def test_dead_record_is_unfit():
 def test_saturated_loop_is_sent_to_its_limits(loop):
     record = loop(n=3000)
     op = np.clip(50 + 30 * np.sin(np.arange(3000) / 10), 40, 100)
-    found = diagnose(replace(record, op=op, pv=-np.sin((np.arange(3000) - 5) / 10), op_span=(40, 100)))
+    found = diagnose(
+        replace(record, op=op, pv=-np.sin((np.arange(3000) - 5) / 10), op_span=(40, 100))
+    )
     assert path(found)[-1] == ("saturation", "yes")
     assert found.conclusion == "saturated"
 
@@ -121,7 +132,17 @@ def test_json_and_text_carry_the_whole_path(loop):
     found = diagnose(loop(n=3000))
     data = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert [s["step"] for s in data["steps"]] == [s.step for s in found.steps]
-    assert {"verdict", "score", "S", "J", "next_test", "reason", "steps", "verdicts", "conclusion"} <= set(data)
+    assert {
+        "verdict",
+        "score",
+        "S",
+        "J",
+        "next_test",
+        "reason",
+        "steps",
+        "verdicts",
+        "conclusion",
+    } <= set(data)
     text = found.as_text()
     assert text.count("\n") >= 2 * len(found.steps)
     assert found.next_test in text
@@ -143,10 +164,15 @@ def test_real_loops_no_false_alarm_and_most_credible_stiction_found():
     records, _ = read_folder(REAL, names=labels, each=each)
     verdicts = [(name, judge(record, ["procedure"])[0]) for name, record in records.items()]
     assert all(v.reason for _, v in verdicts)
-    credible = {name: row for name, row in labels.items() if row["usable"] == "1" and not row["label_doubt"]}
+    credible = {
+        name: row for name, row in labels.items() if row["usable"] == "1" and not row["label_doubt"]
+    }
     row = score_units(verdicts, credible)[0]
     assert row["n_stiction"] == 5
     assert row["found"] >= 4
-    assert score_units(verdicts, labels)[0]["false_alarms"] <= 0.07 * score_units(verdicts, labels)[0]["n_other"]
+    assert (
+        score_units(verdicts, labels)[0]["false_alarms"]
+        <= 0.07 * score_units(verdicts, labels)[0]["n_other"]
+    )
     dead = [v for name, v in verdicts if "FIC10112" in name]
     assert all(v.verdict == "no_decision" for v in dead)

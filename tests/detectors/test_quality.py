@@ -73,7 +73,14 @@ def test_sound_record_raises_no_flag():
 LOOPS = {
     "self-regulating": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0},
     "flow": {"T": 0.5, "Td": 1.0, "Kc": 0.3, "Ti": 3.0},
-    "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "kick": 6.0},
+    "integrating": {
+        "process": "integrating",
+        "K": 0.1,
+        "Td": 1.0,
+        "Kc": 1.5,
+        "Ti": 30.0,
+        "kick": 6.0,
+    },
     "dead-band": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "J": 0.0},
 }
 
@@ -141,5 +148,8 @@ def test_every_method_abstains_on_an_unfit_record_and_says_why(flag):
 
 
 def test_what_holds_its_last_stored_value_is_as_coarse_as_its_steps():
-    op, notes = np.repeat([50.0, 52.0, 50.0, 52.0], 50), ("archive: OP holds its last stored value in 90% of 200 samples",)
+    op, notes = (
+        np.repeat([50.0, 52.0, 50.0, 52.0], 50),
+        ("archive: OP holds its last stored value in 90% of 200 samples",),
+    )
     assert resolution(LoopRecord(op, op, 1.0, notes=notes), {}) == (2.0, 0.0)

@@ -74,7 +74,10 @@ def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
     first = module.detect(sticky, **chosen)
     value = first.score if index == "score" else first.indices[index]
     tiny = 1e-9 * max(abs(value), 1.0)
-    said = [module.detect(sticky, **{**chosen, threshold: value + d}).verdict == "stiction" for d in (-tiny, 0.0, tiny)]
+    said = [
+        module.detect(sticky, **{**chosen, threshold: value + d}).verdict == "stiction"
+        for d in (-tiny, 0.0, tiny)
+    ]
     assert said == [True, side == AT, False], (value, first.reason)
 
 
@@ -88,19 +91,31 @@ def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
         ("procedure", "score", "odds_low", {"odds_high": 99.0}),
     ],
 )
-def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(sticky, name, index, threshold, others):
+def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(
+    sticky, name, index, threshold, others
+):
     module = methods.load(name)
     chosen = {**module.METHOD.defaults(), **others}
     first = module.detect(sticky, **chosen)
     value = first.score if index == "score" else first.indices[index]
     tiny = 1e-9 * max(abs(value), 1.0)
-    said = [module.detect(sticky, **{**chosen, threshold: value + d}).verdict for d in (-tiny, 0.0, tiny)]
+    said = [
+        module.detect(sticky, **{**chosen, threshold: value + d}).verdict
+        for d in (-tiny, 0.0, tiny)
+    ]
     assert said == ["no_decision", "no_stiction", "no_stiction"]
 
 
 def fit(**more):
     """A fit of the Hammerstein model as `detect` reads it."""
-    found = {"S": 4.0, "J": 1.5, "S_range": (3.5, 4.5), "J_range": (1.4, 1.6), "error": 0.1, "error_linear": 0.2}
+    found = {
+        "S": 4.0,
+        "J": 1.5,
+        "S_range": (3.5, 4.5),
+        "J_range": (1.4, 1.6),
+        "error": 0.1,
+        "error_linear": 0.2,
+    }
     return SimpleNamespace(**{**found, "T_s": 1.0, "Td_s": 0.0, **more})
 
 
@@ -108,7 +123,11 @@ def fit(**more):
     ("found", "verdict", "score"),
     [
         ({}, "stiction", None),
-        ({"S": 400.0, "J": 300.0}, "stiction", 0.5),  # a band beyond OP's swing counts as the whole swing
+        (
+            {"S": 400.0, "J": 300.0},
+            "stiction",
+            0.5,
+        ),  # a band beyond OP's swing counts as the whole swing
         ({"error": 0.51, "error_linear": 2.0}, "no_decision", None),
         ({"error": 0.5, "error_linear": 2.0}, "stiction", None),
         ({"S": 0.49}, "no_stiction", None),
@@ -135,4 +154,7 @@ def test_every_index_is_a_number_and_every_score_finite(sticky):
         if module.__name__.startswith("detectors.methods"):
             found = module.detect(sticky, **module.METHOD.defaults())
             assert np.isfinite(found.score), name
-            assert all(isinstance(x, float | int | np.floating | np.integer) for x in found.indices.values()), name
+            assert all(
+                isinstance(x, float | int | np.floating | np.integer)
+                for x in found.indices.values()
+            ), name

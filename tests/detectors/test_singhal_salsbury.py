@@ -13,7 +13,9 @@ T = np.arange(4000) / 20
 
 
 def test_ratio_of_a_sine_is_one():
-    assert area_ratio(np.sin(np.pi * POINT)[None].repeat(4, axis=0)) == pytest.approx(1.0, abs=0.005)
+    assert area_ratio(np.sin(np.pi * POINT)[None].repeat(4, axis=0)) == pytest.approx(
+        1.0, abs=0.005
+    )
 
 
 def test_ratio_is_the_geometric_one():
@@ -30,7 +32,9 @@ def test_noise_alone_lifts_the_ratio_above_one():
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("Td", [4.0, 6.0])
 def test_error_behind_a_sticky_valve_peaks_late(loop, noise, Td):
-    verdict = judge(loop(T=3.0, Td=Td, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise), ["singhal_salsbury"])[0]
+    verdict = judge(
+        loop(T=3.0, Td=Td, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise), ["singhal_salsbury"]
+    )[0]
     assert verdict.verdict == "stiction"
     assert verdict.indices["r_area"] > 2.0
 
@@ -43,4 +47,9 @@ def test_verdict_and_score_agree_about_one_half():
 
 
 def test_integrating_process_is_refused():
-    assert judge(LoopRecord(np.sin(T), np.cos(T), 0.05, process="integrating"), ["singhal_salsbury"])[0].applicable is False
+    assert (
+        judge(LoopRecord(np.sin(T), np.cos(T), 0.05, process="integrating"), ["singhal_salsbury"])[
+            0
+        ].applicable
+        is False
+    )

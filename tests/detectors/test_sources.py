@@ -29,7 +29,12 @@ class Level:
 
     def detect(self, record):
         self.seen += 1
-        return Verdict("level", "stiction" if record.pv.std() > self.level else "no_stiction", float(self.seen), reason="std")
+        return Verdict(
+            "level",
+            "stiction" if record.pv.std() > self.level else "no_stiction",
+            float(self.seen),
+            reason="std",
+        )
 
 
 class Cloned(Level):
@@ -40,14 +45,20 @@ class Cloned(Level):
 
 
 def test_arrays_tables_and_runs_are_judged_alike():
-    dated = FRAME.drop(columns="t").set_index(pd.Timestamp("2026-01-01") + pd.to_timedelta(2.0 * t, unit="s"))
+    dated = FRAME.drop(columns="t").set_index(
+        pd.Timestamp("2026-01-01") + pd.to_timedelta(2.0 * t, unit="s")
+    )
     record = LoopRecord(OP, PV, 2.0)
     answers = [
         sb.detect(source, ["horch", "he"]).as_json()
         for source in (record, FRAME, dict(FRAME), {"op": OP, "pv": PV, "t": 2.0 * t}, dated)
     ]
     answers.append(sb.detect(op=OP, pv=PV, Ts=2.0, methods=["horch", "he"]).as_json())
-    answers.append(sb.detect({"a": OP, "b": PV}, ["horch", "he"], Ts=2.0, columns={"op": "a", "pv": "b"}).as_json())
+    answers.append(
+        sb.detect(
+            {"a": OP, "b": PV}, ["horch", "he"], Ts=2.0, columns={"op": "a", "pv": "b"}
+        ).as_json()
+    )
     assert all(answer == answers[0] for answer in answers)
 
 
@@ -68,7 +79,12 @@ def test_a_function_stands_beside_the_methods_and_is_gone_afterwards():
 
 @pytest.mark.parametrize(
     ("answer", "verdict"),
-    [(True, "stiction"), (np.False_, "no_stiction"), (None, "no_decision"), ("stiction", "stiction")],
+    [
+        (True, "stiction"),
+        (np.False_, "no_stiction"),
+        (None, "no_decision"),
+        ("stiction", "stiction"),
+    ],
 )
 def test_a_word_is_a_verdict(answer, verdict):
     def said(record):
@@ -106,16 +122,24 @@ class Two:
 
 
 FORMS = [
-    (two, r"two\(op, pv\) cannot be called with one record; the right form is: def detect\(record\)"),
+    (
+        two,
+        r"two\(op, pv\) cannot be called with one record; the right form is: def detect\(record\)",
+    ),
     (Two(), r"detect\(op, pv\) cannot be called with one record"),
-    (number, r"detector 'number': answers 0\.7; a Verdict, one of .* for example: return record\.pv\.std\(\) > 0\.5"),
+    (
+        number,
+        r"detector 'number': answers 0\.7; a Verdict, one of .* for example: return record\.pv\.std\(\) > 0\.5",
+    ),
     (word, "detector 'word': answers 'perhaps'; a Verdict, one of"),
 ]
 
 
 @pytest.mark.parametrize(("detector", "words"), FORMS)
 @pytest.mark.parametrize("verb", ["detect", "trust", "run"])
-def test_a_detector_of_the_wrong_form_is_one_sentence_before_any_record_is_judged(detector, words, verb, tmp_path):
+def test_a_detector_of_the_wrong_form_is_one_sentence_before_any_record_is_judged(
+    detector, words, verb, tmp_path
+):
     calls = {
         "detect": lambda: sb.detect(FRAME, [detector, "horch"]),
         "trust": lambda: sb.trust(FRAME, methods=[detector, "horch"]),
@@ -163,7 +187,13 @@ def test_what_is_no_detector_is_refused(methods, words):
 def test_a_function_judges_a_grid_in_any_process(tmp_path):
     tables = []
     for jobs in (1, 2):
-        folder = sb.run("smoke", ["horch", mean_op, Level()], out=tmp_path / str(jobs), jobs=jobs, sets={"disturbance": "none"})
+        folder = sb.run(
+            "smoke",
+            ["horch", mean_op, Level()],
+            out=tmp_path / str(jobs),
+            jobs=jobs,
+            sets={"disturbance": "none"},
+        )
         verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
         tables.append(verdicts)
         scored = sb.score(folder).to_frame()
@@ -180,7 +210,10 @@ def test_trust_gap_and_confirm_take_the_same():
     held = sb.trust(frame, methods=[mean_op, "horch"], healthy=6, each=1, help_wanted=False)
     assert {m.verdict.method for m in held.methods} == {"mean_op", "horch"}
     t = np.arange(2000.0)
-    one, two = ({"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)} for P in (90, 150))
+    one, two = (
+        {"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)}
+        for P in (90, 150)
+    )
     assert sb.confirm(one, two, ratio=0.6).verdict == "stiction"
     with pytest.raises(RecordError, match="no Ts"):
         sb.gap.diagnose(op=OP, pv=PV)

@@ -27,7 +27,10 @@ def file(tmp_path):
 def test_a_record_outside_its_span_is_refused_and_both_are_said(file, name, span):
     if name == "pv" and span == (0.0, 40.0):
         return  # PV lies in it
-    with pytest.raises(RecordError, match=rf"{name.upper()} lies outside {name}_span {span[0]:g} to {span[1]:g} in .* needed"):
+    with pytest.raises(
+        RecordError,
+        match=rf"{name.upper()} lies outside {name}_span {span[0]:g} to {span[1]:g} in .* needed",
+    ):
         read_record(file, **{f"{name}_span": span})
 
 
@@ -35,13 +38,17 @@ def test_a_record_outside_its_span_is_refused_and_both_are_said(file, name, span
 def test_a_record_at_hand_outside_its_span_is_judged_by_no_method(span):
     record = LoopRecord(op=OP, pv=PV, Ts=1.0)
     assert judge(record, ["procedure"])[0].verdict == "stiction"
-    for verdict in judge(replace(record, op_span=span), ["procedure", "horch", "kano_a", "ellipse"]):
+    for verdict in judge(
+        replace(record, op_span=span), ["procedure", "horch", "kano_a", "ellipse"]
+    ):
         assert verdict.verdict == "no_decision"
         assert "outside" in verdict.reason or not verdict.applicable
 
 
 def test_what_goes_a_little_beyond_its_span_is_said_and_judged(file):
     record = read_record(file, op_span=(0, 55.5))
-    assert [n for n in record.notes if n.startswith("span: OP lies outside op_span 0 to 55.5 in 13")]
+    assert [
+        n for n in record.notes if n.startswith("span: OP lies outside op_span 0 to 55.5 in 13")
+    ]
     assert judge(record, ["procedure"])[0].verdict == "stiction"
     assert not read_record(file, op_span=(0, 100)).notes

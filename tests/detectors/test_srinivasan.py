@@ -34,7 +34,9 @@ def naive_dtw(a, b, window):
 
 def test_labels_are_those_of_plain_time_warping():
     rng = np.random.default_rng(0)
-    found = np.vstack([cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in SHAPES])
+    found = np.vstack(
+        [cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in SHAPES]
+    )
     shapes, label = templates()
     slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in found]
     assert np.array_equal(label_shares(found), np.bincount(slow, minlength=4) / len(slow))
@@ -66,15 +68,22 @@ def test_each_shape_is_known_by_its_name(shape, turn):
 )
 def test_pair_of_shapes_decides(process, op, pv, expected):
     rng = np.random.default_rng(2)
-    op, pv = (wave(s, shift) + 0.02 * rng.standard_normal(T.size) for s, shift in ((op, 0.0), (pv, 0.3)))
+    op, pv = (
+        wave(s, shift) + 0.02 * rng.standard_normal(T.size) for s, shift in ((op, 0.0), (pv, 0.3))
+    )
     verdict = judge(LoopRecord(50 + op, pv, 1.0, process=process), ["srinivasan"])[0]
     assert verdict.verdict == expected, verdict
 
 
-@pytest.mark.parametrize(("kind", "expected"), [("temperature", "stiction"), ("flow", "no_decision"), (None, "stiction")])
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("temperature", "stiction"), ("flow", "no_decision"), (None, "stiction")]
+)
 def test_as_published_a_known_kind_of_loop_has_its_own_column_of_the_table(kind, expected):
     rng = np.random.default_rng(2)
-    op, pv = (wave(s, shift) + 0.02 * rng.standard_normal(T.size) for s, shift in (("triangle", 0.0), ("sine", 0.3)))
+    op, pv = (
+        wave(s, shift) + 0.02 * rng.standard_normal(T.size)
+        for s, shift in (("triangle", 0.0), ("sine", 0.3))
+    )
     record = LoopRecord(50 + op, pv, 1.0, process="self-regulating", kind=kind)
     assert judge(record, ["srinivasan@published"])[0].verdict == expected
     assert judge(record, ["srinivasan"])[0].verdict == "stiction"

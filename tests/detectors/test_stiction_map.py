@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from detectors.errors import ParameterError
 from detectors.signal.stiction_map import start, step, valve_position
 
-U = np.concatenate([np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]).astype(float)
+U = np.concatenate(
+    [np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]
+).astype(float)
 # Position (% of travel) under U for S = 5 and each J, from an independent implementation of the flow chart.
 GOLDEN = {
     0: "50 50 51.5 53.5 55.5 57.5 57.5 57.5 57.5 57.5 57.5 56.5 55.5 54.5 53.5 52.5 52.5 52.5 52.5 52.5 52.5 52.5 "
@@ -88,7 +90,9 @@ def test_valve_continues_from_a_given_state():
     state = start(op[0])
     for u in op[:100]:
         state = step(u, state, 5.0, 2.0)
-    assert np.array_equal(valve_position(op[100:], 5.0, 2.0, state), valve_position(op, 5.0, 2.0)[100:])
+    assert np.array_equal(
+        valve_position(op[100:], 5.0, 2.0, state), valve_position(op, 5.0, 2.0)[100:]
+    )
 
 
 def test_without_limits_the_valve_moves_in_any_unit():
@@ -120,7 +124,12 @@ def test_impossible_parameter_is_refused_in_one_sentence(S, J):
 
 def test_numba_is_not_imported_with_the_module():
     code = "import sys, detectors.signal.stiction_map; print('numba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "False"
+    )
 
 
 def test_a_second_process_finds_the_compiled_kernel_on_disk():
@@ -129,4 +138,9 @@ def test_a_second_process_finds_the_compiled_kernel_on_disk():
         "from detectors.signal import stiction_map as m; m.valve_position([50.0, 51.0], 1.0, 0.0); "
         "print(sum(m.compiled(m._trace).stats.cache_hits.values()))"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "1"
+    )

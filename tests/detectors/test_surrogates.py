@@ -16,14 +16,20 @@ def test_values_are_kept_exactly_and_the_spectrum_nearly():
     wanted = np.abs(np.fft.rfft(x - x.mean()))
     for y in iaaft(x, 5, np.random.default_rng(1)):
         assert np.array_equal(np.sort(y), np.sort(x))
-        assert np.linalg.norm(np.abs(np.fft.rfft(y - y.mean())) - wanted) < 0.1 * np.linalg.norm(wanted)
+        assert np.linalg.norm(np.abs(np.fft.rfft(y - y.mean())) - wanted) < 0.1 * np.linalg.norm(
+            wanted
+        )
         assert abs(np.corrcoef(x, y)[0, 1]) < 0.999
 
 
 def test_surrogates_repeat_with_their_seed():
     x = np.random.default_rng(0).standard_normal(100)
-    assert np.array_equal(iaaft(x, 2, np.random.default_rng(5)), iaaft(x, 2, np.random.default_rng(5)))
-    assert nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
+    assert np.array_equal(
+        iaaft(x, 2, np.random.default_rng(5)), iaaft(x, 2, np.random.default_rng(5))
+    )
+    assert (
+        nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
+    )
 
 
 def naive(x, E, H, k):
@@ -53,7 +59,9 @@ def by_tree(x, E, H, k):
     return float(np.sum((future - guess / found)[found > 0] ** 2))
 
 
-@pytest.mark.parametrize(("n", "E", "H", "k"), [(200, 10, 10, 8), (151, 7, 3, 1), (97, 12, 20, 5), (40, 8, 8, 8)])
+@pytest.mark.parametrize(
+    ("n", "E", "H", "k"), [(200, 10, 10, 8), (151, 7, 3, 1), (97, 12, 20, 5), (40, 8, 8, 8)]
+)
 def test_prediction_error_equals_that_of_a_tree(n, E, H, k):
     x = np.sin(np.arange(n) / 3) + 0.2 * np.random.default_rng(n).standard_normal(n)
     assert prediction_error(x, E, H, k) == pytest.approx(by_tree(x, E, H, k), rel=1e-12)
@@ -93,7 +101,10 @@ def test_a_chaotic_map_is_called_nonlinear():
     for k in range(699):
         x[k + 1] = 3.9 * x[k] * (1 - x[k])
     own = prediction_error((x - x.mean()) / x.std(), 3, 1)
-    others = [prediction_error((y - y.mean()) / y.std(), 3, 1) for y in iaaft(x, 10, np.random.default_rng(0))]
+    others = [
+        prediction_error((y - y.mean()) / y.std(), 3, 1)
+        for y in iaaft(x, 10, np.random.default_rng(0))
+    ]
     assert own < 0.2 * min(others)
 
 

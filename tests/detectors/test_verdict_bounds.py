@@ -35,7 +35,9 @@ def sticky(loop):
 def test_four_half_cycles_are_enough_and_three_are_not(module):
     few, enough = (
         module.detect(
-            Seen(integrating=False, half_cycles=lambda name, cleaned=True, n=n: np.tile(HUMP, (n, 1))),
+            Seen(
+                integrating=False, half_cycles=lambda name, cleaned=True, n=n: np.tile(HUMP, (n, 1))
+            ),
             **module.METHOD.defaults(),
         )
         for n in (3, 4)
@@ -47,7 +49,14 @@ def test_four_half_cycles_are_enough_and_three_are_not(module):
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("hammerstein", 8), ("stenman", 8), ("horch_isaksson", 8), ("srinivasan", 8), ("surrogate", 7)]
+    ("name", "least"),
+    [
+        ("hammerstein", 8),
+        ("stenman", 8),
+        ("horch_isaksson", 8),
+        ("srinivasan", 8),
+        ("surrogate", 7),
+    ],
 )
 def test_samples_per_cycle_that_are_just_enough(sticky, name, least):
     module = methods.load(name)
@@ -64,7 +73,9 @@ def test_samples_per_cycle_that_are_just_enough(sticky, name, least):
 @pytest.mark.parametrize("phase", [0.0, math.pi / 6, math.pi / 4, math.pi / 3, math.pi / 2])
 def test_horchs_score_is_the_phase_in_quarters_of_a_turn(monkeypatch, phase):
     """Of two sinusoids both indices are functions of the phase: 2 phi/pi and tan(phi/2)^2 (Eqs 11.6 and 11.7)."""
-    monkeypatch.setattr(horch, "correlation_indices", lambda *a: (2 * phase / math.pi, math.tan(phase / 2) ** 2))
+    monkeypatch.setattr(
+        horch, "correlation_indices", lambda *a: (2 * phase / math.pi, math.tan(phase / 2) ** 2)
+    )
     said = horch.detect(Seen(record=Seen(op=None, pv=None)), **horch.METHOD.defaults())
     assert said.score == pytest.approx(2 * phase / math.pi)
 
@@ -83,7 +94,10 @@ def test_horchs_score_is_the_phase_in_quarters_of_a_turn(monkeypatch, phase):
 )
 def test_both_of_horchs_indices_must_agree(monkeypatch, dtau, drho, verdict):
     monkeypatch.setattr(horch, "correlation_indices", lambda *a: (dtau, drho))
-    assert horch.detect(Seen(record=Seen(op=None, pv=None)), **horch.METHOD.defaults()).verdict == verdict
+    assert (
+        horch.detect(Seen(record=Seen(op=None, pv=None)), **horch.METHOD.defaults()).verdict
+        == verdict
+    )
 
 
 TABLE_11_2 = {
@@ -98,11 +112,25 @@ TABLE_11_2 = {
 def test_every_pair_of_shapes(monkeypatch, integrating, op, pv):
     monkeypatch.setattr(srinivasan, "cycles", lambda shape, period: [shape] * 3)
     monkeypatch.setattr(
-        srinivasan, "label_shares", lambda found: np.where([w == found[0] for w in srinivasan.SHAPES], 0.7, 0.1)
+        srinivasan,
+        "label_shares",
+        lambda found: np.where([w == found[0] for w in srinivasan.SHAPES], 0.7, 0.1),
     )
-    said = srinivasan.detect(Seen(period=8.0, integrating=integrating, band=lambda name, shortest: {"op": op, "pv": pv}[name]))
+    said = srinivasan.detect(
+        Seen(
+            period=8.0,
+            integrating=integrating,
+            band=lambda name, shortest: {"op": op, "pv": pv}[name],
+        )
+    )
     alike = tuple(x.replace("sawtooth", "triangle") for x in (op, pv))
-    expected = "stiction" if alike in TABLE_11_2[integrating] else "no_stiction" if alike == ("sine", "sine") else "no_decision"
+    expected = (
+        "stiction"
+        if alike in TABLE_11_2[integrating]
+        else "no_stiction"
+        if alike == ("sine", "sine")
+        else "no_decision"
+    )
     assert said.verdict == expected
     assert said.score == pytest.approx(0.3 if (pv if integrating else op) == "sine" else 0.9)
 
@@ -117,7 +145,8 @@ def test_two_whole_cycles_show_no_shape(monkeypatch):
 def test_width_and_stuck_op_are_scaled_by_the_span_of_op(sticky):
     for name, index in (("kano_a", "stuck_op"), ("kano_b", "width")):
         plain, spanned = (
-            judge(replace(sticky.record, op_span=span), [name], raw=True)[0] for span in ((0.0, 100.0), (-100.0, 300.0))
+            judge(replace(sticky.record, op_span=span), [name], raw=True)[0]
+            for span in ((0.0, 100.0), (-100.0, 300.0))
         )
         assert plain.verdict == spanned.verdict == "stiction", name
         assert plain.indices[index] == pytest.approx(spanned.indices[index])
@@ -127,7 +156,9 @@ def test_width_and_stuck_op_are_scaled_by_the_span_of_op(sticky):
 def test_the_share_of_a_sticky_band_is_that_of_the_swing_of_op(sticky):
     said = hammerstein.detect(sticky, **hammerstein.METHOD.defaults())
     swing = hammerstein.swing(sticky.searchable("travel"), sticky.period)
-    assert said.indices["share"] == pytest.approx((said.indices["S_hat"] + said.indices["J_hat"]) / swing)
+    assert said.indices["share"] == pytest.approx(
+        (said.indices["S_hat"] + said.indices["J_hat"]) / swing
+    )
     assert said.score == pytest.approx(said.indices["gain"] * min(said.indices["share"], 1.0))
     assert said.S[0] <= said.indices["S_hat"] <= said.S[1]
     assert np.min(said.J) <= said.indices["J_hat"] <= np.max(said.J)
@@ -156,7 +187,9 @@ NEEDS = {
 def test_a_method_as_published_and_what_it_needs(name):
     method = methods.load(name).METHOD
     assert method.published == AS_PUBLISHED.get(name, {})
-    for has, wants in zip((method.min_samples, method.min_periods), NEEDS.get(name, ()), strict=False):
+    for has, wants in zip(
+        (method.min_samples, method.min_periods), NEEDS.get(name, ()), strict=False
+    ):
         assert wants is None or has == wants
 
 
@@ -196,12 +229,17 @@ RECORD = LoopRecord(50 + np.arcsin(np.sin(T)), np.cos(T), 0.5, process="self-reg
 def test_a_score_on_a_calibrated_cut(above, below, verdict):
     """A score on the upper cut is not above it; on the lower cut it is not between them."""
     first = judge(RECORD, ["he"])[0]
-    cuts = {"stiction_above": first.score + above} | ({} if below is None else {"no_stiction_below": first.score + below})
+    cuts = {"stiction_above": first.score + above} | (
+        {} if below is None else {"no_stiction_below": first.score + below}
+    )
     assert judge(RECORD, ["he"], thresholds={"he": cuts})[0].verdict == verdict
 
 
 def test_applicability_of_an_unknown_process_and_a_wrong_one():
-    asked = {name: judge(replace(RECORD, process=kind), ["horch"])[0] for name, kind in (("?", None), ("I", "integrating"))}
+    asked = {
+        name: judge(replace(RECORD, process=kind), ["horch"])[0]
+        for name, kind in (("?", None), ("I", "integrating"))
+    }
     assert asked["?"].applicable is None
     assert asked["I"].applicable is False
     assert asked["I"].verdict == "no_decision"

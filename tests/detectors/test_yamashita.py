@@ -14,7 +14,9 @@ from detectors.record import LoopRecord
 def test_indices_equal_those_counted_pair_by_pair(step):
     for seed in range(10):
         op, mv = np.cumsum(np.random.default_rng(seed).standard_normal((2, 300)), axis=1)
-        assert movement_indices(op, mv, step) == pytest.approx(yamashita_indices(op, mv, step), abs=1e-12)
+        assert movement_indices(op, mv, step) == pytest.approx(
+            yamashita_indices(op, mv, step), abs=1e-12
+        )
 
 
 def test_two_independent_noises_have_a_large_rho1_and_a_small_rho3():
@@ -36,7 +38,10 @@ def test_valve_that_never_moves_is_stuck_in_rho3_and_not_in_rho2():
 def test_step_finds_stiction_that_fast_sampling_hides(loop):
     record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.2, n=8000, noise=0.1, kind="flow", seed=2)
     record = LoopRecord(record.op, record.pv, record.Ts, kind="flow", process="self-regulating")
-    fine, coarse = (judge(record, ["yamashita"], thresholds={"yamashita": {"step": s}})[0].score for s in (1, 10))
+    fine, coarse = (
+        judge(record, ["yamashita"], thresholds={"yamashita": {"step": s}})[0].score
+        for s in (1, 10)
+    )
     assert coarse > fine + 0.1
 
 

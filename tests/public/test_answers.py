@@ -32,9 +32,24 @@ std = 0.1
 """
 VERDICT = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 EFFECTS = {
-    "valve": {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "slew_limit"},
+    "valve": {
+        "stiction",
+        "deadband",
+        "deadzone",
+        "valve_lag",
+        "valve_characteristic",
+        "slew_limit",
+    },
     "process": {"gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "extra_lag"},
-    "sensor": {"noise", "quantisation", "sensor_lag", "compression", "outliers", "drift", "frozen_sensor"},
+    "sensor": {
+        "noise",
+        "quantisation",
+        "sensor_lag",
+        "compression",
+        "outliers",
+        "drift",
+        "frozen_sensor",
+    },
     "disturbance": {"oscillation", "load_steps", "load_drift"},
     "controller": {
         "saturation",
@@ -92,9 +107,33 @@ def place(tmp_path_factory) -> Path:
     sticky, slow = LOOP.replace("n = 1200", "n = 1500"), LOOP.replace("Kc = 1.0", "Kc = 0.6")
     for name, text in {"sticky": sticky + STICKY + STEP, "slow": slow + STICKY + STEP}.items():
         (folder / f"{name}.toml").write_text(text)
-        assert main(["simulate", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.csv"), "--seed", "1"]) == 0
+        assert (
+            main(
+                [
+                    "simulate",
+                    str(folder / f"{name}.toml"),
+                    "-o",
+                    str(folder / f"{name}.csv"),
+                    "--seed",
+                    "1",
+                ]
+            )
+            == 0
+        )
     (folder / "model.toml").write_text(LOOP)
-    assert main(["run", "smoke", "-o", str(folder / "run"), "--method", "horch,he,yamashita,bicoherence,oracle"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                "smoke",
+                "-o",
+                str(folder / "run"),
+                "--method",
+                "horch,he,yamashita,bicoherence,oracle",
+            ]
+        )
+        == 0
+    )
     return folder
 
 
@@ -132,7 +171,8 @@ def test_a_verb_has_its_options(verb):
 
 def test_names(answer):
     names = {
-        kind: {row["name"] for row in answer(f"list {kind}")} for kind in ("detectors", "valves", "grids", "effects", "figures")
+        kind: {row["name"] for row in answer(f"list {kind}")}
+        for kind in ("detectors", "valves", "grids", "effects", "figures")
     }
     assert names["detectors"] == METHODS | {"likelihood"}
     assert names["effects"] == set().union(*EFFECTS.values())
@@ -154,7 +194,9 @@ def test_predict(answer, place):
     quiet.write_text(LOOP.replace("std = 0.1", "std = 0.0") + STICKY)
     swings = []
     for kick in (found["exact"]["kick_min"] - 0.02, found["exact"]["kick_min"] + 0.02):
-        assert main(["simulate", str(quiet), "-o", str(place / "quiet.csv"), "--kick", str(kick)]) == 0
+        assert (
+            main(["simulate", str(quiet), "-o", str(place / "quiet.csv"), "--kick", str(kick)]) == 0
+        )
         swings.append(np.ptp(pd.read_csv(place / "quiet.csv").op[-500:]) / 2)
     assert swings[0] == pytest.approx(0.0, abs=1e-6)
     assert swings[1] == pytest.approx(found["exact"]["amplitude"], rel=0.1)
@@ -175,21 +217,36 @@ def test_detect(answer, place):
     (place / "two").mkdir(exist_ok=True)
     for name in ("a", "b"):
         (place / "two" / f"{name}.csv").write_bytes((place / "sticky.csv").read_bytes())
-    assert {(v["record"], v["method"]) for v in answer("detect two --method he")} == {("a", "he"), ("b", "he")}
+    assert {(v["record"], v["method"]) for v in answer("detect two --method he")} == {
+        ("a", "he"),
+        ("b", "he"),
+    }
 
 
 def test_the_table_marks_the_tests_of_nonlinearity(place, capsys):
     assert main(["detect", str(place / "sticky.csv"), "--method", "he,bicoherence,surrogate"]) == 0
-    assert "note: nonlinearity tests, not counted for or against stiction: bicoherence, surrogate" in capsys.readouterr().out
+    assert (
+        "note: nonlinearity tests, not counted for or against stiction: bicoherence, surrogate"
+        in capsys.readouterr().out
+    )
 
 
 def test_diagnose_and_confirm(answer, place):
-    assert {"verdict", "reason", "steps", "verdicts", "next_test"} <= set(answer("diagnose sticky.csv"))
-    for words in ("gain-change sticky.toml", "gain-change --records sticky.csv slow.csv --ratio 0.6"):
+    assert {"verdict", "reason", "steps", "verdicts", "next_test"} <= set(
+        answer("diagnose sticky.csv")
+    )
+    for words in (
+        "gain-change sticky.toml",
+        "gain-change --records sticky.csv slow.csv --ratio 0.6",
+    ):
         found = answer(f"confirm {words}")
         assert found["verdict"] == "stiction"
         assert {"reason", "shift", "shift_interval", "before", "after"} <= set(found)
-        assert found["before"]["period_interval"][0] < found["before"]["period"] < found["before"]["period_interval"][1]
+        assert (
+            found["before"]["period_interval"][0]
+            < found["before"]["period"]
+            < found["before"]["period_interval"][1]
+        )
     found = answer("confirm travel sticky.toml")
     assert found["verdict"] == "stiction"
     assert found["S_interval"][0] <= 5.0 <= found["S_interval"][1] + 1e-9
@@ -218,25 +275,51 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "always yes",
         "no_waveform",
     }
-    assert rows[rows.method.isin(["oracle", "always no", "always yes", "no_waveform", "bicoherence"])]["rank"].isna().all()
+    assert (
+        rows[rows.method.isin(["oracle", "always no", "always yes", "no_waveform", "bicoherence"])][
+            "rank"
+        ]
+        .isna()
+        .all()
+    )
     assert finite(found)
-    verdicts, scenarios = (pd.read_parquet(place / "run" / f"{t}.parquet") for t in ("verdicts", "scenarios"))
+    verdicts, scenarios = (
+        pd.read_parquet(place / "run" / f"{t}.parquet") for t in ("verdicts", "scenarios")
+    )
     assert not verdicts.duplicated(["scenario_id", "method"]).any()
     assert set(verdicts.scenario_id) == set(scenarios.scenario_id)
     assert {"sticky", "predicted", "refined", "theory", "cycled"} <= set(scenarios)
-    assert {"Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period"} <= set(
-        scenarios
-    )
+    assert {
+        "Td_over_T",
+        "Td_over_Ti",
+        "S_over_2J",
+        "noise_ratio",
+        "disturbance",
+        "tuning",
+        "samples_per_period",
+    } <= set(scenarios)
     assert set(scenarios.cycled) <= {"yes", "no", "entrained", "unclear"}
     cycling = scenarios.cycled[scenarios.cycled.isin(["yes", "no"])]
     assert 0.45 <= (cycling == "yes").mean() <= 0.55
     assert (scenarios.Td_over_T.isna() == (scenarios.process == "integrating")).all()
     assert (
-        main(["run", "smoke", "-o", str(place / "again"), "--method", "horch,he,yamashita,bicoherence,oracle", "--resume"]) == 0
+        main(
+            [
+                "run",
+                "smoke",
+                "-o",
+                str(place / "again"),
+                "--method",
+                "horch,he,yamashita,bicoherence,oracle",
+                "--resume",
+            ]
+        )
+        == 0
     )
     for t in ("verdicts", "scenarios"):
         a, b = (
-            pd.read_parquet(place / run / f"{t}.parquet").drop(columns="runtime_s", errors="ignore") for run in ("run", "again")
+            pd.read_parquet(place / run / f"{t}.parquet").drop(columns="runtime_s", errors="ignore")
+            for run in ("run", "again")
         )
         pd.testing.assert_frame_equal(a, b, check_exact=True)
 
@@ -252,7 +335,14 @@ def test_gap_diagnose(answer, place):
     assert 1 <= len(found["effects"]) <= 2
     assert {r["effect"] for r in found["ranking"]} == {"none", "unknown"}.union(*EFFECTS.values())
     for row in found["ranking"]:
-        assert set(row) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}
+        assert set(row) == {
+            "effect",
+            "block",
+            "probability",
+            "gap_before",
+            "gap_after",
+            "parameters",
+        }
         if row["effect"] not in ("none", "unknown"):
             assert row["effect"] in EFFECTS[row["block"]]
     assert {r["block"] for r in found["ranking"] if r["effect"] == "none"} == {"none"}
@@ -264,17 +354,23 @@ def test_gap_diagnose(answer, place):
     assert finite(found)
     # set point, operating point and length are the record's
     other = (
-        LOOP.replace("n = 1200", "n = 77") + "[operating_point]\nop0 = 20\npv0 = 3\n[setpoint]\nvalue = -9\nsteps = [[3, 4]]\n"
+        LOOP.replace("n = 1200", "n = 77")
+        + "[operating_point]\nop0 = 20\npv0 = 3\n[setpoint]\nvalue = -9\nsteps = [[3, 4]]\n"
     )
     (place / "other.toml").write_text(other)
     again = answer("gap diagnose sticky.csv --baseline other.toml")
-    assert {k: v for k, v in again.items() if k != "notes"} == {k: v for k, v in found.items() if k != "notes"}
+    assert {k: v for k, v in again.items() if k != "notes"} == {
+        k: v for k, v in found.items() if k != "notes"
+    }
 
 
 @pytest.mark.parametrize(("Ts", "code"), [(1.005, 0), (1.02, 2)])
 def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
     (place / "ts.toml").write_text(LOOP.replace("Ts = 1.0", f"Ts = {Ts}"))
-    assert main(["gap", "diagnose", str(place / "sticky.csv"), "--baseline", str(place / "ts.toml")]) == code
+    assert (
+        main(["gap", "diagnose", str(place / "sticky.csv"), "--baseline", str(place / "ts.toml")])
+        == code
+    )
 
 
 def test_trust(answer):
@@ -284,7 +380,14 @@ def test_trust(answer):
     }  # fmt: skip
     assert set(found["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
     for m in found["methods"]:
-        assert set(m) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
+        assert set(m) == {
+            "method",
+            "applicable",
+            "verdict",
+            "false_alarms",
+            "power",
+            "likelihood_ratio",
+        }
         assert all(set(p) == {"S", "J", "found", "lo", "hi"} for p in m["power"])
     assert found["best"] in {m["method"] for m in found["methods"]}
     assert 0.0 <= found["probability"] <= 1.0

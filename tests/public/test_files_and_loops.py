@@ -24,22 +24,34 @@ def toml(tables: dict) -> str:
     def table(name: str, content: dict) -> str:
         return "\n".join([name, *(f"{k} = {json.dumps(v)}" for k, v in content.items())])
 
-    parts = [table(f"[[{n}]]", one) for n, many in tables.items() if isinstance(many, list) for one in many]
-    return "\n".join([*(table(f"[{n}]", c) for n, c in tables.items() if isinstance(c, dict)), *parts])
+    parts = [
+        table(f"[[{n}]]", one)
+        for n, many in tables.items()
+        if isinstance(many, list)
+        for one in many
+    ]
+    return "\n".join(
+        [*(table(f"[{n}]", c) for n, c in tables.items() if isinstance(c, dict)), *parts]
+    )
 
 
 def changed(**tables) -> dict:
     loop = {name: dict(content) for name, content in LOOP.items()}
     for name, content in tables.items():
         loop[name] = content if isinstance(content, list) else loop.get(name, {}) | content
-    return {n: c if isinstance(c, list) else {k: v for k, v in c.items() if v is not None} for n, c in loop.items()}
+    return {
+        n: c if isinstance(c, list) else {k: v for k, v in c.items() if v is not None}
+        for n, c in loop.items()
+    }
 
 
 @pytest.fixture
 def simulate(tmp_path, capsys):
     def run(*options: str, **tables) -> pd.DataFrame:
         (tmp_path / "loop.toml").write_text(toml(changed(**tables)))
-        code = main(["simulate", str(tmp_path / "loop.toml"), "-o", str(tmp_path / "rec.csv"), *options])
+        code = main(
+            ["simulate", str(tmp_path / "loop.toml"), "-o", str(tmp_path / "rec.csv"), *options]
+        )
         said = capsys.readouterr().err
         assert code == 0, said
         return pd.read_csv(tmp_path / "rec.csv")
@@ -66,14 +78,19 @@ def record(tmp_path_factory) -> pd.DataFrame:
     steps = {"steps": [[10, 55]]}
     loop = changed(valve=STICKY, noise={"std": 0.1}, setpoint=steps, sampling={"n": 900})
     (folder / "loop.toml").write_text(toml(loop))
-    assert main(["simulate", str(folder / "loop.toml"), "-o", str(folder / "rec.csv"), "--seed", "1"]) == 0
+    assert (
+        main(["simulate", str(folder / "loop.toml"), "-o", str(folder / "rec.csv"), "--seed", "1"])
+        == 0
+    )
     return pd.read_csv(folder / "rec.csv")
 
 
 def by_hand(loop: dict, load_in: np.ndarray, load_out: np.ndarray) -> dict[str, np.ndarray]:
     """The loop as its description reads, sample by sample, with Choudhury's valve as an automaton of its own."""
     plant, controller, Ts = loop["plant"], loop["controller"], loop["sampling"]["Ts"]
-    rest = {"op0": 50.0, "pv0": loop.get("setpoint", {}).get("value", 50.0)} | loop.get("operating_point", {})
+    rest = {"op0": 50.0, "pv0": loop.get("setpoint", {}).get("value", 50.0)} | loop.get(
+        "operating_point", {}
+    )
     n, late = load_in.size, round(plant["Td"] / Ts)
     point = np.full(n, loop.get("setpoint", {}).get("value", 50.0))
     for t, value in loop.get("setpoint", {}).get("steps", []):
@@ -120,12 +137,21 @@ INTEGRATING = {"type": "integrating", "K": 0.1, "T": None}
     [
         {"setpoint": STEP},
         {"setpoint": STEP, "plant": {"K": -1.0}, "controller": {"direction": "direct"}},
-        {"setpoint": {"steps": [[10, 120], [150, 60]]}},  # OP at its limit, and back at once: anti-windup
+        {
+            "setpoint": {"steps": [[10, 120], [150, 60]]}
+        },  # OP at its limit, and back at once: anti-windup
         {"setpoint": STEP, "plant": INTEGRATING},
-        {"setpoint": STEP, "plant": INTEGRATING, "controller": {"type": "P", "Kc": 2.0, "Ti": None}},
+        {
+            "setpoint": STEP,
+            "plant": INTEGRATING,
+            "controller": {"type": "P", "Kc": 2.0, "Ti": None},
+        },
         {"setpoint": STEP, "disturbance": [WAVE | {"at": "input"}]},
         {"setpoint": STEP, "disturbance": [WAVE | {"at": "output"}]},
-        {"setpoint": {"value": 70.0, "steps": [[10, 75]]}, "operating_point": {"op0": 30.0, "pv0": 70.0}},
+        {
+            "setpoint": {"value": 70.0, "steps": [[10, 75]]},
+            "operating_point": {"op0": 30.0, "pv0": 70.0},
+        },
         {"operating_point": {"op0": 30.0, "pv0": 60.0}},
         {"setpoint": {"value": 70.0, "steps": [[10, 75]]}},  # pv0 is the set point's value
     ],
@@ -151,7 +177,10 @@ def test_what_may_be_absent_has_its_default_and_a_run_begins_at_rest(simulate):
 @pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
 @pytest.mark.parametrize("at", ["input", "output"])
 def test_every_disturbance_acts_at_either_place(simulate, kind, at):
-    found = simulate(sampling={"n": 400}, disturbance=[{"type": kind, "amplitude": 2.0, "period": 60.0, "at": at}])
+    found = simulate(
+        sampling={"n": 400},
+        disturbance=[{"type": kind, "amplitude": 2.0, "period": 60.0, "at": at}],
+    )
     assert found.pv.std() > 0
 
 
@@ -182,7 +211,10 @@ def test_every_valve_of_the_loop_file_runs(simulate, model):
         ({"valve": STICKY | {"s": 3.0}}, "did you mean 'S'"),
         ({"disturbance": [{"type": "sinus", "amplitude": 1, "period": 9}]}, "did you mean 'sine'"),
         ({"effect": [{"name": "stictoin", "S": 1, "J": 1}]}, "did you mean 'stiction'"),
-        ({"valve": STICKY, "effect": [{"name": "stiction", "S": 1.0, "J": 1.0}]}, "has friction already"),
+        (
+            {"valve": STICKY, "effect": [{"name": "stiction", "S": 1.0, "J": 1.0}]},
+            "has friction already",
+        ),
         ({"plant": {"type": "integrating"}}, "T"),
     ],
 )
@@ -197,14 +229,23 @@ def test_what_a_loop_file_may_not_say(tmp_path, capsys, tables, words):
 
 @pytest.mark.parametrize("name", ["deadband", "deadzone", "valve_lag", "valve_characteristic"])
 def test_valve_effects_compose_with_a_valve_model(simulate, name):
-    numbers = {"deadband": {"S": 3.0}, "deadzone": {"D": 3.0}, "valve_lag": {"tau": 3.0}, "valve_characteristic": {"R": 30.0}}
-    both = simulate(valve=STICKY, effect=[{"name": name, **numbers[name]}], sampling={"n": 200}, setpoint=STEP)
+    numbers = {
+        "deadband": {"S": 3.0},
+        "deadzone": {"D": 3.0},
+        "valve_lag": {"tau": 3.0},
+        "valve_characteristic": {"R": 30.0},
+    }
+    both = simulate(
+        valve=STICKY, effect=[{"name": name, **numbers[name]}], sampling={"n": 200}, setpoint=STEP
+    )
     alone = simulate(valve=STICKY, sampling={"n": 200}, setpoint=STEP)
     assert not both.pv.equals(alone.pv)
 
 
 def test_the_effect_stiction_makes_an_ideal_valve_choudhurys(simulate):
-    by_effect = simulate(effect=[{"name": "stiction", "S": 5.0, "J": 2.0}], sampling={"n": 300}, setpoint=STEP)
+    by_effect = simulate(
+        effect=[{"name": "stiction", "S": 5.0, "J": 2.0}], sampling={"n": 300}, setpoint=STEP
+    )
     assert by_effect.equals(simulate(valve=STICKY, sampling={"n": 300}, setpoint=STEP))
 
 
@@ -227,7 +268,9 @@ def lost(record: pd.DataFrame, rows: slice, column: str | None) -> pd.DataFrame:
 
 @pytest.mark.parametrize("column", ["op", "pv", "mv", "sp", None])
 @pytest.mark.parametrize(("length", "kept"), [(3, 900), (4, 796)])
-def test_three_samples_are_bridged_and_flagged_and_more_split_the_record(record, tmp_path, column, length, kept):
+def test_three_samples_are_bridged_and_flagged_and_more_split_the_record(
+    record, tmp_path, column, length, kept
+):
     lost(record, slice(104 - length, 104), column).to_csv(tmp_path / "rec.csv", index=False)
     found = read_record(tmp_path / "rec.csv")
     assert found.n == kept
@@ -271,7 +314,13 @@ def test_uneven_time_is_a_gap_above_one_per_cent(record, tmp_path):
     [
         (True, (), True, None, "(MV)"),
         (True, ("--kind", "temperature", "--process", "self-regulating"), True, True, "(MV)"),
-        (False, ("--kind", "flow", "--process", "self-regulating"), True, True, "PV of a flow loop as MV"),
+        (
+            False,
+            ("--kind", "flow", "--process", "self-regulating"),
+            True,
+            True,
+            "PV of a flow loop as MV",
+        ),
         (False, ("--process", "self-regulating"), True, None, "PV as MV, kind of loop unknown"),
         (False, ("--kind", "diff_pressure"), False, False, "PV of a pressure loop"),
         (False, ("--kind", "analyser"), False, False, "PV of an analyser loop"),
@@ -290,12 +339,20 @@ def test_units_are_said_and_change_no_verdict(record, detect):
     plain = detect(record, methods=methods)[2]
     assert all("OP taken as 0..100 %" in v["reason"] for v in plain.values())
     assert all("process type unknown" in v["reason"] for v in plain.values())
-    kelvin = detect(record.assign(pv=-1.8 * record.pv + 7, sp=-1.8 * record.sp + 7), methods=methods)[2]
+    kelvin = detect(
+        record.assign(pv=-1.8 * record.pv + 7, sp=-1.8 * record.sp + 7), methods=methods
+    )[2]
     mA = detect(record.assign(op=4 + 0.16 * record.op), "--op-span", "4", "20", methods=methods)[2]
     for other in (kelvin, mA):
-        assert {m: v["verdict"] for m, v in other.items()} == {m: v["verdict"] for m, v in plain.items()}
+        assert {m: v["verdict"] for m, v in other.items()} == {
+            m: v["verdict"] for m, v in plain.items()
+        }
         assert {v["S_unit"] for v in other.values()} == {"% of travel"}
-    assert mA["ellipse"]["indices"]["S_apparent"] == pytest.approx(plain["ellipse"]["indices"]["S_apparent"], rel=1e-6)
+    assert mA["ellipse"]["indices"]["S_apparent"] == pytest.approx(
+        plain["ellipse"]["indices"]["S_apparent"], rel=1e-6
+    )
     beyond = detect(record.assign(op=10 * record.op), methods=methods)[2]
     assert {v["S_unit"] for v in beyond.values()} == {"OP units"}
-    assert beyond["hammerstein"]["S"] == pytest.approx([10 * x for x in plain["hammerstein"]["S"]], rel=1e-3)
+    assert beyond["hammerstein"]["S"] == pytest.approx(
+        [10 * x for x in plain["hammerstein"]["S"]], rel=1e-3
+    )

@@ -75,7 +75,12 @@ def failed(folder: Path, pieces: Path, at: int, fault: str, count: Path) -> int:
 def alike(one: Path, two: Path) -> int:
     """0: both runs hold the same tables and files; 1: other tables; 2: other files."""
     for kind in ("scenarios", "verdicts"):
-        a, b = (pq.read_table(f / f"{kind}.parquet").to_pandas().drop(columns="runtime_s", errors="ignore") for f in (one, two))
+        a, b = (
+            pq.read_table(f / f"{kind}.parquet")
+            .to_pandas()
+            .drop(columns="runtime_s", errors="ignore")
+            for f in (one, two)
+        )
         if not a.equals(b):
             return 1
     return 2 * ({f.name for f in one.iterdir()} != {f.name for f in two.iterdir()})
@@ -83,7 +88,9 @@ def alike(one: Path, two: Path) -> int:
 
 def main() -> int:
     """Fail the operations, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--every", type=int, default=1, help="take every so-manieth operation")
     every, home = parser.parse_args().every, Path(tempfile.mkdtemp())
     pieces, whole, count = home / "pieces", home / "whole", home / "count"
@@ -91,14 +98,19 @@ def main() -> int:
     assert apart(lambda: smoke(home / "first", pieces)) == 0
     assert apart(lambda: failed(whole, pieces, -1, "", count)) == 0
     operations = int(count.read_text())
-    print(f"{operations} file operations\n{'way':12} {'failed':>6} " + " ".join(f"{w:>11}" for w in WRONG))
+    print(
+        f"{operations} file operations\n{'way':12} {'failed':>6} "
+        + " ".join(f"{w:>11}" for w in WRONG)
+    )
     total = 0
     for fault in FAULTS:
         wrong = dict.fromkeys(WRONG, 0)
         places = range(0, operations, every)
         for at in places:
             folder = home / "run"
-            code = apart(lambda at=at, fault=fault, folder=folder: failed(folder, pieces, at, fault, count))
+            code = apart(
+                lambda at=at, fault=fault, folder=folder: failed(folder, pieces, at, fault, count)
+            )
             wrong["no sentence"] += code != (-signal.SIGKILL if fault.startswith("kill") else 2)
             resumed = apart(lambda folder=folder: smoke(folder, pieces, resume=True))
             said = 1 if resumed else apart(lambda folder=folder: alike(whole, folder))
@@ -106,7 +118,9 @@ def main() -> int:
             wrong["other files"] += said == 2
             shutil.rmtree(folder, ignore_errors=True)
         total += sum(wrong.values())
-        print(f"{fault:12} {len(places):6} " + " ".join(f"{wrong[w]:11}" for w in WRONG), flush=True)
+        print(
+            f"{fault:12} {len(places):6} " + " ".join(f"{wrong[w]:11}" for w in WRONG), flush=True
+        )
     shutil.rmtree(home)
     return int(total > 0)
 

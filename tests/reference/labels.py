@@ -137,7 +137,9 @@ def cycled(loop, seed, plain=False):
     late = slice(n // 2, n)
     turns = turning_points(record[late], swing / 4.0)
     P = period_of(turns) if len(turns) >= 3 else (n - 1) / PERIODS
-    answers = [alone(loop, seed, n - round(quarter * P / 4.0), P, swing, plain) for quarter in range(4)]
+    answers = [
+        alone(loop, seed, n - round(quarter * P / 4.0), P, swing, plain) for quarter in range(4)
+    ]
     if "yes" in answers:
         return "yes"
     if "unclear" in answers:
@@ -173,7 +175,9 @@ def alone(loop, seed, off, P, swing, plain):
 def without_friction(loop):
     table = loop.to_table()
     table["valve"] = {"model": "ideal"}
-    table["effect"] = [e for e in table.get("effect", []) if e["name"] not in ("stiction", "deadband")]
+    table["effect"] = [
+        e for e in table.get("effect", []) if e["name"] not in ("stiction", "deadband")
+    ]
     return type(loop).from_table(table)
 
 

@@ -71,7 +71,18 @@ class Case:
     def run(self, function) -> list[np.ndarray]:
         s = self.setup
         self.w[: self.delay + 1] = 0.0
-        function(s.sp, s.load_in, s.load_out, s.pv_add, 0.0, s.op0, self.w, self.x, *self.start, *self.out)
+        function(
+            s.sp,
+            s.load_in,
+            s.load_out,
+            s.pv_add,
+            0.0,
+            s.op0,
+            self.w,
+            self.x,
+            *self.start,
+            *self.out,
+        )
         return self.out
 
     def run_c(self) -> list[np.ndarray]:
@@ -111,7 +122,9 @@ def python_control(n: int):
     plant = control.ss(A, B, np.eye(1, lag + 1), 0, Ts, inputs="w", outputs="y", name="plant")
     pv = control.summing_junction(["y", "base", "noise"], "pv", name="sensor")
     error = control.summing_junction(["sp", "-pv"], "e", name="error")
-    loop = control.interconnect([pi_block, valve, plant, pv, error], inputs=["sp", "base", "noise"], outputs=["op", "pv"])
+    loop = control.interconnect(
+        [pi_block, valve, plant, pv, error], inputs=["sp", "base", "noise"], outputs=["op", "pv"]
+    )
     x0 = np.concatenate([[s.op0, 0.0], case.v[0], np.zeros(lag + 1)])
     t, u = np.arange(n) * Ts, np.array([s.sp, np.full(n, s.pv0), s.pv_add])
     return case, lambda: control.input_output_response(loop, t, u, x0).outputs
@@ -138,7 +151,9 @@ def table(title: str, rows: list[tuple[str, list[float], list[float], float]]) -
     for name, slow, fast, bar in rows:
         least, median = min(slow) / min(fast), float(np.median(slow) / np.median(fast))
         good &= least >= bar
-        print(f"{name:<58} min {least:9.2f}  median {median:9.2f}   wanted >= {bar:g}   {'ok' if least >= bar else 'SHORT'}")
+        print(
+            f"{name:<58} min {least:9.2f}  median {median:9.2f}   wanted >= {bar:g}   {'ok' if least >= bar else 'SHORT'}"
+        )
     return 0 if good else 1
 
 
@@ -149,11 +164,15 @@ def main() -> int:
     rows = []
     if case.in_c is not None:
         expected = [a.copy() for a in case.run_c()]
-        assert all(np.array_equal(a, b) for a, b in zip(expected, ours(), strict=True)), "C and compiled loop differ"
+        assert all(np.array_equal(a, b) for a, b in zip(expected, ours(), strict=True)), (
+            "C and compiled loop differ"
+        )
         c, o = interleaved(case.run_c, ours, repeats=[200, 200])
         rows.append(("C (gcc -O3) / compiled loop", c, o, 1.0))
     expected = [a.copy() for a in plain()]
-    assert all(np.array_equal(a, b) for a, b in zip(expected, ours(), strict=True)), "plain and compiled loop differ"
+    assert all(np.array_equal(a, b) for a, b in zip(expected, ours(), strict=True)), (
+        "plain and compiled loop differ"
+    )
     p, o = interleaved(plain, ours, repeats=[1, 100])
     rows.append(("plain Python twin / compiled loop", p, o, 40.0))
     second = Case(plant=SECOND)

@@ -25,10 +25,16 @@ def records() -> list:
         "noise": {"std": 0.05},
         "setpoint": {"value": 50, "steps": [[10, 55]]},
     }
-    valves = [{"model": "choudhury", "S": 5, "J": 2}, {"model": "choudhury", "S": 5, "J": 5}, {"model": "ideal"}]
+    valves = [
+        {"model": "choudhury", "S": 5, "J": 2},
+        {"model": "choudhury", "S": 5, "J": 5},
+        {"model": "ideal"},
+    ]
     load = [{"type": "sine", "amplitude": 3.0, "period": 60.0, "at": "input"}]
     return [
-        simulate(Loop.from_table({**table, "valve": v, "disturbance": load if i == 2 else []})).record
+        simulate(
+            Loop.from_table({**table, "valve": v, "disturbance": load if i == 2 else []})
+        ).record
         for i, v in enumerate(valves)
     ]
 
@@ -47,7 +53,9 @@ def main() -> int:
                 judge(record, group, raw=True)
             if round_:  # the first compiles
                 times[name].append((time.process_time() - start) / len(some) * 1e3)
-    print(f"CPU ms per record of 4000 samples, front end included, minimum and median of {ROUNDS} interleaved rounds")
+    print(
+        f"CPU ms per record of 4000 samples, front end included, minimum and median of {ROUNDS} interleaved rounds"
+    )
     for name in names:
         print(f"{name:<20} {min(times[name]):8.2f} {np.median(times[name]):8.2f}   {budget[name]}")
     good = True
@@ -55,7 +63,9 @@ def main() -> int:
         value = min(times[name])
         good &= value <= bar
         said = "ok" if value <= bar else "SHORT"
-        print(f"budget {name:<13} {value:8.2f} {np.median(times[name]):8.2f}   wanted <= {bar:g}   {said}")
+        print(
+            f"budget {name:<13} {value:8.2f} {np.median(times[name]):8.2f}   wanted <= {bar:g}   {said}"
+        )
     return 0 if good else 1
 
 

@@ -54,7 +54,11 @@ def compared(grid: Grid, names: list[str], inside: str, isolated: str) -> tuple[
         for g, index in enumerate(np.linspace(0, grid.group_count - 1, GROUPS).astype(int)):
             for k in (0, 1) if turn % 2 else (1, 0):
                 extra = (inside, isolated)[k]
-                took = seconds(lambda index=index, extra=extra: piece(grid, int(index), [*names, extra, ORACLE]))
+                took = seconds(
+                    lambda index=index, extra=extra: piece(
+                        grid, int(index), [*names, extra, ORACLE]
+                    )
+                )
                 best[k, g] = min(best[k, g], took)
     return float(best[0].sum()), float(best[1].sum())
 
@@ -62,10 +66,14 @@ def compared(grid: Grid, names: list[str], inside: str, isolated: str) -> tuple[
 def main() -> int:
     folder, grid, good = Path(tempfile.mkdtemp()), load_grid("chapter"), True
     fast = [n for n in methods.names() if methods.load(n).METHOD.budget == "fast"]
-    print(f"CPU s of {GROUPS} of {grid.group_count} groups of the chapter's grid, each at its quickest of {ROUNDS} turns")
+    print(
+        f"CPU s of {GROUPS} of {grid.group_count} groups of the chapter's grid, each at its quickest of {ROUNDS} turns"
+    )
     for name in PLUGINS:
         source = Path(built_in.__path__[0]) / f"{name}.py"
-        inside, outside = (shutil.copy(source, folder / f"{name}_{place}.py") for place in ("inside", "outside"))
+        inside, outside = (
+            shutil.copy(source, folder / f"{name}_{place}.py") for place in ("inside", "outside")
+        )
         here, (there,) = methods.add_file(inside), methods.add_hosted(outside)
         host = methods.host_of(there)
         piece(grid, 0, [*fast, there])
@@ -74,7 +82,10 @@ def main() -> int:
         whole = one * grid.group_count / GROUPS
         each, begun = (other - one) / one, WORKERS * start / whole
         good &= each + begun <= MOST
-        print(f"{name:<8} here {one:.3f} isolated {other:.3f}: {each:+.1%}, and {begun:.1%} to start its processes", flush=True)
+        print(
+            f"{name:<8} here {one:.3f} isolated {other:.3f}: {each:+.1%}, and {begun:.1%} to start its processes",
+            flush=True,
+        )
         for extra in (here, there):
             methods.forget(extra)
     return 0 if good else 1

@@ -28,7 +28,10 @@ from simbench.bench.store import tables
 from simbench.bench.store.place import place_of
 
 GRID = "chapter"
-BLOCKS, BLOCK = 3, 20  # so many blocks of neighbouring groups, which share what a real run's neighbours share
+BLOCKS, BLOCK = (
+    3,
+    20,
+)  # so many blocks of neighbouring groups, which share what a real run's neighbours share
 ROUNDS = 3
 COMMITTED = Path(__file__).parents[2] / "results" / "perf_shares.json"
 # a share may double and grow by three hundredths: kernels that fill the vector registers take twice as long, and the rest
@@ -60,7 +63,9 @@ class Meter:
 
     def charge(self) -> None:
         now = time.process_time()
-        self.seconds[self._running[-1]] = self.seconds.get(self._running[-1], 0.0) + now - self._since
+        self.seconds[self._running[-1]] = (
+            self.seconds.get(self._running[-1], 0.0) + now - self._since
+        )
         self._since = now
 
 
@@ -76,7 +81,11 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (work, "truth", meter.wrap("truth labels", work.truth)),
         (work, "theory", meter.wrap("theory columns", work.theory)),
         (resolve, "cycle_start", meter.wrap("cell: theory", resolve.cycle_start)),
-        (detectors.prepared, "find_oscillation", meter.wrap("front end", detectors.prepared.find_oscillation)),
+        (
+            detectors.prepared,
+            "find_oscillation",
+            meter.wrap("front end", detectors.prepared.find_oscillation),
+        ),
         (detectors.prepared, "inspect", meter.wrap("quality flags", detectors.prepared.inspect)),
         (work, "scenario_row", meter.wrap("rows", work.scenario_row)),
         (work, "verdict_row", meter.wrap("rows", work.verdict_row)),
@@ -108,7 +117,9 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
     finally:
         for owner, attribute, function in before:
             setattr(owner, attribute, function)
-    assert abs(sum(meter.seconds.values()) - total) < 0.02 * total, "the parts do not add up to the whole"
+    assert abs(sum(meter.seconds.values()) - total) < 0.02 * total, (
+        "the parts do not add up to the whole"
+    )
     return {k: 1e3 * v / count for k, v in meter.seconds.items()}, count
 
 
@@ -123,7 +134,9 @@ def measured() -> dict[str, Any]:
     for r in range(1, ROUNDS + 1):
         for i, (budget, names) in enumerate(budgets.items()):
             first = (len(budgets) * r + i) * BLOCK
-            rounds[budget].append(shares(plan, names, [range(s + first, s + first + BLOCK) for s in starts]))
+            rounds[budget].append(
+                shares(plan, names, [range(s + first, s + first + BLOCK) for s in starts])
+            )
     return {budget: summary(found) for budget, found in rounds.items()}
 
 
@@ -148,20 +161,28 @@ def grown(now: dict[str, Any], committed: dict[str, Any]) -> list[str]:
         for name, share in now[budget]["share"].items():
             before = was["share"].get(name, 0.0)
             if share > GROWTH * before + SLACK:
-                told.append(f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last committed")
+                told.append(
+                    f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last committed"
+                )
     ratios = [t["full"]["minimum_ms"] / t["fast"]["minimum_ms"] for t in (now, committed)]
     if ratios[0] > RATIO * ratios[1]:
-        told.append(f"full costs {ratios[0]:.1f} times fast, {ratios[1]:.1f} times when last committed")
+        told.append(
+            f"full costs {ratios[0]:.1f} times fast, {ratios[1]:.1f} times when last committed"
+        )
     return told
 
 
 def main() -> int:
     found = measured()
     for budget, told in found.items():
-        print(f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median {told['median_ms']:.2f} ms")
+        print(
+            f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median {told['median_ms']:.2f} ms"
+        )
         for name, value in told["ms"].items():
             print(f"  {name:<30} {value:8.3f} ms {told['share'][name]:7.1%}")
-        print(f"  {'sum':<30} {sum(told['ms'].values()):8.3f} ms {sum(told['share'].values()):7.1%}")
+        print(
+            f"  {'sum':<30} {sum(told['ms'].values()):8.3f} ms {sum(told['share'].values()):7.1%}"
+        )
     if "--update" in sys.argv:
         COMMITTED.write_text(json.dumps(found, indent=1) + "\n")
         return 0

@@ -25,7 +25,11 @@ def test_a_slower_machine_is_no_regression():
 
 @pytest.mark.parametrize(
     ("budget", "name", "share", "words"),
-    [("fast", "glue", 0.24, "glue takes 24.0%"), ("fast", "newcomer", 0.05, "0.0% when"), ("full", "surrogate", 0.84, "84.0%")],
+    [
+        ("fast", "glue", 0.24, "glue takes 24.0%"),
+        ("fast", "newcomer", 0.05, "0.0% when"),
+        ("full", "surrogate", 0.84, "84.0%"),
+    ],
 )
 def test_a_share_that_outgrew_the_committed_one_is_told(budget, name, share, words):
     now = copy.deepcopy(TOLD)
@@ -38,7 +42,9 @@ def test_a_share_that_outgrew_the_committed_one_is_told(budget, name, share, wor
 def test_so_is_the_ratio_of_the_budgets():
     now = copy.deepcopy(TOLD)
     now["full"]["minimum_ms"] = 40.0
-    assert perf_shares.grown(now, TOLD) == ["full costs 4.0 times fast, 2.5 times when last committed"]
+    assert perf_shares.grown(now, TOLD) == [
+        "full costs 4.0 times fast, 2.5 times when last committed"
+    ]
 
 
 def test_time_is_charged_to_whoever_runs_and_adds_up(monkeypatch):

@@ -71,7 +71,12 @@ def _of_world(count: int) -> Iterator[tuple[str, LoopRecord]]:
         item = own.draw(SEED, int(index), entries[index])
         c = item.columns
         Ts = float(np.median(np.diff(c["t"])))
-        yield f"own {index}", LoopRecord(op=c["op"], pv=c["pv"], Ts=Ts, sp=c.get("sp"), mv=c.get("mv"), op_span=(0.0, 100.0))
+        yield (
+            f"own {index}",
+            LoopRecord(
+                op=c["op"], pv=c["pv"], Ts=Ts, sp=c.get("sp"), mv=c.get("mv"), op_span=(0.0, 100.0)
+            ),
+        )
 
 
 def mapped(record: LoopRecord) -> Iterator[tuple[str, LoopRecord]]:
@@ -80,7 +85,10 @@ def mapped(record: LoopRecord) -> Iterator[tuple[str, LoopRecord]]:
         sp = None if record.sp is None else gain * record.sp + offset
         yield f"PV {name}", replace(record, pv=gain * record.pv + offset, sp=sp)
     for name, (gain, offset) in OP_MAPS.items():
-        yield f"OP {name}", replace(record, op=gain * record.op + offset, op_span=(offset, 100.0 * gain + offset))
+        yield (
+            f"OP {name}",
+            replace(record, op=gain * record.op + offset, op_span=(offset, 100.0 * gain + offset)),
+        )
 
 
 def verdicts(record: LoopRecord) -> dict[tuple[str, str], Verdict]:
@@ -92,7 +100,9 @@ def verdicts(record: LoopRecord) -> dict[tuple[str, str], Verdict]:
     return found
 
 
-def changes(record: LoopRecord, maps: slice = slice(None)) -> Iterator[tuple[str, str, str, Verdict, Verdict]]:
+def changes(
+    record: LoopRecord, maps: slice = slice(None)
+) -> Iterator[tuple[str, str, str, Verdict, Verdict]]:
     """Yield map, method, mode and both verdicts wherever one of the maps changes the word or the applicability."""
     plain = verdicts(record)
     for name, other in list(mapped(record))[maps]:
@@ -111,9 +121,14 @@ def main() -> int:
         for name, method, mode, before, after in changes(record):
             changed += 1
             said = f"{before.verdict} {before.score:.9g} -> {after.verdict} {after.score:.9g}"
-            print(f"{label:<14} {name:<20} {method:<16} {mode:<5} {said}   {after.reason[:90]}", flush=True)
+            print(
+                f"{label:<14} {name:<20} {method:<16} {mode:<5} {said}   {after.reason[:90]}",
+                flush=True,
+            )
     pairs = count * (len(PV_MAPS) + len(OP_MAPS)) * len(methods.names()) * 2
-    print(f"{count} records, {len(PV_MAPS)} units of PV and {len(OP_MAPS)} of OP: {changed} of {pairs} verdicts changed")
+    print(
+        f"{count} records, {len(PV_MAPS)} units of PV and {len(OP_MAPS)} of OP: {changed} of {pairs} verdicts changed"
+    )
     return 1 if changed else 0
 
 

@@ -24,12 +24,21 @@ PLAIN = {
 def ruled(**changes):
     block = {
         "name": "b",
-        "axes": {"Td_over_T": [0.2, 1.0], "S_over_2J": [0.5, math.inf], "noise_ratio": [0.0], "disturbance": ["none", "sine"]},
+        "axes": {
+            "Td_over_T": [0.2, 1.0],
+            "S_over_2J": [0.5, math.inf],
+            "noise_ratio": [0.0],
+            "disturbance": ["none", "sine"],
+        },
         "draw": {"K": [0.5, 2], "T": [5, 50], "S": 5, "samples_per_period": 40, "periods": 20},
         "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
         **changes,
     }
-    return {"title": "t", "disturbances": {"sine": {"type": "sine", "amplitude": 1, "period": [0.5, 2]}}, "block": [block]}
+    return {
+        "title": "t",
+        "disturbances": {"sine": {"type": "sine", "amplitude": 1, "period": [0.5, 2]}},
+        "block": [block],
+    }
 
 
 @pytest.mark.parametrize("name", ["smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"])
@@ -52,24 +61,42 @@ def test_table_11_3_has_all_eight_cells():
 
 def test_the_chapter_grid_has_every_kind_of_healthy_loop():
     grid = load_grid("chapter")
-    healthy = [d.tags for g in grid.groups(0, grid.cells) for d in g.drafts if d.tags["valve"] == "ideal"]
-    assert {t["disturbance"] for t in healthy} == {"none", "sine", "propagated", "steps", "random_walk"}
+    healthy = [
+        d.tags for g in grid.groups(0, grid.cells) for d in g.drafts if d.tags["valve"] == "ideal"
+    ]
+    assert {t["disturbance"] for t in healthy} == {
+        "none",
+        "sine",
+        "propagated",
+        "steps",
+        "random_walk",
+    }
     assert {t["oscillation"] for t in healthy} == {"none", "tuning", "sine", "propagated"}
     assert {t["oscillation"] for t in healthy if t["tuning"] == "marginal"} == {"tuning"}
-    assert {(t["process"], t["controller"]) for t in healthy} >= {("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")}
+    assert {(t["process"], t["controller"]) for t in healthy} >= {
+        ("foptd", "PI"),
+        ("integrating", "PI"),
+        ("integrating", "P"),
+    }
 
 
 def test_groups_are_the_product_of_the_axes_with_the_last_axis_running_fastest():
     grid = make_grid(ruled())
     tags = [g.drafts[0].tags for g in grid.groups()]
     seen = [(t["Td_over_T"], t["S_over_2J"], t["disturbance"]) for t in tags]
-    assert seen == [(r, s, d) for r in (0.2, 1.0) for s in (0.5, math.inf) for d in ("none", "sine")]
+    assert seen == [
+        (r, s, d) for r in (0.2, 1.0) for s in (0.5, math.inf) for d in ("none", "sine")
+    ]
 
 
 def test_siblings_share_plant_sampling_set_point_and_seed():
     for group in make_grid(ruled()).groups():
         sticky, healthy = (d.loop for d in group.drafts)
-        assert (sticky.plant, sticky.sampling, sticky.setpoint) == (healthy.plant, healthy.sampling, healthy.setpoint)
+        assert (sticky.plant, sticky.sampling, sticky.setpoint) == (
+            healthy.plant,
+            healthy.sampling,
+            healthy.setpoint,
+        )
         assert group.twin.plant == sticky.plant
 
 
@@ -83,7 +110,9 @@ def test_no_number_of_a_record_tells_which_other_loop_is_of_its_cell(name):
                    rules.samples_per_period * rules.periods, rules.noise_ratio)  # fmt: skip
         for key, number in zip(seen, numbers, strict=True):
             seen[key].append(number)
-    assert {key: len(set(numbers)) for key, numbers in seen.items()} == dict.fromkeys(seen, len(drafts))
+    assert {key: len(set(numbers)) for key, numbers in seen.items()} == dict.fromkeys(
+        seen, len(drafts)
+    )
     moves = [draft.moves[0][0] for draft in drafts if draft.moves]
     assert len(set(moves)) == len(moves)
 
@@ -136,7 +165,9 @@ def test_a_dotted_key_is_set_in_every_loop_that_has_it():
 def test_a_whole_loop_with_dotted_axes_is_a_grid_too():
     grid = make_grid(PLAIN)
     loops = [g.drafts[0].loop for g in grid.groups()]
-    assert [(x.valve.parameters["J"], x.noise.std) for x in loops] == [(j, s) for j in (1, 2, 5) for s in (0.0, 0.1)]
+    assert [(x.valve.parameters["J"], x.noise.std) for x in loops] == [
+        (j, s) for j in (1, 2, 5) for s in (0.0, 0.1)
+    ]
     assert grid.group(0).drafts[0].tags["S_over_2J"] == 2.5
 
 
@@ -163,7 +194,12 @@ def test_chunks_cover_every_group_once_and_hold_50_to_100_scenarios():
         (ruled(axes={"Td_over_TT": [1]}), {}, {}, "Td_over_T"),
         (ruled(member=[{"name": "x", "valv": "ideal"}]), {}, {}, "valve"),
         (ruled(tuning="slow"), {}, {}, "tuning"),
-        (ruled(member=[{"name": "x", "valve": "ideal", "where": {"S": [1]}}]), {}, {}, "none of its axes"),
+        (
+            ruled(member=[{"name": "x", "valve": "ideal", "where": {"S": [1]}}]),
+            {},
+            {},
+            "none of its axes",
+        ),
         (ruled(), {"noise_rato": 1}, {}, "noise_ratio"),
         (ruled(), {"valv.S": 1}, {}, "valv.S"),
         (ruled(), {}, {"tunin": ["slow"]}, "tuning"),
@@ -197,7 +233,15 @@ def test_an_impossible_cell_is_one_sentence(axes, words):
 def test_an_unknown_grid_names_the_nearest():
     with pytest.raises(SpecError, match="chapter"):
         load_grid("chaptr")
-    assert set(grid_names()) == {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant", "families"}
+    assert set(grid_names()) == {
+        "smoke",
+        "table-11-3",
+        "chapter",
+        "own-ground",
+        "ci",
+        "plant",
+        "families",
+    }
 
 
 def test_the_ultimate_gain_of_a_pure_delay_like_plant():
@@ -209,7 +253,15 @@ def test_axes_of_a_whole_loop():
     loop = Loop.from_table({**PLAIN["loop"], "plant": {"type": "integrating", "K": 0.1, "Td": 2}})
     assert loop_axes(loop)["Td_over_Ti"] == 0.2
     assert loop_axes(loop)["Td_over_T"] is None
-    fixed = {"Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period"}
+    fixed = {
+        "Td_over_T",
+        "Td_over_Ti",
+        "S_over_2J",
+        "noise_ratio",
+        "disturbance",
+        "tuning",
+        "samples_per_period",
+    }
     assert set(SETTINGS) >= fixed
 
 
@@ -257,6 +309,8 @@ def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_pat
     own = own.replace("Td_over_T = [0.2]", 'Td_over_T = [0.2], "setpoint.value" = [40]')
     for name, text in (("own", own), ("plain", own.replace(', "setpoint.value" = [40]', ""))):
         (tmp_path / f"{name}.toml").write_text(text)
-    changed, plain = (load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop for name in ("own", "plain"))
+    changed, plain = (
+        load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop for name in ("own", "plain")
+    )
     assert changed.setpoint.value == 40.0
     assert changed.with_("setpoint.value", 50.0).plant == plain.plant

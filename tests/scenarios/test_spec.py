@@ -36,12 +36,20 @@ def test_every_number_survives_writing_and_reading(T):
 def test_absent_sections_take_their_defaults():
     bare = {k: TABLE[k] for k in ("plant", "controller", "sampling")}
     loop = Loop.from_table(bare)
-    assert (loop.valve.name, loop.noise.std, loop.setpoint.value, loop.pv0, loop.sampling.n) == ("ideal", 0.0, 50.0, 50.0, 4000)
+    assert (loop.valve.name, loop.noise.std, loop.setpoint.value, loop.pv0, loop.sampling.n) == (
+        "ideal",
+        0.0,
+        50.0,
+        50.0,
+        4000,
+    )
 
 
 def test_id_is_a_hash_of_content_not_of_spelling():
     whole = Scenario(loop=Loop.from_table(TABLE), seed=1)
-    spelled = Scenario(loop=Loop.from_table({**TABLE, "valve": {"J": 2.0, "S": 5.0, "model": "choudhury"}}), seed=1)
+    spelled = Scenario(
+        loop=Loop.from_table({**TABLE, "valve": {"J": 2.0, "S": 5.0, "model": "choudhury"}}), seed=1
+    )
     assert whole.id == spelled.id
     assert whole.id != Scenario(loop=whole.loop, seed=2).id
     assert whole.id != Scenario(loop=whole.loop.with_("valve.S", 5.0000001), seed=1).id
@@ -62,7 +70,9 @@ def test_a_changed_key_is_checked_like_a_written_one():
 
 def test_hash_does_not_change_between_versions():
     # a join key that other people's tables hold: a change here breaks them
-    assert content_hash({"a": 1, "b": [2.5, "x", None]}) == content_hash({"b": [2.5, "x", None], "a": 1.0})
+    assert content_hash({"a": 1, "b": [2.5, "x", None]}) == content_hash(
+        {"b": [2.5, "x", None], "a": 1.0}
+    )
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,9 @@ def folder(tmp_path_factory):
             setpoint={"steps": [[10, 55]]},
             noise={"std": 0.05},
         )
-        loop.simulate(1).to_frame().rename(columns={"op": "X1.OUT", "pv": "X1.MEAS"}).to_csv(place / f"{name}.csv", index=False)
+        loop.simulate(1).to_frame().rename(columns={"op": "X1.OUT", "pv": "X1.MEAS"}).to_csv(
+            place / f"{name}.csv", index=False
+        )
     return place
 
 
@@ -47,7 +49,10 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
     assert "methods say stiction" in summary
     assert names.split()[:2] == ["method", "verdict"]
     assert [r.split()[0] for r in rows[:4]] == ["horch", "he", "kano_a", "procedure"]
-    assert len({r.index("stiction") for r in rows[:4] if "no stiction" not in r and " stiction" in r}) == 1
+    assert (
+        len({r.index("stiction") for r in rows[:4] if "no stiction" not in r and " stiction" in r})
+        == 1
+    )
     assert "triangular" not in out
     assert "triangular" in said(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
 
@@ -60,7 +65,9 @@ def test_what_every_method_warns_of_is_said_once(folder, capsys):
 
 def test_a_folder_is_a_matrix(folder, capsys):
     out = said(capsys, "detect", folder, *FAST).out.splitlines()
-    rows = {line.split()[0]: line.split()[1:] for line in out if line.startswith(("sticky", "sound"))}
+    rows = {
+        line.split()[0]: line.split()[1:] for line in out if line.startswith(("sticky", "sound"))
+    }
     assert rows["sound"] == ["-"] * 4
     assert "S" in rows["sticky"]
     assert "S stiction" in out[-1]
@@ -68,7 +75,9 @@ def test_a_folder_is_a_matrix(folder, capsys):
 
 def test_json_holds_what_it_held(folder, capsys):
     out = json.loads(said(capsys, "detect", folder / "sticky.csv", *FAST, "--why", "--json").out)
-    assert [set(v) for v in out] == [{"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}] * 4
+    assert [set(v) for v in out] == [
+        {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
+    ] * 4
 
 
 def test_table_and_page_are_written(folder, capsys, tmp_path):
@@ -77,7 +86,9 @@ def test_table_and_page_are_written(folder, capsys, tmp_path):
     assert len(json.loads(shown.out)) == 8
     with table.open() as f:
         rows = list(csv.DictReader(f))
-    assert {(r["record"], r["method"]) for r in rows} == {(n, m) for n in ("sound", "sticky") for m in FAST[1].split(",")}
+    assert {(r["record"], r["method"]) for r in rows} == {
+        (n, m) for n in ("sound", "sticky") for m in FAST[1].split(",")
+    }
     html = page.read_text()
     assert "Does the valve stick?" in html
     assert "sticky: " in html
@@ -88,10 +99,18 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     frame = (folder / "sticky.csv").read_text().replace("t_s,sp,X1.OUT,X1.MEAS,mv", "clock,a,b,c,d")
     file = tmp_path / "own.csv"
     file.write_text(frame)
-    out = said(capsys, "detect", file, "--columns", "op=b,pv=c", "--columns", "t=clock", "--method", "he").out
+    out = said(
+        capsys, "detect", file, "--columns", "op=b,pv=c", "--columns", "t=clock", "--method", "he"
+    ).out
     assert "he says stiction" in out
-    assert "Ts = 2 s" in said(capsys, "detect", file, "--columns", "op=b,pv=c", "--ts", "2", "--method", "he").out
-    assert "1500 samples" in said(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
+    assert (
+        "Ts = 2 s"
+        in said(capsys, "detect", file, "--columns", "op=b,pv=c", "--ts", "2", "--method", "he").out
+    )
+    assert (
+        "1500 samples"
+        in said(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
+    )
     assert cli.main(["detect", str(file), "--columns", "op=bb,pv=c"]) == 2
     assert "no column 'bb' for op" in capsys.readouterr().err
 
@@ -109,7 +128,10 @@ def test_simulate_says_what_it_wrote(capsys, tmp_path):
         '[plant]\ntype = "foptd"\nK = 1\nT = 10\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 2\nn = 100\n'
     )
     out = said(capsys, "simulate", loop, "-o", tmp_path / "rec.csv").out
-    assert out == f"{tmp_path / 'rec.csv'}: 100 samples, Ts = 2 s, 200 s; the valve is without friction\n"
+    assert (
+        out
+        == f"{tmp_path / 'rec.csv'}: 100 samples, Ts = 2 s, 200 s; the valve is without friction\n"
+    )
 
 
 def test_the_version_is_the_packages(capsys):
@@ -136,10 +158,13 @@ def test_every_help_ends_with_examples_that_parse(verb, capsys):
 
 
 @pytest.mark.parametrize(
-    ("typed", "at", "expected"), [("simbench run cha", 2, "chapter"), ("simbench detect --method hor", 3, "horch")]
+    ("typed", "at", "expected"),
+    [("simbench run cha", 2, "chapter"), ("simbench detect --method hor", 3, "horch")],
 )
 def test_a_shell_completes_grids_and_methods(typed, at, expected):
     asked = {"_SIMBENCH_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(at)}
     command = [sys.executable, "-c", "from simbench.cli import entry; entry()"]
-    out = subprocess.run(command, env={**os.environ, **asked}, capture_output=True, text=True).stdout
+    out = subprocess.run(
+        command, env={**os.environ, **asked}, capture_output=True, text=True
+    ).stdout
     assert expected in out.split()

@@ -21,7 +21,9 @@ from simbench.files import (
 )
 
 
-@pytest.mark.parametrize("url", ["s3://bucket/run", "gs:/bucket/run", "memory://run", "file:///tmp/run"])
+@pytest.mark.parametrize(
+    "url", ["s3://bucket/run", "gs:/bucket/run", "memory://run", "file:///tmp/run"]
+)
 def test_an_unknown_scheme_is_refused_and_no_folder_is_made(url, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileError, match="is unknown; give a path on this machine"):
@@ -37,7 +39,9 @@ def test_a_colon_alone_is_no_scheme(name, tmp_path, monkeypatch):
     assert folder(name).is_dir()
 
 
-@pytest.mark.parametrize("cell", ["=1+1", "@SUM(A1)", "+cmd|'/c calc'!A0", "-2+cmd()", "\t=1", "\r=1", "=", "-a"])
+@pytest.mark.parametrize(
+    "cell", ["=1+1", "@SUM(A1)", "+cmd|'/c calc'!A0", "-2+cmd()", "\t=1", "\r=1", "=", "-a"]
+)
 def test_text_that_a_spreadsheet_would_compute_is_quoted(cell, tmp_path):
     frame = pd.DataFrame({cell: [cell, "plain", None], "x": [-1.5, 2.0, 3.0]})
     write_table(frame, tmp_path / "t.csv")
@@ -52,7 +56,9 @@ def test_what_stands_behind_a_list_separator_is_a_cell_of_its_own_in_many_countr
     assert [plain_cell(c) for c in cells] == ["x;'=1+1", "x;' @SUM(A1)", "x\t'+cmd|'/c'!A0"]
 
 
-@pytest.mark.parametrize("cell", ["1;-2;+3,5", "-1.5", "+3", "-1e-5", "-3,5", "-", "- 1", "a=b", "", 4, None, -2.5])
+@pytest.mark.parametrize(
+    "cell", ["1;-2;+3,5", "-1.5", "+3", "-1e-5", "-3,5", "-", "- 1", "a=b", "", 4, None, -2.5]
+)
 def test_numbers_and_plain_text_stand_as_they_are(cell):
     assert plain_cell(cell) == cell
 
@@ -62,7 +68,12 @@ def test_the_verbs_that_echo_a_table_quote_it_too(tmp_path, capsys):
     assert main(["valve", "--model", "choudhury", "--param", "S=5", "--param", "J=2", str(tmp_path / "in.csv"), "-o",
                  str(tmp_path / "out.csv")]) == 0  # fmt: skip
     lines = (tmp_path / "out.csv").read_text().splitlines()
-    assert [line.rsplit(",", 1)[0] for line in lines] == ["t,op,'=cmd", "0,50,'=1+1", "1,-5,-3", "2,52,'@x"]
+    assert [line.rsplit(",", 1)[0] for line in lines] == [
+        "t,op,'=cmd",
+        "0,50,'=1+1",
+        "1,-5,-3",
+        "2,52,'@x",
+    ]
 
 
 def test_a_name_that_is_no_text_is_written_and_printed(tmp_path, capsys):
@@ -74,14 +85,22 @@ def test_a_name_that_is_no_text_is_written_and_printed(tmp_path, capsys):
 def test_what_a_killed_process_left_half_written_goes_and_what_others_write_stays(tmp_path):
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    names = [f".fig.svg.{HOST}.{dead.pid}", f".fig.svg.{HOST}.{os.getpid()}", f".fig.svg.00000000.{dead.pid}", ".hidden", "a.1"]
+    names = [
+        f".fig.svg.{HOST}.{dead.pid}",
+        f".fig.svg.{HOST}.{os.getpid()}",
+        f".fig.svg.00000000.{dead.pid}",
+        ".hidden",
+        "a.1",
+    ]
     for name in names:
         (tmp_path / name).touch()
     remove_stale_temporaries(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names[1:])
 
 
-def test_a_link_that_leads_back_to_itself_is_refused_where_it_is_written_and_no_matter_where_others_are_read(tmp_path):
+def test_a_link_that_leads_back_to_itself_is_refused_where_it_is_written_and_no_matter_where_others_are_read(
+    tmp_path,
+):
     (tmp_path / "self.csv").symlink_to("self.csv")
     with pytest.raises(FileError, match="leads back to itself; name another file"):
         refuse_own_input([tmp_path / "self.csv"], [])

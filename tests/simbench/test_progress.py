@@ -27,7 +27,9 @@ def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
 def test_a_command_stopped_by_sigterm_says_so():
     code = "import time\nfrom detectors.usage import exit_code\n"
     code += "exit(exit_code(lambda: print('on', flush=True) or time.sleep(60)))"
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as work:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as work:
         assert work.stdout.readline() == "on\n"
         work.send_signal(signal.SIGTERM)
         _, said = work.communicate(timeout=60)
@@ -37,7 +39,9 @@ def test_a_command_stopped_by_sigterm_says_so():
 
 def test_list_alone_says_what_can_be_listed(capsys):
     assert cli.main(["list"]) == 0
-    assert capsys.readouterr().out.split("\n")[:-1] == [f"simbench list {kind}" for kind in LISTED_KINDS]
+    assert capsys.readouterr().out.split("\n")[:-1] == [
+        f"simbench list {kind}" for kind in LISTED_KINDS
+    ]
 
 
 def test_one_mistake_in_many_blocks_of_a_grid_is_told_once(tmp_path, capsys):

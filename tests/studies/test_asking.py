@@ -22,7 +22,11 @@ def test_the_table_counts_each_kind_by_itself(tmp_path):
         "first": True, "in_group": True, "block_right": False, "called_unknown": False, "called_none": False,
         "both_named": False, "probability": 0.95,
     }  # fmt: skip
-    rows = [{**row, "kind": "single"}, {**row, "kind": "none", "first": False}, {**row, "kind": "foreign", "block_right": True}]
+    rows = [
+        {**row, "kind": "single"},
+        {**row, "kind": "none", "first": False},
+        {**row, "kind": "foreign", "block_right": True},
+    ]
     (tmp_path / "own-score").mkdir()
     pd.DataFrame(rows).to_csv(tmp_path / "own-score" / "records.csv", index=False)
     found = table(tmp_path, ["own"]).loc["own"]["alone"]

@@ -42,15 +42,23 @@ def changed(folder, copy, kind, column, value):
     new = pa.array([value, *old[1:]], table.schema.field(column).type)
     shutil.rmtree(path)  # of partitions; one file is read alike
     pq.write_table(table.set_column(at, table.schema.field(column), new), path)
-    write_manifest(copy, {**manifest, "tables": {**manifest["tables"], kind: digest(path.read_bytes())}})
+    write_manifest(
+        copy, {**manifest, "tables": {**manifest["tables"], kind: digest(path.read_bytes())}}
+    )
     return copy
 
 
 def test_tables_are_the_same_but_for_their_running_time(finished, tmp_path):
     assert study.same_tables(finished, finished)
-    assert study.same_tables(finished, changed(finished, tmp_path / "slow", "verdicts", "runtime_s", 99.0))
-    assert not study.same_tables(finished, changed(finished, tmp_path / "score", "verdicts", "score", 99.0))
-    assert not study.same_tables(finished, changed(finished, tmp_path / "seed", "scenarios", "seed", 99))
+    assert study.same_tables(
+        finished, changed(finished, tmp_path / "slow", "verdicts", "runtime_s", 99.0)
+    )
+    assert not study.same_tables(
+        finished, changed(finished, tmp_path / "score", "verdicts", "score", 99.0)
+    )
+    assert not study.same_tables(
+        finished, changed(finished, tmp_path / "seed", "scenarios", "seed", 99)
+    )
 
 
 def test_sizes_are_told_per_scenario(in_process):
@@ -75,8 +83,12 @@ def test_speed_compares_like_with_like(in_process):
         ("alone1", 1, {"repeats": 1, "seed": 901}),
     ]
     assert found["cpu_share"] == 1.0
-    assert found["seconds_for_10000"] == pytest.approx(1e4 * found["seconds"] / found["scenarios"], rel=0.2)
-    assert found["share"] == pytest.approx(found["independent_seconds"] / found["seconds"], rel=0.1, abs=0.05)
+    assert found["seconds_for_10000"] == pytest.approx(
+        1e4 * found["seconds"] / found["scenarios"], rel=0.2
+    )
+    assert found["share"] == pytest.approx(
+        found["independent_seconds"] / found["seconds"], rel=0.1, abs=0.05
+    )
 
 
 def test_kills_that_come_too_late_are_none(monkeypatch, in_process):
@@ -109,7 +121,12 @@ def test_kills_that_come_too_late_are_none(monkeypatch, in_process):
     ("asked", "name", "args", "more"),
     [
         (["kills"], "kills", (50, 0), {"jobs": 2}),
-        (["kills", "--n", "3", "--seed", "4", "--grid", "smoke"], "kills", (3, 4), {"jobs": 2, "grid": "smoke"}),
+        (
+            ["kills", "--n", "3", "--seed", "4", "--grid", "smoke"],
+            "kills",
+            (3, 4),
+            {"jobs": 2, "grid": "smoke"},
+        ),
         (["sizes"], "sizes", ([1000, 10_000, 100_000],), {}),
         (["sizes", "--n", "5", "6", "--methods", "he"], "sizes", ([5, 6],), {"methods": "he"}),
         (["speed", "--jobs", "1"], "speed", (10_000,), {"jobs": 1}),
@@ -121,7 +138,11 @@ def test_the_command_asks_and_writes(monkeypatch, capsys, tmp_path, asked, name,
     monkeypatch.setattr(study, name, lambda *a, **k: heard.append((a, k)) or {"equal": True})
     assert study.main([*asked, "--out", str(tmp_path / "found.json")]) == 0
     assert heard == [(args, more)]
-    assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "found.json").read_text()) == {"equal": True}
+    assert (
+        json.loads(capsys.readouterr().out)
+        == json.loads((tmp_path / "found.json").read_text())
+        == {"equal": True}
+    )
 
 
 def test_tables_that_differ_are_an_exit_code(monkeypatch):

@@ -25,8 +25,12 @@ def made(seed: int = 0, blind: str = "") -> pd.DataFrame:
             seen = cycled and valve != blind
             evidence = EVIDENCE[process == "integrating"]
             for method in dict.fromkeys(e.method for e in evidence):
-                indices = {e.index: e.neutral + 0.3 * (seen - 0.5) for e in evidence if e.method == method}
-                indices = {k: v + 0.01 * rng.standard_normal() for k, v in indices.items()} | {"S_hat": 2.0}
+                indices = {
+                    e.index: e.neutral + 0.3 * (seen - 0.5) for e in evidence if e.method == method
+                }
+                indices = {k: v + 0.01 * rng.standard_normal() for k, v in indices.items()} | {
+                    "S_hat": 2.0
+                }
                 rows.append(
                     {
                         "scenario_id": f"{group} {valve}",
@@ -51,9 +55,21 @@ def test_every_family_stands_in_the_same_cells():
     grid = load_grid("families")
     for index in (0, 30, grid.cells - 1):
         group = grid.group(index)
-        sticky = {d.tags["valve"]: d.loop for d in group.drafts if str(d.tags["member"]).startswith("sticky")}
+        sticky = {
+            d.tags["valve"]: d.loop
+            for d in group.drafts
+            if str(d.tags["member"]).startswith("sticky")
+        }
         assert {"choudhury", "he", "kano", "coulomb", "karnopp", "stribeck"} <= set(sticky)
-        assert len({(x.plant.model_dump_json(), x.controller.model_dump_json()) for x in sticky.values()}) == 1
+        assert (
+            len(
+                {
+                    (x.plant.model_dump_json(), x.controller.model_dump_json())
+                    for x in sticky.values()
+                }
+            )
+            == 1
+        )
 
 
 def test_rates_count_what_was_said():
@@ -89,7 +105,16 @@ def test_a_run_is_read_drawn_and_printed(run, capsys):
     assert {"choudhury", "lugre"} <= set(rows.valve)
     assert set(rows.method) == {"hammerstein", "he", "horch_histogram"}
     numbers = data(run)
-    assert set(numbers.columns) == {"method", "valve", "cycling", "n", "stiction", "lo", "hi", "home"}
+    assert set(numbers.columns) == {
+        "method",
+        "valve",
+        "cycling",
+        "n",
+        "stiction",
+        "lo",
+        "hi",
+        "home",
+    }
     if len(numbers):
         draw(numbers)
     main([str(run)])
@@ -98,7 +123,14 @@ def test_a_run_is_read_drawn_and_printed(run, capsys):
 
 def test_draws_of_the_grid_are_counted_together(run):
     book = RunArrays.read(run)
-    one, two = ({(r["family"], r["parameter"]): r for r in sizes([book] * k) if r["method"] == "hammerstein"} for k in (1, 2))
+    one, two = (
+        {
+            (r["family"], r["parameter"]): r
+            for r in sizes([book] * k)
+            if r["method"] == "hammerstein"
+        }
+        for k in (1, 2)
+    )
     assert two["choudhury", "S"]["n"] == 2 * one["choudhury", "S"]["n"]
     assert two["choudhury", "S"]["held"] == one["choudhury", "S"]["held"]
     assert two["choudhury", "J"]["held"] == "-"

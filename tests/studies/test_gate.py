@@ -21,8 +21,17 @@ def rows():
 
 
 def test_40_harmless_changes_of_which_none_is_called_worse(rows):
-    kept = [row for row in rows if row["what"] in ("finer", "axes exchanged", "last bits") or "order" in row["what"]]
-    wanted = {("he", "finer"), ("rossi_scali", "finer"), ("ellipse", "axes exchanged"), ("yamashita", "last bits")}
+    kept = [
+        row
+        for row in rows
+        if row["what"] in ("finer", "axes exchanged", "last bits") or "order" in row["what"]
+    ]
+    wanted = {
+        ("he", "finer"),
+        ("rossi_scali", "finer"),
+        ("ellipse", "axes exchanged"),
+        ("yamashita", "last bits"),
+    }
     assert wanted <= {(row["method"], row["what"]) for row in kept}
     assert len(kept) == 40
     assert all(row["flips"] <= 2 for row in kept if "order" not in row["what"])
@@ -53,11 +62,15 @@ def test_small_changes_of_what_a_method_computes_are_caught_by_exact(rows):
 
 def test_small_changes_change_what_a_method_computes_and_nothing_else(tmp_path):
     methods = ["he", "horch", "singhal_salsbury", "yamashita"]
-    folder = run_grid("smoke", tmp_path / "run", methods, sets={"disturbance": "none"}, progress=False)
+    folder = run_grid(
+        "smoke", tmp_path / "run", methods, sets={"disturbance": "none"}, progress=False
+    )
     base, seen = RunArrays.read(folder), set()
     for method, how, now in rewritten(base, folder, SEMANTIC, last_bits=False):
         i = base.methods.index(method)
-        assert not np.allclose(now.score[i], base.score[i].astype(np.float32), rtol=1e-3, equal_nan=True), how
+        assert not np.allclose(
+            now.score[i], base.score[i].astype(np.float32), rtol=1e-3, equal_nan=True
+        ), how
         others = [k for k in range(len(methods)) if k != i]
         assert np.array_equal(now.verdict[others], base.verdict[others])
         seen.add((method, how))

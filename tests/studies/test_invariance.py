@@ -25,12 +25,18 @@ def test_a_half_oscillates_at_every_density_or_at_none(records):
 
 def test_verdicts_do_not_hang_on_the_density(records):
     for record in records:
-        said = [[v.verdict for v in judge(thinned(record, k), ["horch_histogram", "ellipse"])] for k in (1, *THINNED[:2])]
+        said = [
+            [v.verdict for v in judge(thinned(record, k), ["horch_histogram", "ellipse"])]
+            for k in (1, *THINNED[:2])
+        ]
         assert said[0] == said[1] == said[2]
 
 
 def test_a_method_that_reads_both_ways_says_the_same_backwards(records):
     how = {"raw": True, "halves": False}
     for record in records:
-        one, other = (judge(r, ["horch", "ellipse", "horch_histogram"], **how) for r in (record, backwards(record)))
+        one, other = (
+            judge(r, ["horch", "ellipse", "horch_histogram"], **how)
+            for r in (record, backwards(record))
+        )
         assert [v.verdict for v in one] == [v.verdict for v in other]

@@ -12,7 +12,9 @@ def test_a_window_tells_neither_amplitude_nor_offset_nor_period():
     op, pv = np.sin(2 * np.pi * T), np.cos(2 * np.pi * T)
     plain = window_of(op, pv, 30.0)
     assert plain.shape == (2, PERIODS * POINTS)
-    assert window_of(7.0 * op + 40.0, -0.01 * pv + 3.0, 30.0) == pytest.approx(plain * [[1.0], [-1.0]], abs=1e-9)
+    assert window_of(7.0 * op + 40.0, -0.01 * pv + 3.0, 30.0) == pytest.approx(
+        plain * [[1.0], [-1.0]], abs=1e-9
+    )
     slow = np.arange(1200) / 60.0
     slow = window_of(np.sin(2 * np.pi * slow), np.cos(2 * np.pi * slow), 60.0)
     # both end with their last sample, which stands at another phase
@@ -30,7 +32,9 @@ def test_kernels_tell_a_triangle_from_a_sine():
     phase = 2 * np.pi * (np.arange(PERIODS * POINTS) / POINTS + rng.random((60, 1)))
     sine = np.sin(phase)
     sine[::2] = np.arcsin(np.sin(phase[::2])) * 2 / np.pi
-    window = np.stack([sine, np.cos(phase)], axis=1) + 0.02 * rng.standard_normal((60, 2, PERIODS * POINTS))
+    window = np.stack([sine, np.cos(phase)], axis=1) + 0.02 * rng.standard_normal(
+        (60, 2, PERIODS * POINTS)
+    )
     found = features(window.astype(np.float32))
     assert found.shape == (60, 2 * KERNELS)
     apart = np.abs(found[::2].mean(axis=0) - found[1::2].mean(axis=0)) / (found.std(axis=0) + 1e-9)

@@ -14,9 +14,14 @@ def scored(book, monkeypatch):
     def score(right, wrong, undecided, section="he", method="he", unclear=0):
         n = right + wrong + undecided
         truth = np.resize([1, 0, 1], n)
-        said = np.concatenate([truth[:right], 1 - truth[right : right + wrong], np.full(undecided, 2)])
+        said = np.concatenate(
+            [truth[:right], 1 - truth[right : right + wrong], np.full(undecided, 2)]
+        )
         truth, said = np.append(truth, np.full(unclear, -1)), np.append(said, np.ones(unclear, int))
-        axes = {"block": np.full(truth.size, section), "noise_ratio": np.where(np.arange(truth.size) % 2, 0.05, 0.02)}
+        axes = {
+            "block": np.full(truth.size, section),
+            "noise_ratio": np.where(np.arange(truth.size) % 2, 0.05, 0.02),
+        }
         made = book(said, truth, methods=[method], axes=axes)
         monkeypatch.setattr(own_ground.RunArrays, "read", lambda run: made)
         return sections("run")

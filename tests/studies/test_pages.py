@@ -26,7 +26,19 @@ def without_records():
 
 def test_every_number_the_chapter_prints_for_a_real_loop_is_there(without_records):
     text = page(without_records)
-    printed = ("0.48", "0.41", "0.73, 0.40", "0.13, 0.00", "0.83", "0.70", "0.03, 0.58", "0.04, 0.57", "0.43", "93.5", "1.2")
+    printed = (
+        "0.48",
+        "0.41",
+        "0.73, 0.40",
+        "0.13, 0.00",
+        "0.83",
+        "0.70",
+        "0.03, 0.58",
+        "0.04, 0.57",
+        "0.43",
+        "93.5",
+        "1.2",
+    )
     for number in printed:
         assert f"| {number} |" in text, number
 
@@ -34,7 +46,14 @@ def test_every_number_the_chapter_prints_for_a_real_loop_is_there(without_record
 def test_without_records_their_rows_say_so_and_the_rest_is_computed(without_records):
     empty = [row for row in without_records if row.ours == ""]
     assert all(row.agrees is None and "not among the records" in row.why for row in empty)
-    assert {re.split(r"[ :]", row.what)[0] for row in empty} == {"PAP2", "CHEM1", "PAP4", "PAP3", "CHEM30", "POW2"}
+    assert {re.split(r"[ :]", row.what)[0] for row in empty} == {
+        "PAP2",
+        "CHEM1",
+        "PAP4",
+        "PAP3",
+        "CHEM30",
+        "POW2",
+    }
     assert len(without_records) - len(empty) > 35
 
 
@@ -48,10 +67,15 @@ def test_the_known_errata_are_among_what_does_not_reproduce(without_records):
     assert ("Sect. 11.4.1", "rho1 of random signals") in wrong
     assert ("Table 11.3", "self-regulating, P, stick-slip") in wrong
     assert sum(place == "Example 11.3" for place, _ in wrong) == 2
-    assert ("Sects. 11.7, 11.9", "sticky loops of Fig. 11.9 that the bicoherence calls nonlinear") in wrong
+    assert (
+        "Sects. 11.7, 11.9",
+        "sticky loops of Fig. 11.9 that the bicoherence calls nonlinear",
+    ) in wrong
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent")
+@pytest.mark.skipif(
+    not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent"
+)
 def test_real_loops_reproduce_what_is_known_to_reproduce():
     from results.studies.chapter import methods
 
@@ -93,7 +117,11 @@ def test_the_gallery_shows_every_figure_or_says_what_it_needs(tmp_path):
 def test_every_link_of_the_committed_gallery_hits():
     text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     shown = set(re.findall(r"^## `(.*)`$", text, flags=re.M))
-    assert {name for name in figure_ids() if name.startswith(("fig-11", "table-11"))} <= shown <= set(figure_ids())
+    assert (
+        {name for name in figure_ids() if name.startswith(("fig-11", "table-11"))}
+        <= shown
+        <= set(figure_ids())
+    )
     links = re.findall(r"\]\(([^)]+)\)", text)
     assert sum(link.endswith(".svg") for link in links) > 20
     for link in links:

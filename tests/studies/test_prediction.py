@@ -17,19 +17,38 @@ def test_records_are_mixed_as_stated():
 def test_the_true_loop_runs_under_the_settings_that_are_predicted(world):
     item = WORLDS.load(world).draw(5, 0, {"kind": "none", "mv": False})
     tried = changes(item)
-    assert float(tried["Kc / 2"][0]["controller.Kc"]) == pytest.approx(0.5 * item.baseline["controller"]["Kc"])
+    assert float(tried["Kc / 2"][0]["controller.Kc"]) == pytest.approx(
+        0.5 * item.baseline["controller"]["Kc"]
+    )
     as_it_was, softer = (truth(item, world, ratio, 0.0) for ratio in (1.0, 0.5))
     # the same loop again, but for its load; a softer controller moves OP less
     assert 0.3 < np.median([m["pv_std"] for m in as_it_was]) / np.std(item.columns["pv"]) < 3.0
-    assert np.mean([m["op_travel_per_hour"] for m in softer]) < np.mean([m["op_travel_per_hour"] for m in as_it_was])
+    assert np.mean([m["op_travel_per_hour"] for m in softer]) < np.mean(
+        [m["op_travel_per_hour"] for m in as_it_was]
+    )
 
 
 def row(value, period, fresh_period, valid=True):
     interval = {"value": value, "lo": 0.9 * value, "hi": 1.1 * value}
     cycle = None if period is None else {"value": period, "lo": 0.9 * period, "hi": 1.1 * period}
-    fresh = [{"pv_std": 1.0, "op_std": 1.0, "op_travel_per_hour": 1.0, "period_s": fresh_period}] * 4
-    said = {"pv_std": interval, "op_std": interval, "op_travel_per_hour": interval, "period_s": cycle}
-    return {"world": "own", "kind": "none", "change": "Kc / 2", "valid": valid, "reason": "", **said, "truth": fresh}
+    fresh = [
+        {"pv_std": 1.0, "op_std": 1.0, "op_travel_per_hour": 1.0, "period_s": fresh_period}
+    ] * 4
+    said = {
+        "pv_std": interval,
+        "op_std": interval,
+        "op_travel_per_hour": interval,
+        "period_s": cycle,
+    }
+    return {
+        "world": "own",
+        "kind": "none",
+        "change": "Kc / 2",
+        "valid": valid,
+        "reason": "",
+        **said,
+        "truth": fresh,
+    }
 
 
 def test_an_answer_is_right_where_both_numbers_are_near_or_nothing_oscillates():
@@ -42,5 +61,7 @@ def test_an_answer_is_right_where_both_numbers_are_near_or_nothing_oscillates():
 
 
 def test_only_valid_answers_are_judged():
-    rows = pd.DataFrame([judged(row(1.0, None, np.nan)), judged(row(2.0, None, np.nan, valid=False))])
+    rows = pd.DataFrame(
+        [judged(row(1.0, None, np.nan)), judged(row(2.0, None, np.nan, valid=False))]
+    )
     assert table(rows).splitlines()[2].split()[:4] == ["all", "2", "0.50", "1.00"]

@@ -19,7 +19,9 @@ def test_indices_are_collected_for_both_kinds_of_process():
 def test_weights_point_the_way_the_indices_do():
     rng = np.random.default_rng(0)
     y = rng.random(400) < 0.3
-    x = np.column_stack([rng.standard_normal(400) + y, rng.standard_normal(400), rng.standard_normal(400) - 2 * y])
+    x = np.column_stack(
+        [rng.standard_normal(400) + y, rng.standard_normal(400), rng.standard_normal(400) - 2 * y]
+    )
     bias, weights = fit(x, y)
     assert weights[0] > 0.5
     assert abs(weights[1]) < 0.4

@@ -14,12 +14,19 @@ def test_every_method_can_be_asked_as_published(name):
     ours, source = methods.load(name).METHOD, methods.load(f"{name}@published").METHOD
     assert source.defaults() == {**ours.defaults(), **ours.published}
     assert set(ours.published) <= set(ours.thresholds)
-    assert all(ours.thresholds[key].source.startswith("own") for key in ours.published), "only rules of our own"
+    assert all(ours.thresholds[key].source.startswith("own") for key in ours.published), (
+        "only rules of our own"
+    )
 
 
 def test_a_method_as_published_is_the_method_with_the_sources_numbers():
     t = np.arange(3000) / 10
-    record = LoopRecord(np.sin(t) + 0.2 * np.sin(2 * t), -np.sign(np.sin(t - 0.5)) * 1.0, 1.0, process="self-regulating")
+    record = LoopRecord(
+        np.sin(t) + 0.2 * np.sin(2 * t),
+        -np.sign(np.sin(t - 0.5)) * 1.0,
+        1.0,
+        process="self-regulating",
+    )
     for name in (n for n in methods.names() if methods.load(n).METHOD.published):
         asked = judge(record, [f"{name}@published"])[0]
         told = judge(record, [name], thresholds={name: methods.load(name).METHOD.published})[0]

@@ -29,7 +29,13 @@ from simbench.loop.simulate import simulate
 
 COUNT, HALVES = 40, 4
 SELF_REGULATING = ("horch", "singhal_salsbury")
-INDEX = {"horch": "dtau", "yamashita": "rho3", "he": "eta", "rossi_scali": "eta_rossi", "singhal_salsbury": "r_area"}
+INDEX = {
+    "horch": "dtau",
+    "yamashita": "rho3",
+    "he": "eta",
+    "rossi_scali": "eta_rossi",
+    "singhal_salsbury": "r_area",
+}
 CLOSE = {"he": 0.15, "rossi_scali": 0.3}  # of the index as the paper has it, on its own samples
 BOUNDS = {"he": (0.4, 0.6), "rossi_scali": (-0.21, 0.21)}
 
@@ -90,17 +96,23 @@ def test_verdict_is_that_of_the_paper_unless_the_index_is_next_to_a_bound(record
     assert np.median([abs(index - its) for _, index, _, its in found]) < 0.03
     for verdict, index, its_verdict, its_index in found:
         assert index == pytest.approx(its_index, abs=CLOSE[name])
-        assert verdict == its_verdict or any(min(index, its_index) <= b <= max(index, its_index) for b in BOUNDS[name])
+        assert verdict == its_verdict or any(
+            min(index, its_index) <= b <= max(index, its_index) for b in BOUNDS[name]
+        )
     same_points = list(answers(records, name, HALF_CYCLE_POINTS))
     for verdict, index, its_verdict, its_index in same_points:
         assert index == pytest.approx(its_index, abs=0.01)
-        assert verdict == its_verdict or any(min(index, its_index) <= b <= max(index, its_index) for b in BOUNDS[name])
+        assert verdict == its_verdict or any(
+            min(index, its_index) <= b <= max(index, its_index) for b in BOUNDS[name]
+        )
 
 
 def test_area_ratio_is_that_of_the_paper_unless_one_half_cycle_decides(records):
     found = list(answers(records, "singhal_salsbury"))
     assert len(found) > 15
-    usual = [(v, R, other, its) for v, R, other, its in found if max(R, its) < 10.0]  # else one quotient of noise is the mean
+    usual = [
+        (v, R, other, its) for v, R, other, its in found if max(R, its) < 10.0
+    ]  # else one quotient of noise is the mean
     assert len(usual) >= 0.8 * len(found)
     assert np.median([abs(R - its) / its for _, R, _, its in usual]) < 0.1
     for verdict, R, other, its in usual:

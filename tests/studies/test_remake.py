@@ -17,11 +17,19 @@ TABLE = remake.listed((ROOT / "results" / "README.md").read_text(encoding="utf-8
 
 
 def test_every_kept_file_has_a_row():
-    kept = subprocess.run(["git", "ls-files", "results"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
-    results = [k.removeprefix("results/") for k in kept if not k.startswith("results/studies/") and not k.endswith("README.md")]
+    kept = subprocess.run(
+        ["git", "ls-files", "results"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    results = [
+        k.removeprefix("results/")
+        for k in kept
+        if not k.startswith("results/studies/") and not k.endswith("README.md")
+    ]
     rows = [name for name in TABLE if name.endswith("/")]
     assert len(results) > 50
-    assert [r for r in results if r not in TABLE and not any(r.startswith(folder) for folder in rows)] == []
+    assert [
+        r for r in results if r not in TABLE and not any(r.startswith(folder) for folder in rows)
+    ] == []
 
 
 @pytest.mark.parametrize("name", TABLE)

@@ -33,12 +33,18 @@ def test_the_client_tells_its_time_apart(tmp_path, capsys):
     assert all(seconds > 0 for seconds in told.values())
 
 
-def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(tmp_path, monkeypatch, capsys):
+def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
+    tmp_path, monkeypatch, capsys
+):
     """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took 2."""
     clock = iter([3.0, 4.0, 6.0, 10.0])
     monkeypatch.setattr(store_study.time, "process_time", lambda: next(clock))
     monkeypatch.setattr(store_study.pieces, "finish", lambda: None)
-    monkeypatch.setattr(store_study, "run_grid", lambda *_, resume=False, **__: store_study.pieces.finish() if resume else None)
+    monkeypatch.setattr(
+        store_study,
+        "run_grid",
+        lambda *_, resume=False, **__: store_study.pieces.finish() if resume else None,
+    )
     assert store_study._client(str(tmp_path), "smoke", "horch", "1", "") == 0
     assert json.loads(capsys.readouterr().out) == {"start": 3.0, "handing_out": 5.0, "scoring": 2.0}
 

@@ -66,13 +66,22 @@ def test_draws_are_even_in_what_they_promise(drawn):
 
     ratio = [loop.plant.Td / 10.0 for loop in drawn]
     assert even(np.log(ratio), np.log(0.05), np.log(2.0))
-    assert even(np.log([loop.plant.Td / loop.sampling.Ts for loop in drawn]), np.log(3.0), np.log(50.0))
+    assert even(
+        np.log([loop.plant.Td / loop.sampling.Ts for loop in drawn]), np.log(3.0), np.log(50.0)
+    )
     assert even([loop.valve.parameters["J"] / 5.0 for loop in drawn], 0.1, 1.5)
-    Ti = [loop.controller.Ti for loop in drawn if loop.plant.type == "foptd" and loop.controller.type == "PI"]
+    Ti = [
+        loop.controller.Ti
+        for loop in drawn
+        if loop.plant.type == "foptd" and loop.controller.type == "PI"
+    ]
     assert even(np.log(np.array(Ti) / 10.0), np.log(0.3), np.log(3.0))
     tuned = [loop for loop in drawn if verify.ultimate_gain(sampled_loop(loop)) is not None]
     assert even([1.0 / verify.ultimate_gain(sampled_loop(loop)) for loop in tuned], 0.1, 0.9)
-    for chosen in ([loop.plant.type == "foptd" for loop in drawn], [loop.controller.type == "P" for loop in drawn]):
+    for chosen in (
+        [loop.plant.type == "foptd" for loop in drawn],
+        [loop.controller.type == "P" for loop in drawn],
+    ):
         assert 0.4 < np.mean(chosen) < 0.6
 
 
@@ -82,7 +91,12 @@ def test_the_starts_are_multiples_of_the_break_away(drawn):
         ways = list(verify.starts(loop))
         assert [round(more["kick"] / fs, 9) for _, more in ways if more] == [1.05, 1.6, 3.0]
         loads = [moved.disturbance[0] for moved, _ in ways if moved.disturbance]
-        assert [round(load.parameters["amplitude"] / fs, 9) for load in loads] == [0.5, 1.0, 1.5, 3.0]
+        assert [round(load.parameters["amplitude"] / fs, 9) for load in loads] == [
+            0.5,
+            1.0,
+            1.5,
+            3.0,
+        ]
         assert {load.parameters["at"] for load in loads} == {"input"}
         steps = [moved.setpoint.steps[0] for moved, _ in ways if moved.setpoint.steps]
         up = [(to - loop.setpoint.value) * loop.controller.Kc / fs for _, to in steps]
@@ -103,14 +117,18 @@ def test_a_simulated_cycle_is_measured_where_it_repeats(drawn):
         lag = round(found[0] / record.Ts)
         near = range(max(int(0.8 * lag), 1), int(1.2 * lag) + 2)
         likeness = [op[k:] @ op[:-k] / (op.size - k) for k in near]
-        assert near[int(np.argmax(likeness))] == pytest.approx(found[0] / record.Ts, rel=0.02, abs=1.0)
+        assert near[int(np.argmax(likeness))] == pytest.approx(
+            found[0] / record.Ts, rel=0.02, abs=1.0
+        )
         assert np.ptp(op) / 2 == pytest.approx(found[1], rel=0.15)
     assert measured >= 4
     assert verify.simulated_cycle(drawn[0]) is None  # from rest, nothing moves
 
 
 def test_errors_are_told_in_percent():
-    told = str(verify.Errors(np.array([[1, 2], [3, 44]]), np.array([0.01, 0.02, 0.03]), np.array([])))
+    told = str(
+        verify.Errors(np.array([[1, 2], [3, 44]]), np.array([0.01, 0.02, 0.03]), np.array([]))
+    )
     assert told.splitlines() == [
         "                 no cycle  cycles (simulated)",
         "predicted no            1       2",

@@ -34,14 +34,20 @@ def home(seed: int, quality: dict[str, float] = QUALITY, n: int = 120) -> Home:
         said = {m: int(sticky) if rng.random() < q else -1 for m, q in quality.items()}
         shape = np.sign(np.sin(np.arange(LENGTH) / 5)) if sticky else np.sin(np.arange(LENGTH) / 5)
         noise = rng.normal(0, 0.2, (2, LENGTH))
-        about = {"features": [sticky + rng.normal(0, 0.1), rng.normal()], "trace": (shape + noise).tolist()}
+        about = {
+            "features": [sticky + rng.normal(0, 0.1), rng.normal()],
+            "trace": (shape + noise).tolist(),
+        }
         rows.append({"sticky": sticky, "group": k, "said": said, **about})
     return Home(rows)
 
 
 def test_the_same_order_correlates_and_the_reverse_does_not():
     same, turned = home(1), home(2, dict(zip(QUALITY, reversed(QUALITY.values()), strict=True)))
-    found = {(r["first"], r["second"]): r for r in order({"a": home(0), "b": same, "c": turned}, list(QUALITY))}
+    found = {
+        (r["first"], r["second"]): r
+        for r in order({"a": home(0), "b": same, "c": turned}, list(QUALITY))
+    }
     assert found["a", "b"]["spearman"] == pytest.approx(1.0)
     assert found["a", "c"]["spearman"] == pytest.approx(-1.0)
     assert found["a", "b"]["lo"] > 0.5
@@ -103,8 +109,12 @@ def test_twice_the_loops_agree_as_spearman_and_brown_say():
 
     halves = np.mean([np.corrcoef(measured(50), measured(50))[0, 1] for _ in range(200)])
     whole, loops = reliability(float(halves), 100)
-    assert whole == pytest.approx(np.mean([np.corrcoef(measured(100), measured(100))[0, 1] for _ in range(200)]), abs=0.02)
-    assert 0.9 == pytest.approx(np.mean([np.corrcoef(measured(loops), measured(loops))[0, 1] for _ in range(200)]), abs=0.02)
+    assert whole == pytest.approx(
+        np.mean([np.corrcoef(measured(100), measured(100))[0, 1] for _ in range(200)]), abs=0.02
+    )
+    assert 0.9 == pytest.approx(
+        np.mean([np.corrcoef(measured(loops), measured(loops))[0, 1] for _ in range(200)]), abs=0.02
+    )
     assert np.isnan(reliability(-0.1, 100)).all()
     lines = agreement(list(order({"a": home(0), "b": home(1)}, list(QUALITY))))
     assert sum(line.startswith(("a ", "b ")) for line in lines) == 3
@@ -117,7 +127,12 @@ def test_slow_methods_are_asked_about_the_first_loops_alone(tmp_path, monkeypatc
 
     def answer(name, number, names):
         asked.append((name, number, tuple(names)))
-        about = {"sticky": number % 2 == 1, "group": number, "features": [0.0], "trace": np.zeros((2, LENGTH)).tolist()}
+        about = {
+            "sticky": number % 2 == 1,
+            "group": number,
+            "features": [0.0],
+            "trace": np.zeros((2, LENGTH)).tolist(),
+        }
         return {**about, "said": dict.fromkeys(names, number % 2)}
 
     monkeypatch.setattr(transfer, "asked", answer)

@@ -9,15 +9,21 @@ from detectors.compiled import compiled
 _ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
 
 
-def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
+def fit_plant(
+    x: np.ndarray, y: np.ndarray, delays: range
+) -> tuple[float, float, float, int, float]:
     """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best delay of several."""
     found = np.empty(5)
-    if compiled(_plant)(np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found):
+    if compiled(_plant)(
+        np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found
+    ):
         return (*found[:3].tolist(), int(found[3]), float(found[4]))
     return fit_plant_by_columns(x, y, delays)
 
 
-def fit_plant_by_columns(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
+def fit_plant_by_columns(
+    x: np.ndarray, y: np.ndarray, delays: range
+) -> tuple[float, float, float, int, float]:
     """Do the same by stacked columns: slow, but also for a valve that hardly moves, whose column is nearly that of the ones."""
     first = delays[-1] + 1
     best = (0.0, 0.0, 0.0, 0, np.inf)

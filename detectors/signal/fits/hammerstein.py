@@ -10,24 +10,43 @@ import numpy as np
 
 from detectors.compiled import compiled
 from detectors.signal.conditioning import median
-from detectors.signal.fits.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
+from detectors.signal.fits.hammerstein_kernels import (
+    MOVING_UP,
+    VALVES_SIDE_BY_SIDE,
+    descend,
+    errors,
+)
 from detectors.signal.oscillation import detrend
 
 _SAMPLES = 50  # per period at least, of valve position and PV after averaging
 # Periods and averaged samples looked at: the search wants few, since one missed jump spoils all that follow; the end, many.
 SHORT, _FULL = (8, 360), (24, 700)
-_TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])  # time constants tried, in periods; an integrator besides
-_S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])  # of the swing of OP
+_TIMES = np.array(
+    [0.01, 0.04, 0.1, 0.25, 0.7]
+)  # time constants tried, in periods; an integrator besides
+_S_SHARES = np.concatenate(
+    [np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)]
+)  # of the swing of OP
 _J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
 S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
 _J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
 _J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
-_LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
-_PASSES, _TOP, _AGAIN = 2, 4, 128  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
-_MAPS = np.array([[0.0], [1.0]])  # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
+_LEAST_ERROR_SHARE = (
+    2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
+)
+_PASSES, _TOP, _AGAIN = (
+    2,
+    4,
+    128,
+)  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
+_MAPS = np.array(
+    [[0.0], [1.0]]
+)  # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
 _ROWS = np.arange(2)[:, None]
 _REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
-_AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
+_AROUND = np.array(
+    [1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0]
+)  # times the inverse of a time constant
 
 
 @dataclass(frozen=True)
@@ -36,7 +55,9 @@ class _Hammerstein:
 
     S: float  # of the best model, in the unit of OP
     J: float
-    error: float  # mean squared, over the variance of PV, drift left out; then the same with S = J = 0
+    error: (
+        float  # mean squared, over the variance of PV, drift left out; then the same with S = J = 0
+    )
     error_linear: float
     sign: float  # of the plant's gain, +1 or -1
     T_s: float  # s; inf = integrating
@@ -68,11 +89,18 @@ class _Search:
     """One record made ready, and the kernels with its arguments filled in."""
 
     def __init__(
-        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int]
+        self,
+        op: np.ndarray,
+        pv: np.ndarray,
+        period: float,
+        limits: tuple[float, float],
+        reach: tuple[int, int],
     ) -> None:
         self.q = q = max(1, int(period / _SAMPLES))
         self.period = period / q
-        start, stop = strongest_segment(op, period, min(op.size, int(reach[0] * period), reach[1] * q))
+        start, stop = strongest_segment(
+            op, period, min(op.size, int(reach[0] * period), reach[1] * q)
+        )
         # from the highest OP of the first cycle on: there a cycling valve has just been moving up
         start += int(np.argmax(op[start : start + max(min(round(period), (stop - start) // 4), 1)]))
         n = (stop - start) // q
@@ -88,13 +116,24 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
-        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits))
+        self.common = (
+            self.op,
+            y - moving_mean(y, half),
+            q,
+            half,
+            first,
+            n - half,
+            self.sign,
+            *map(float, limits),
+        )
 
     def poles(self, times: np.ndarray) -> np.ndarray:
         """Poles of time constants given in periods."""
         return np.exp(-1.0 / np.maximum(times * self.period, 1e-3))
 
-    def scan(self, stops, S, J, start, pole, low, count, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    def scan(
+        self, stops, S, J, start, pole, low, count, stride: int = 1
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return error and delay index of every valve with its pole, best of delays low, low + stride ...; arrays broadcast."""
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
@@ -106,7 +145,9 @@ class _Search:
         out = np.empty((size, 2))
         first, counts = self.delays[0] + windows[0].reshape(size), windows[1].reshape(size)
         compiled(errors)(*self.common, *valves.reshape(5, size), first, counts, stride, out)
-        return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(np.int64) * stride
+        return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(
+            np.int64
+        ) * stride
 
     def window(self, d: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
         """Return first index and number of the delays within `reach` of those with index `d`."""
@@ -126,14 +167,28 @@ class _Search:
         steps[:, 1] = np.where(np.full(shape, fixed_J).ravel(), 0.0, steps[:, 0])
         steps[:, 2] = np.where(finite, 2.0 * wide, 0.0)
         low, count = self.window(ends.d.ravel(), reach)
-        maps, start, share = (np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width)))
-        compiled(descend)(*self.common, maps, points, start, self.delays[low], count, steps, share, error)
+        maps, start, share = (
+            np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width))
+        )
+        compiled(descend)(
+            *self.common, maps, points, start, self.delays[low], count, steps, share, error
+        )
         S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
-        return ends._replace(**{k: x.reshape(shape) for k, x in (("error", error), ("S", S), ("J", J), ("pole", pole))})
+        return ends._replace(
+            **{
+                k: x.reshape(shape)
+                for k, x in (("error", error), ("S", S), ("J", J), ("pole", pole))
+            }
+        )
 
 
 def fit_hammerstein(
-    op: np.ndarray, pv: np.ndarray, period: float, integrating: bool = False, limits=(0.0, 100.0), Ts: float = 1.0
+    op: np.ndarray,
+    pv: np.ndarray,
+    period: float,
+    integrating: bool = False,
+    limits=(0.0, 100.0),
+    Ts: float = 1.0,
 ) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV.
 
@@ -175,7 +230,9 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
         low, count = short.window(best.d, 1)
         # one map at a time: valves that share a window of delays stand side by side
         rows = zip(_MAPS, S, J, best.pole, low, count, strict=True)
-        tried = np.array([short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows])
+        tried = np.array(
+            [short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows]
+        )
         found = _distinct(tried, S, J, 4)
         pole, d = np.repeat(best.pole, 4, axis=1), np.repeat(best.d, 4, axis=1)
         more = _Ends.at(tried[_ROWS, found], S[_ROWS, found], J[_ROWS, found], pole, d)
@@ -213,12 +270,19 @@ class _Ends(NamedTuple):
 
     def better(self, other: _Ends) -> _Ends:
         """The better of every pair of candidates."""
-        return _Ends(*(np.where(other.error < self.error, new, old) for old, new in zip(self, other, strict=True)))
+        return _Ends(
+            *(
+                np.where(other.error < self.error, new, old)
+                for old, new in zip(self, other, strict=True)
+            )
+        )
 
 
 def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """S and J of every combination, a row for each map."""
-    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile((S[:, None] * shares).ravel(), (2, 1))
+    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(
+        (S[:, None] * shares).ravel(), (2, 1)
+    )
 
 
 def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
@@ -228,7 +292,9 @@ def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> n
     for i in range(count):
         k = left.argmin(axis=1, keepdims=True)
         kept[:, i] = k[:, 0]
-        left[(np.abs(size - size[_ROWS, k]) <= 0.1) & (np.abs(share - share[_ROWS, k]) <= 0.4)] = np.inf
+        left[(np.abs(size - size[_ROWS, k]) <= 0.1) & (np.abs(share - share[_ROWS, k]) <= 0.4)] = (
+            np.inf
+        )
     return kept
 
 
@@ -238,17 +304,30 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     if not integrating:
         fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)
         fine[..., 0] = ends.pole
-    error, d = search.scan(_MAPS[:, None], *(x[..., None] for x in (ends.S, ends.J, ends.start)), fine, 0, search.delays.size)
+    error, d = search.scan(
+        _MAPS[:, None],
+        *(x[..., None] for x in (ends.S, ends.J, ends.start)),
+        fine,
+        0,
+        search.delays.size,
+    )
     column, k = np.arange(ends.d.shape[1]), error.argmin(axis=2)
-    return ends._replace(error=error[_ROWS, column, k], pole=fine[_ROWS, column, k], d=d[_ROWS, column, k])
+    return ends._replace(
+        error=error[_ROWS, column, k], pole=fine[_ROWS, column, k], d=d[_ROWS, column, k]
+    )
 
 
 def _restarted(
-    search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS), reach: int = 1
+    search: _Search,
+    ends: _Ends,
+    starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS),
+    reach: int = 1,
 ) -> _Ends:
     """The candidates with those start states that suit this stretch best."""
     column = np.arange(ends.d.shape[1])
-    tried = np.resize(starts, (column.size, VALVES_SIDE_BY_SIDE))  # a whole group shares its window of delays
+    tried = np.resize(
+        starts, (column.size, VALVES_SIDE_BY_SIDE)
+    )  # a whole group shares its window of delays
     low, count = search.window(ends.d, reach)
     S, J, pole, low, count = (x[..., None] for x in (ends.S, ends.J, ends.pole, low, count))
     error, _ = search.scan(_MAPS[:, None], S, J, tried, pole, low, count)
@@ -271,11 +350,19 @@ def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.nd
     ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
     ends.J[:, 1:] = np.array(_J_PROFILE) * ends.S[:, 1:]
     fixed = np.arange(ends.d.shape[1]) > 0
-    tried = search.descend(ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed)
+    tried = search.descend(
+        ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed
+    )
     # every half cycle counts as one independent piece of evidence
-    least = tried.error.min(axis=1, keepdims=True) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + _LEAST_ERROR_SHARE
+    least = (
+        tried.error.min(axis=1, keepdims=True) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0))
+        + _LEAST_ERROR_SHARE
+    )
     inside = tried.error <= least
-    S, J, inside = (np.concatenate(x, axis=1) for x in ((tried.S, best.S), (tried.J, best.J), (inside, inside[:, :1])))
+    S, J, inside = (
+        np.concatenate(x, axis=1)
+        for x in ((tried.S, best.S), (tried.J, best.J), (inside, inside[:, :1]))
+    )
     return S, J, inside
 
 

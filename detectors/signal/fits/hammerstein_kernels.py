@@ -14,8 +14,13 @@ from detectors.compiled import LANES, lanes, rows
 
 _MOST_ROUNDS = 60  # of the pattern search
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
-MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
-VALVES_SIDE_BY_SIDE = 8  # valves that share a window of delays: the trials of one point of `descend`
+MOVING_UP, MOVING_DOWN = (
+    2.0,
+    -2.0,
+)  # start of a valve that has just been moving; else a rest position
+VALVES_SIDE_BY_SIDE = (
+    8  # valves that share a window of delays: the trials of one point of `descend`
+)
 
 
 def state_before(u, S, J, start, lo, hi):
@@ -28,7 +33,9 @@ def state_before(u, S, J, start, lo, hi):
     return (u - start * 0.5 * (S + J), 0.0, 0.0, u)
 
 
-def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out):
+def errors(
+    op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out
+):
     """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them.
 
     The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
@@ -54,7 +61,15 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
     The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
     valve, 0 for one at rest.
     """
-    position, m, fs, fd, mean, run, halts = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    position, m, fs, fd, mean, run, halts = (
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+    )
     before = base = min(max(op[0], lo), hi)
     for c in range(LANES):
         i = min(block + c, S.size - 1)
@@ -72,8 +87,14 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
             side = 1.0 if u > before else -1.0 if u < before else 0.0
             before = u
             for c in range(LANES):
-                breaks = 1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
-                m[c] = m[c] if m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0)) else breaks
+                breaks = (
+                    1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
+                )
+                m[c] = (
+                    m[c]
+                    if m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0))
+                    else breaks
+                )
                 above, below = min(max(u - fd[c], lo), hi), min(max(u + fd[c], lo), hi)
                 position[c] = above if m[c] > 0.0 else below if m[c] < 0.0 else position[c]
                 mean[c] += position[c]
@@ -120,7 +141,16 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
         sy += y[j]
         syy += y[j] * y[j]
     syy -= sy * sy / m
-    best, at, wanted, sx, sxx, sxz, sxy, szy = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    best, at, wanted, sx, sxx, sxz, sxy, szy = (
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+    )
     most = 0
     for c in range(LANES):
         best[c] = 1.0
@@ -186,7 +216,12 @@ def product(y, first, m, top, x, sxy):
     for j in range(0, whole, 4):
         row, next_row = np.uintp((top + j) * LANES), np.uintp((top + j + 1) * LANES)
         third_row, last_row = np.uintp((top + j + 2) * LANES), np.uintp((top + j + 3) * LANES)
-        t, next_t, third_t, last_t = y[first + j], y[first + j + 1], y[first + j + 2], y[first + j + 3]
+        t, next_t, third_t, last_t = (
+            y[first + j],
+            y[first + j + 1],
+            y[first + j + 2],
+            y[first + j + 3],
+        )
         for c in range(LANES):
             i = np.uintp(c)
             now = sxy[c] + x[row + i] * t + x[next_row + i] * next_t
@@ -197,7 +232,25 @@ def product(y, first, m, top, x, sxy):
             sxy[c] += x[row + np.uintp(c)] * t
 
 
-def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, delay, count, steps, least, error):
+def descend(
+    op,
+    y,
+    q,
+    half,
+    first,
+    last,
+    sign,
+    lo,
+    hi,
+    stops,
+    points,
+    start,
+    delay,
+    count,
+    steps,
+    least,
+    error,
+):
     """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates.
 
     Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together and log rate, the whole move
@@ -209,7 +262,9 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
     search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
     for p in range(m):
         search[p, _AT], search[p, _WIDTH] = _FIRST, 1.0
-        search[p, _BASE : _BASE + 3] = search[p, _BEST : _BEST + 3] = search[p, _TRIAL : _TRIAL + 3] = points[p]
+        search[p, _BASE : _BASE + 3] = search[p, _BEST : _BEST + 3] = search[
+            p, _TRIAL : _TRIAL + 3
+        ] = points[p]
     room = max(m * VALVES_SIDE_BY_SIDE, LANES)
     S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
     maps, starts = np.empty(room), np.empty(room)
@@ -222,7 +277,11 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
             p = active[g]
             ahead[:] = search[p]
             for t in range(g * each, (g + 1) * each):
-                S[t], J[t], pole[t] = ahead[_TRIAL], ahead[_TRIAL + 1], np.exp(-np.exp(ahead[_TRIAL + 2]))
+                S[t], J[t], pole[t] = (
+                    ahead[_TRIAL],
+                    ahead[_TRIAL + 1],
+                    np.exp(-np.exp(ahead[_TRIAL + 2])),
+                )
                 maps[t], starts[t], delays[t], counts[t] = stops[p], start[p], delay[p], count[p]
                 _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each

@@ -23,7 +23,10 @@ FURTHER = {
 def public() -> dict[str, tuple[str, ...]]:
     """Return the public names by package."""
     modules = {name: importlib.import_module(name) for name in PACKAGES}
-    return {name: tuple(n for n in sorted(m.__all__) if not _is_module(m, n)) for name, m in modules.items()} | FURTHER
+    return {
+        name: tuple(n for n in sorted(m.__all__) if not _is_module(m, n))
+        for name, m in modules.items()
+    } | FURTHER
 
 
 def api_pages() -> dict[str, str]:
@@ -34,21 +37,38 @@ def api_pages() -> dict[str, str]:
         rows = []
         for name in names:
             thing = getattr(importlib.import_module(package), name)
-            if inspect.ismodule(thing):  # a room that is called: its function of the same name answers
-                thing = inspect.unwrap(getattr(importlib.import_module("simbench.confirm.recorded"), name))
+            if inspect.ismodule(
+                thing
+            ):  # a room that is called: its function of the same name answers
+                thing = inspect.unwrap(
+                    getattr(importlib.import_module("simbench.confirm.recorded"), name)
+                )
             full = f"{package}.{name}"
             first = seen.setdefault(id(thing), full)
             if first == full:
                 pages[f"api/{full}"] = _page(package, name, thing)
-            rows.append((f":doc:`{name} <api/{first}>`", plain((inspect.getdoc(thing) or "").split("\n\n")[0])))
+            rows.append(
+                (
+                    f":doc:`{name} <api/{first}>`",
+                    plain((inspect.getdoc(thing) or "").split("\n\n")[0]),
+                )
+            )
         lines += [*heading(f"import {package}", "-"), *table(("name", "what it is"), rows, "25 75")]
-    hidden = [*heading("All pages", "-"), ".. toctree::", "   :maxdepth: 1", "", *(f"   {page}" for page in pages)]
+    hidden = [
+        *heading("All pages", "-"),
+        ".. toctree::",
+        "   :maxdepth: 1",
+        "",
+        *(f"   {page}" for page in pages),
+    ]
     return {"api": "\n".join([*lines, *hidden, ""]), **pages}
 
 
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
-    home = thing.__module__ if name == "confirm" else package  # the package of that name stands before it
+    home = (
+        thing.__module__ if name == "confirm" else package
+    )  # the package of that name stands before it
     lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])
 

@@ -21,20 +21,29 @@ FLOW = (
     ("results", "what a command\nprinted"),
 )
 ALONE = (("scenarios", "what to try"), ("detectors", "usable alone with records"))
-COLOUR = {"scenarios": "#F6E7C1", "simbench": "#D6E6F2", "detectors": "#F5D9C8", "results": "#E4E4E4"}
+COLOUR = {
+    "scenarios": "#F6E7C1",
+    "simbench": "#D6E6F2",
+    "detectors": "#F5D9C8",
+    "results": "#E4E4E4",
+}
 WIDE, ROW = 8.6, 0.42
 
 
 def layers() -> list[list[str]]:
     """Return the rooms of simbench, the uppermost first; those in one list do not know each other."""
-    contracts = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     (rule,) = (c for c in contracts if c["type"] == "layers" and c["containers"] == ["simbench"])
     return [[room.strip() for room in layer.split("|")] for layer in rule["layers"]]
 
 
 def question(room: str) -> str:
     """Return the first sentence of a room's own docstring."""
-    text = " ".join((importlib.import_module(f"simbench.{room}").__doc__ or "").split("\n\n")[0].split())
+    text = " ".join(
+        (importlib.import_module(f"simbench.{room}").__doc__ or "").split("\n\n")[0].split()
+    )
     return textwrap.fill(text.partition(". ")[0].rstrip("."), 100)
 
 
@@ -49,12 +58,24 @@ def draw() -> Figure:
         axes.set_axis_off()
         _flow(axes, height - 1.25)
         y = height - 1.95
-        axes.text(0.1, y + 0.12, "Rooms of simbench: each may use those below it, none above it", weight="bold")
+        axes.text(
+            0.1,
+            y + 0.12,
+            "Rooms of simbench: each may use those below it, none above it",
+            weight="bold",
+        )
         for room in rooms:
             y -= ROW
             _box(axes, (0.1, y, WIDE - 0.2, ROW - 0.06), COLOUR["simbench"])
             axes.text(0.25, y + 0.5 * (ROW - 0.06), room, va="center", weight="bold")
-            axes.text(1.3, y + 0.5 * (ROW - 0.06), question(room), va="center", fontsize=8, linespacing=1.1)
+            axes.text(
+                1.3,
+                y + 0.5 * (ROW - 0.06),
+                question(room),
+                va="center",
+                fontsize=8,
+                linespacing=1.1,
+            )
         y -= 0.62
         for k, (name, says) in enumerate(ALONE):
             left = 0.1 + k * (WIDE - 0.1) / 2
@@ -79,7 +100,11 @@ def _flow(axes: Axes, y: float) -> None:
 def _box(axes: Axes, place: tuple[float, float, float, float], colour: str) -> None:
     x, y, wide, high = place
     style = "round,pad=0,rounding_size=0.05"
-    axes.add_patch(FancyBboxPatch((x, y), wide, high, style, facecolor=colour, edgecolor="#444444", linewidth=0.8))
+    axes.add_patch(
+        FancyBboxPatch(
+            (x, y), wide, high, style, facecolor=colour, edgecolor="#444444", linewidth=0.8
+        )
+    )
 
 
 def write(path: Path) -> None:

@@ -29,6 +29,11 @@ def verbs() -> list[list[str]]:
         inside = getattr(command, "commands", None)
         if inside is None:
             return [words]
-        return [found for name, one in inside.items() if not one.hidden for found in below(one, [*words, name])]
+        return [
+            found
+            for name, one in inside.items()
+            if not one.hidden
+            for found in below(one, [*words, name])
+        ]
 
     return below(get_command(app), [])

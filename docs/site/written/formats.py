@@ -26,23 +26,42 @@ EXAMPLE = Path(__file__).parents[2] / "example" / "loop.toml"
 
 def loop_page() -> str:
     """Return the page on loop files: sections, then what may be said of each valve, load and effect."""
-    says = "TOML; unknown keys are refused with the nearest known one. Times are in s, OP and MV in %."
+    says = (
+        "TOML; unknown keys are refused with the nearest known one. Times are in s, OP and MV in %."
+    )
     lines = [*heading("Loop file"), says, ""]
-    lines += [".. code-block:: toml", "", *(f"   {line}" for line in EXAMPLE.read_text(encoding="utf-8").splitlines()), ""]
+    lines += [
+        ".. code-block:: toml",
+        "",
+        *(f"   {line}" for line in EXAMPLE.read_text(encoding="utf-8").splitlines()),
+        "",
+    ]
     for name, field in spec.Loop.model_fields.items():
         for model in (field.annotation, *typing.get_args(field.annotation)):
             if isinstance(model, type) and issubclass(model, BaseModel) and model is not spec.Part:
                 lines += _section(f"[{name}]", model)
     for title, key, parts in (
         ("Further plants", "type", {n: PLANT_PLUGINS.load(n) for n in PLANT_PLUGINS.names()}),
-        ("Further controllers", "type", {n: CONTROLLER_PLUGINS.load(n) for n in CONTROLLER_PLUGINS.names()}),
+        (
+            "Further controllers",
+            "type",
+            {n: CONTROLLER_PLUGINS.load(n) for n in CONTROLLER_PLUGINS.names()},
+        ),
         ("[valve]", "model", {n: VALVES.load(n) for n in VALVES.names()}),
         ("[[disturbance]]", "type", dict.fromkeys(LOADS)),
         ("[[effect]]", "name", {n: EFFECTS.load(n) for n in EFFECTS.names()}),
     ):
-        lines += [*heading(title, "-"), f"``{key}`` says which; the other keys are that one's parameters.", ""]
+        lines += [
+            *heading(title, "-"),
+            f"``{key}`` says which; the other keys are that one's parameters.",
+            "",
+        ]
         for part, module in parts.items():
-            lines += [*heading(part, "~"), plain((module.__doc__ or "").strip().split("\n\n")[0]) if module else "", ""]
+            lines += [
+                *heading(part, "~"),
+                plain((module.__doc__ or "").strip().split("\n\n")[0]) if module else "",
+                "",
+            ]
             lines += _parameters(LOADS[part] if module is None else module.PARAMETERS)
     return "\n".join(lines)
 
@@ -55,14 +74,30 @@ def grid_page() -> str:
         ("[[block]]", grid.Block), ("[[block.member]]", grid.Member),
     ):  # fmt: skip
         lines += _section(title, model)
-    lines += [*heading("Axes and drawn values", "-"), "Keys of ``[block.axes]``, ``[draw]`` and ``[block.draw]``:", ""]
+    lines += [
+        *heading("Axes and drawn values", "-"),
+        "Keys of ``[block.axes]``, ``[draw]`` and ``[block.draw]``:",
+        "",
+    ]
     limits = {
-        key: "{:g} to {:g}".format(*grid_check.SETTING_LIMITS[key]) if key in grid_check.SETTING_LIMITS else ""
+        key: "{:g} to {:g}".format(*grid_check.SETTING_LIMITS[key])
+        if key in grid_check.SETTING_LIMITS
+        else ""
         for key in cell.SETTINGS
     }
-    lines += table(("key", "what it is", "limits"), [(f"``{k}``", plain(says), limits[k]) for k, says in cell.SETTINGS.items()])
-    lines += [*heading("The smallest grid that comes with the package", "-"), ".. code-block:: toml", ""]
-    lines += [f"   {line}".rstrip() for line in (GRIDS / "smoke.toml").read_text(encoding="utf-8").splitlines()]
+    lines += table(
+        ("key", "what it is", "limits"),
+        [(f"``{k}``", plain(says), limits[k]) for k, says in cell.SETTINGS.items()],
+    )
+    lines += [
+        *heading("The smallest grid that comes with the package", "-"),
+        ".. code-block:: toml",
+        "",
+    ]
+    lines += [
+        f"   {line}".rstrip()
+        for line in (GRIDS / "smoke.toml").read_text(encoding="utf-8").splitlines()
+    ]
     return "\n".join([*lines, ""])
 
 
@@ -74,7 +109,13 @@ def _fields(model: type[BaseModel]) -> list[str]:
     rows = []
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
-        shown = "needed" if default is PydanticUndefined else "" if default in (None, (), {}, "") else f"``{default}``"
+        shown = (
+            "needed"
+            if default is PydanticUndefined
+            else ""
+            if default in (None, (), {}, "")
+            else f"``{default}``"
+        )
         rows.append((f"``{name}``", plain(allowed(field.annotation, tuple(field.metadata))), shown))
     return table(("key", "what is allowed", "default"), rows)
 
@@ -87,9 +128,15 @@ def allowed(kind: Any, limits: tuple = ()) -> str:
     if origin is typing.Literal:
         return " or ".join(f'"{word}"' for word in parts)
     if origin in (typing.Union, types.UnionType):
-        return " or ".join(dict.fromkeys(allowed(part, limits) for part in parts if part is not type(None)))
+        return " or ".join(
+            dict.fromkeys(allowed(part, limits) for part in parts if part is not type(None))
+        )
     if origin is tuple:
-        return f"list of {allowed(parts[0])}" if parts[-1] is Ellipsis else f"[{', '.join(allowed(p) for p in parts)}]"
+        return (
+            f"list of {allowed(parts[0])}"
+            if parts[-1] is Ellipsis
+            else f"[{', '.join(allowed(p) for p in parts)}]"
+        )
     if origin is dict:
         return f"table of {allowed(parts[1])}"
     if kind is Any:
@@ -97,7 +144,9 @@ def allowed(kind: Any, limits: tuple = ()) -> str:
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return f"table as below ({kind.__name__})"
     bounds = [_bound(limit) for limit in _flat(limits)]
-    return " ".join([WORD.get(kind, getattr(kind, "__name__", str(kind))), ", ".join(b for b in bounds if b)]).strip()
+    return " ".join(
+        [WORD.get(kind, getattr(kind, "__name__", str(kind))), ", ".join(b for b in bounds if b)]
+    ).strip()
 
 
 def _flat(limits: tuple) -> list[Any]:
@@ -118,11 +167,25 @@ def _parameters(rules: Mapping[str, Number | Choice]) -> list[str]:
     rows = []
     for name, rule in rules.items():
         if isinstance(rule, Choice):
-            rows.append((f"``{name}``", "", plain(" or ".join(rule.names)), rule.default or "needed", plain(rule.says)))
+            rows.append(
+                (
+                    f"``{name}``",
+                    "",
+                    plain(" or ".join(rule.names)),
+                    rule.default or "needed",
+                    plain(rule.says),
+                )
+            )
             continue
         least, most = (abs(x) < spec.LARGEST_NUMBER for x in (rule.low, rule.high))
         low = f"{'>' if rule.positive else '>='} {rule.low:g}" if least else ""
         limits = ", ".join(x for x in (low, f"<= {rule.high:g}" if most else "") if x)
-        default = "needed" if rule.default is None else "follows" if rule.default != rule.default else f"{rule.default:g}"
+        default = (
+            "needed"
+            if rule.default is None
+            else "follows"
+            if rule.default != rule.default
+            else f"{rule.default:g}"
+        )
         rows.append((f"``{name}``", plain(rule.unit), limits, default, plain(rule.says)))
     return table(("key", "unit", "limits", "default", "what it is"), rows)

@@ -32,7 +32,16 @@ def methods_page() -> str:
     said = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
     lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=said), ""]
     order = [*shares, *(name for name in methods.names() if name not in shares)]
-    head = ("method", "right", "cycling found", "healthy left alone", "real found", "real alarms", "made for", "looks for")
+    head = (
+        "method",
+        "right",
+        "cycling found",
+        "healthy left alone",
+        "real found",
+        "real alarms",
+        "made for",
+        "looks for",
+    )
     lines += table(head, [_row(name, shares, real) for name in order])
     lines += [
         "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both printed by commands of the"
@@ -40,26 +49,46 @@ def methods_page() -> str:
     ]  # fmt: skip
     for name in methods.names():
         lines += [f".. _method-{name}:", "", *heading(name, "-")]
-        found = re.split(rf"^({'|'.join(PARTS)}):", (methods.load(name).__doc__ or "").split("Example", 1)[0], flags=re.M)
-        lines += [plain(found[0]), "", *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2]))]
+        found = re.split(
+            rf"^({'|'.join(PARTS)}):",
+            (methods.load(name).__doc__ or "").split("Example", 1)[0],
+            flags=re.M,
+        )
+        lines += [
+            plain(found[0]),
+            "",
+            *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2])),
+        ]
         lines += [f":Own rules: {_own_rules(methods.load(name).METHOD)}", ""]
     return "\n".join(lines)
 
 
-def _row(name: str, shares: dict[str, dict[str, float]], real: dict[str, dict[str, str]]) -> tuple[str, ...]:
+def _row(
+    name: str, shares: dict[str, dict[str, float]], real: dict[str, dict[str, str]]
+) -> tuple[str, ...]:
     about: Method = methods.load(name).METHOD
-    made = ("MV; " if about.needs_mv else "") + ("any process" if len(about.process) == 2 else ", ".join(about.process))
+    made = ("MV; " if about.needs_mv else "") + (
+        "any process" if len(about.process) == 2 else ", ".join(about.process)
+    )
     share, unit = shares.get(name, {}), real.get(name)
-    numbers = (f"{share[key]:.2f}" if key in share else r"\-" for key in ("right", "cycling", "healthy"))
+    numbers = (
+        f"{share[key]:.2f}" if key in share else r"\-" for key in ("right", "cycling", "healthy")
+    )
     seen = (r"\-", r"\-")
     if unit:
-        seen = (f"{unit['found']} of {unit['n_stiction']}", f"{unit['false_alarms']} of {unit['n_other']}")
+        seen = (
+            f"{unit['found']} of {unit['n_stiction']}",
+            f"{unit['false_alarms']} of {unit['n_other']}",
+        )
     return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
 
 
 def _own_rules(about: Method) -> str:
     """Say which rules are none of the source's, and what they are there; `NAME@published` is the method without them."""
-    rules = (f"{k} = {about.thresholds[k].default:g}, {v:g} in the source" for k, v in about.published.items())
+    rules = (
+        f"{k} = {about.thresholds[k].default:g}, {v:g} in the source"
+        for k, v in about.published.items()
+    )
     told = plain("; ".join(rules)) or "none"
     chapter = ", ".join(f"{k} = {v:g}" for k, v in about.chapter.items())
     return told + (f"; in the chapter {plain(chapter)}" if chapter else "")
@@ -77,15 +106,27 @@ def measured() -> dict[str, dict[str, float]]:
     table = table[table.method.isin(methods.names()) & (table.applicable > 0)]
     found: dict[str, dict[str, float]] = {}
     for name, rows in table.groupby("method", sort=False):
-        parts = {"cycling": rows.loops.str.startswith("cycling"), "healthy": rows.loops.str.startswith("healthy")}
+        parts = {
+            "cycling": rows.loops.str.startswith("cycling"),
+            "healthy": rows.loops.str.startswith("healthy"),
+        }
         weights = {key: rows.applicable[which] for key, which in parts.items()}
-        shares = {key: float((rows.right[which] * weights[key]).sum() / weights[key].sum()) for key, which in parts.items()}
+        shares = {
+            key: float((rows.right[which] * weights[key]).sum() / weights[key].sum())
+            for key, which in parts.items()
+        }
         found[str(name)] = {"right": float(rows.accuracy.iloc[0]), **shares}
     return dict(sorted(found.items(), key=lambda item: -item[1]["right"]))
 
 
 def real_loops() -> dict[str, dict[str, str]]:
     """Return the last table of the real records by method."""
-    rows = (RESULTS / "real_records.txt").read_text(encoding="utf-8").rstrip().split("\n\n")[-1].splitlines()
+    rows = (
+        (RESULTS / "real_records.txt")
+        .read_text(encoding="utf-8")
+        .rstrip()
+        .split("\n\n")[-1]
+        .splitlines()
+    )
     head = rows[0].split()
     return {line.split()[0]: dict(zip(head, line.split())) for line in rows[1:]}

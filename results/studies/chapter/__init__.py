@@ -28,7 +28,10 @@ def page(found: list[Row]) -> str:
     word = {True: "yes", False: "**no**", None: "not tried"}
     yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
     lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried.", ""]
-    lines += ["| place | quantity | printed | ours | reproduced | why |", "|---|---|---|---|---|---|"]
+    lines += [
+        "| place | quantity | printed | ours | reproduced | why |",
+        "|---|---|---|---|---|---|",
+    ]
     for row in found:
         cells = (row.place, row.what, row.printed, row.ours, word[row.agrees], row.why)
         lines.append("| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |")

@@ -12,7 +12,9 @@ from simbench.usage import exit_code
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page; exit code 2 with one sentence when something the user gave is wrong."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.chapter", description="Write 'chapter against code'.")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.chapter", description="Write 'chapter against code'."
+    )
     parser.add_argument("--isdb", help="ISDB file or folder of real records")
     parser.add_argument("-o", "--out", default="docs/chapter_against_code.md")
     given = parser.parse_args(arguments)

@@ -31,7 +31,15 @@ def loops(S: float = 5.0, J: float = 2.0, *, process: str = "foptd", controller:
             Kc, Ti = g / (0.1 * a), i * a
         parts = {"type": controller, "Kc": Kc} | ({"Ti": Ti} if controller == "PI" else {})
         valve = {"model": model} | ({"S": S, "J": J} if model != "ideal" else {})
-        yield Loop.from_table({"plant": plant, "controller": parts, "valve": valve, "sampling": {"Ts": Ts, "n": n}, **more})
+        yield Loop.from_table(
+            {
+                "plant": plant,
+                "controller": parts,
+                "valve": valve,
+                "sampling": {"Ts": Ts, "n": n},
+                **more,
+            }
+        )
 
 
 def cycle_of(loop: Loop) -> ExactCycle | None:
@@ -39,22 +47,38 @@ def cycle_of(loop: Loop) -> ExactCycle | None:
     return exact_cycle(sampled_loop(loop))
 
 
-def record_of(loop: Loop, noise: float = 0.0, seed: int = 0, periods: int = 15, **about: Any) -> LoopRecord:
+def record_of(
+    loop: Loop, noise: float = 0.0, seed: int = 0, periods: int = 15, **about: Any
+) -> LoopRecord:
     """Return the loop on its own cycle, with white noise on PV of so many standard deviations of it."""
     cycle = sustained_cycle(loop, periods)
     pv = cycle["PV"].to_numpy()
     pv = pv + noise * pv.std() * np.random.default_rng(seed).standard_normal(pv.size)
     process = "integrating" if loop.plant.type == "integrating" else "self-regulating"
     known = {"process": process, "op_span": (0.0, 100.0), **about}
-    return LoopRecord(op=cycle["OP (%)"].to_numpy(), pv=50.0 + pv, mv=cycle["MV (%)"].to_numpy(), Ts=loop.sampling.Ts, **known)
+    return LoopRecord(
+        op=cycle["OP (%)"].to_numpy(),
+        pv=50.0 + pv,
+        mv=cycle["MV (%)"].to_numpy(),
+        Ts=loop.sampling.Ts,
+        **known,
+    )
 
 
-def healthy(noise: float = 0.0, lag: float | None = None, period: float = 40.0) -> Iterator[LoopRecord]:
+def healthy(
+    noise: float = 0.0, lag: float | None = None, period: float = 40.0
+) -> Iterator[LoopRecord]:
     """Yield the loops with an ideal valve under a sine at the plant's input, or under another sticky loop's PV behind a lag."""
     wave = {"type": "sine"} if lag is None else {"type": "propagated", "lag": lag}
     for seed, loop in enumerate(
-        loops(model="ideal", disturbance=[{**wave, "amplitude": 3.0, "period": period, "at": "input"}])
+        loops(
+            model="ideal", disturbance=[{**wave, "amplitude": 3.0, "period": period, "at": "input"}]
+        )
     ):
         record = simulate(loop, seed).record
-        pv = record.pv + noise * record.pv.std() * np.random.default_rng(seed).standard_normal(record.n)
-        yield LoopRecord(op=record.op, pv=pv, Ts=record.Ts, process="self-regulating", op_span=(0.0, 100.0))
+        pv = record.pv + noise * record.pv.std() * np.random.default_rng(seed).standard_normal(
+            record.n
+        )
+        yield LoopRecord(
+            op=record.op, pv=pv, Ts=record.Ts, process="self-regulating", op_span=(0.0, 100.0)
+        )

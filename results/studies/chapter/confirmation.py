@@ -30,10 +30,19 @@ def _gain_change() -> Iterator[Row]:
         ("fig_11_24", "period longer, shape kept", "stiction, Kc lowered to 0.6 of itself"),
         ("fig_11_25", "period unchanged", "outside sine, Kc lowered to 0.6 of itself"),
     ):
-        halves = FIGURES.load(name).data().groupby("Kc", sort=False)[["period (s)", "amplitude (%)"]].first()
+        halves = (
+            FIGURES.load(name)
+            .data()
+            .groupby("Kc", sort=False)[["period (s)", "amplitude (%)"]]
+            .first()
+        )
         (p1, a1), (p2, a2) = halves.to_numpy()
         ours = f"period {p1:.0f} to {p2:.0f} s, OP ±{a1:.1f} to ±{a2:.1f} %"
-        agrees = p2 > 1.1 * p1 and abs(a2 / a1 - 1) < 0.1 if name == "fig_11_24" else abs(p2 / p1 - 1) < 0.02
+        agrees = (
+            p2 > 1.1 * p1 and abs(a2 / a1 - 1) < 0.1
+            if name == "fig_11_24"
+            else abs(p2 / p1 - 1) < 0.02
+        )
         yield Row("Sect. 11.8.1", what, printed, ours, bool(agrees))
 
 
@@ -43,7 +52,14 @@ def _travel() -> Iterator[Row]:
         "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the procedure as printed (same "
         f"direction) measures the slip jump J; reversed steps measure the whole band S ({found.S:.1f} %)"
     )
-    yield Row("Fig. 11.26", "stiction by the travel test (%)", "1.2", f"{found.J:.1f}, on a simulated valve", None, why)
+    yield Row(
+        "Fig. 11.26",
+        "stiction by the travel test (%)",
+        "1.2",
+        f"{found.J:.1f}, on a simulated valve",
+        None,
+        why,
+    )
 
 
 def _nonlinearity_first() -> Row:
@@ -53,7 +69,9 @@ def _nonlinearity_first() -> Row:
         cycle = sustained_cycle(figure.loop(Td_over_T, S_over_2J), periods=20)
         pv = cycle["PV"].to_numpy()
         noise = NOISE * pv.std() * np.random.default_rng(0).standard_normal(pv.size)
-        record = LoopRecord(op=cycle["OP (%)"], pv=pv + noise, sp=0 * pv, Ts=figure.Ts, process="self-regulating")
+        record = LoopRecord(
+            op=cycle["OP (%)"], pv=pv + noise, sp=0 * pv, Ts=figure.Ts, process="self-regulating"
+        )
         seen += judge(record, ["bicoherence"])[0].verdict == STICTION
     count = len(figure.PANELS)
     why = (

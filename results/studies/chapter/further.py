@@ -17,7 +17,15 @@ from detectors.prepared import prepare, thinned
 from detectors.record import LoopRecord
 from detectors.signal.bicoherence import error_bicoherence
 from detectors.signal.conditioning import smooth
-from detectors.signal.half_cycles import half_sine, misfit, relays, sines, split, triangles, two_line_misfit
+from detectors.signal.half_cycles import (
+    half_sine,
+    misfit,
+    relays,
+    sines,
+    split,
+    triangles,
+    two_line_misfit,
+)
 from detectors.signal.oscillation import find_oscillation
 from detectors.verdict import NO_STICTION, STICTION
 from results.studies.chapter._bench import cycle_of, healthy, loops, record_of
@@ -52,7 +60,11 @@ def _sticky(noise: float = NOISE, S: float = 5.0) -> Iterator[LoopRecord]:
 def _count(name: str, records: list[LoopRecord], said: str = STICTION, **thresholds: float) -> int:
     method = name.partition("@")[0]
     chosen = {name: thresholds} if thresholds else None
-    return sum(judge(r, [name], thresholds=chosen)[0].verdict == said for r in records) if method else 0
+    return (
+        sum(judge(r, [name], thresholds=chosen)[0].verdict == said for r in records)
+        if method
+        else 0
+    )
 
 
 def _share(part: int, n: int) -> str:
@@ -63,7 +75,9 @@ def _harm() -> Iterator[Row]:
     ratio = []
     for seed, (sticky, ideal) in enumerate(zip(loops(), loops(model="ideal"), strict=True)):
         load = {
-            "disturbance": [{"type": "random_walk", "amplitude": 0.5, "period": 100.0, "at": "input"}],
+            "disturbance": [
+                {"type": "random_walk", "amplitude": 0.5, "period": 100.0, "at": "input"}
+            ],
             "noise": {"std": 0.02},
         }
         both = (Loop.from_table(loop.to_table() | load) for loop in (sticky, ideal))
@@ -71,21 +85,39 @@ def _harm() -> Iterator[Row]:
         ratio.append(cycling[300:].std() / still[300:].std())
     why = "std of PV over that of the same loop with an ideal valve, the same noise and load (S = 5 %, J = 2 %)"
     ours = f"{np.median(ratio):.1f} times (median), {min(ratio):.1f} to {max(ratio):.1f}; n = {len(ratio)}"
-    yield Row("Sect. 11.1", "stiction increases variability", "to be quantified", ours, min(ratio) > 1.0, why)
+    yield Row(
+        "Sect. 11.1",
+        "stiction increases variability",
+        "to be quantified",
+        ours,
+        min(ratio) > 1.0,
+        why,
+    )
     spread = {True: [], False: []}
     travel = np.linspace(20.0, 80.0, 61)
     for R in (20.0, 30.0, 50.0):
         for N in (1.0, 0.5, 0.3):
             curve = np.array([_flow(x, R, N) for x in np.linspace(0.0, 100.0, 1001)])
             for compensated in (False, True):
-                wanted = np.interp(travel, curve, np.linspace(0.0, 100.0, 1001)) if compensated else travel
+                wanted = (
+                    np.interp(travel, curve, np.linspace(0.0, 100.0, 1001))
+                    if compensated
+                    else travel
+                )
                 gain = np.gradient(np.interp(wanted, np.linspace(0.0, 100.0, 1001), curve), travel)
                 inside = gain[(travel > curve[0] + 2.0) & (travel < curve[-1] - 2.0)]
                 spread[compensated].append(inside.max() / inside.min())
     ours = f"{np.median(spread[False]):.1f} without, {np.median(spread[True]):.2f} with; n = {len(spread[True])} valves"
     why = "largest over smallest gain between 20 and 80 % of an equal percentage valve (R 20 to 50, authority .3 to 1)"
     good = max(spread[True]) < 1.2
-    yield Row("Sect. 11.1", "a nonlinear characteristic is handled by compensation", "yes", ours, good, why)
+    yield Row(
+        "Sect. 11.1",
+        "a nonlinear characteristic is handled by compensation",
+        "yes",
+        ours,
+        good,
+        why,
+    )
 
 
 def _flow(x: float, R: float, N: float) -> float:
@@ -107,7 +139,9 @@ def _grades() -> Iterator[Row]:
     flow, level = _cycling(5.0, 0.0), _cycling(5.0, 0.0, process="integrating")
     ours = f"cycles: self-regulating {_share(*flow)}, integrating {_share(*level)}"
     why = "dead-band of 5 % under PI; the text contradicts itself: Table 11.1 has hysteresis above 3 % checked"
-    yield Row("Sect. 11.1", "hysteresis is no problem up to 5 %", "usually", ours, level[0] == 0, why)
+    yield Row(
+        "Sect. 11.1", "hysteresis is no problem up to 5 %", "usually", ours, level[0] == 0, why
+    )
     right = n = 0
     for S in (0.6, 2.0):
         for record in _sticky(S=S):
@@ -133,11 +167,10 @@ def _grades() -> Iterator[Row]:
 def _nonlinearities() -> Iterator[Row]:
     A = np.linspace(3.0, 25.0, 12)
     lag = {
-        name: -np.angle(first_harmonic(name, {key: 5.0}, A), deg=True) for name, key in (("deadband", "S"), ("deadzone", "D"))
+        name: -np.angle(first_harmonic(name, {key: 5.0}, A), deg=True)
+        for name, key in (("deadband", "S"), ("deadzone", "D"))
     }
-    ours = (
-        f"dead-band {lag['deadband'].min():.0f} to {lag['deadband'].max():.0f}, dead-zone {np.abs(lag['deadzone']).max():.1f}"
-    )
+    ours = f"dead-band {lag['deadband'].min():.0f} to {lag['deadband'].max():.0f}, dead-zone {np.abs(lag['deadzone']).max():.1f}"
     good = lag["deadband"].min() > 1.0 and np.abs(lag["deadzone"]).max() < 0.5
     why = "phase of the fundamental under sines of 3 to 25 % through a band of 5 %"
     what = "dead-band makes phase lag, dead-zone none (degrees)"
@@ -164,12 +197,23 @@ def _nonlinearities() -> Iterator[Row]:
 
 def _limit_cycles() -> Iterator[Row]:
     cases = [(S, j * S) for S in (1.0, 5.0, 10.0) for j in (0.2, 0.5, 1.0, 1.5)]
-    z = np.array([-1.0 / complex(stiction(S, J).N(np.asarray(0.5 * S * (1.0 + 1e-9)))) for S, J in cases])
+    z = np.array(
+        [-1.0 / complex(stiction(S, J).N(np.asarray(0.5 * S * (1.0 + 1e-9)))) for S, J in cases]
+    )
     good = bool(np.all(np.abs(z.real) < 1e-3 * np.abs(z.imag)) and np.all(z.imag < 0.0))
     off = float(np.max(np.abs(z.real / z.imag)))
     what = "-1/N starts on the negative imaginary axis at A = S/2"
-    yield Row("Sect. 11.3.3", what, "yes", f"real over imaginary part at most {off:.0e}; n = {len(cases)}", good)
-    per = [[cycle_of(loop) for loop in loops(4.0, J, process="integrating")] for J in (0.0, 1.0, 2.0, 4.0)]
+    yield Row(
+        "Sect. 11.3.3",
+        what,
+        "yes",
+        f"real over imaginary part at most {off:.0e}; n = {len(cases)}",
+        good,
+    )
+    per = [
+        [cycle_of(loop) for loop in loops(4.0, J, process="integrating")]
+        for J in (0.0, 1.0, 2.0, 4.0)
+    ]
     P = np.array([[np.nan if c is None else c.period for c in row] for row in per])
     falls = np.all(np.diff(P, axis=0) < 0.0, axis=0)
     example = ", ".join(f"{x:.0f}" for x in P[:, 0])
@@ -190,11 +234,18 @@ def _models() -> Iterator[Row]:
         period[model] = []
         for loop in loops(model=model, n=3000):
             record = simulate(loop, kick=4.0).record
-            period[model].append(find_oscillation(record.op[500:], record.pv[500:], record.Ts).period_s)
+            period[model].append(
+                find_oscillation(record.op[500:], record.pv[500:], record.Ts).period_s
+            )
     base = np.array(period["choudhury"])
     said = {m: np.array(p) / base for m, p in period.items() if m != "choudhury"}
     for place, models, what, printed in (
-        ("Sect. 11.3.2", ("coulomb", "stribeck"), "data-driven models behave as physical ones", "the same behaviour"),
+        (
+            "Sect. 11.3.2",
+            ("coulomb", "stribeck"),
+            "data-driven models behave as physical ones",
+            "the same behaviour",
+        ),
         ("Sect. 11.3.2", ("he",), "He's model against Choudhury's", "lacks cases"),
     ):
         parts, good = [], True
@@ -209,18 +260,35 @@ def _models() -> Iterator[Row]:
 def _waves() -> Iterator[Row]:
     d = FIGURES.load("fig_11_9").data()
     parts = [c for _, c in d.groupby(["panel", "Td_over_T", "S_over_2J"], sort=False)][:3]
-    alike = [_square(c["MV (%)"].to_numpy(), c["period (s)"].iloc[0] / c["t (s)"].iloc[1]) for c in parts]
+    alike = [
+        _square(c["MV (%)"].to_numpy(), c["period (s)"].iloc[0] / c["t (s)"].iloc[1]) for c in parts
+    ]
     ours = ", ".join(f"{a:.3f}" for a in alike) + f"; n = {len(alike)}"
     good = alike[0] == max(alike) and alike[0] > 0.95
     why = "correlation of MV with a square wave at falling Td/T; below it tilts towards a saw-tooth"
-    yield Row("Sect. 11.3.4", "MV is square at Td/T near 1", "almost perfect", ours, bool(good), why)
+    yield Row(
+        "Sect. 11.3.4", "MV is square at Td/T near 1", "almost perfect", ours, bool(good), why
+    )
     high = {}
-    for name, records in (("stiction", list(_sticky(0.0))), ("outside sine", list(healthy())), ("tuning", list(_ringing()))):
+    for name, records in (
+        ("stiction", list(_sticky(0.0))),
+        ("outside sine", list(healthy())),
+        ("tuning", list(_ringing())),
+    ):
         high[name] = [_harmonics(r.op, r) for r in records]
     ours = ", ".join(f"{k} {np.median(v):.3f} (n = {len(v)})" for k, v in high.items())
-    good = np.median(high["stiction"]) > 5.0 * max(np.median(high["outside sine"]), np.median(high["tuning"]))
+    good = np.median(high["stiction"]) > 5.0 * max(
+        np.median(high["outside sine"]), np.median(high["tuning"])
+    )
     what = "share of harmonics in OP: stiction against disturbance and tuning"
-    yield Row("Sect. 11.3.4", what, "many; low", ours, bool(good), "power of harmonics 2 to 9 over that of all nine; no noise")
+    yield Row(
+        "Sect. 11.3.4",
+        what,
+        "many; low",
+        ours,
+        bool(good),
+        "power of harmonics 2 to 9 over that of all nine; no noise",
+    )
     t = np.arange(4000) / 40.0
     shapes = {
         "parabola": (1 - (4 * (t % 0.5) - 1) ** 2) * np.where(t % 1 < 0.5, 1, -1),
@@ -231,16 +299,27 @@ def _waves() -> Iterator[Row]:
     for name, x in shapes.items():
         noisy = x / x.std() + 0.05 * np.random.default_rng(1).standard_normal(x.size)
         share = label_shares(cycles(noisy, 40.0))
-        told.append(f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of {len(cycles(noisy, 40.0))})")
+        told.append(
+            f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of {len(cycles(noisy, 40.0))})"
+        )
     why = "four labels; sharp and smooth are one, a parabola counts as a sine; with by_kind = 1 (as published) a known kind of "
     why += "loop has its own column alone"
-    yield Row("Table 11.2", "sharp and smooth triangle, parabola", "told apart", "; ".join(told), False, why)
+    yield Row(
+        "Table 11.2",
+        "sharp and smooth triangle, parabola",
+        "told apart",
+        "; ".join(told),
+        False,
+        why,
+    )
 
 
 def _ringing() -> Iterator[LoopRecord]:
     for loop in loops(model="ideal", n=1500):
         Kc = loop.controller.Kc
-        edge = next(k for k in np.arange(1.0, 12.0, 0.1) if _grows(loop.with_("controller.Kc", Kc * k)))
+        edge = next(
+            k for k in np.arange(1.0, 12.0, 0.1) if _grows(loop.with_("controller.Kc", Kc * k))
+        )
         record = simulate(loop.with_("controller.Kc", Kc * (edge - 0.1)), kick=2.0).record
         yield record
 
@@ -264,14 +343,28 @@ def _harmonics(x: np.ndarray, record: LoopRecord) -> float:
 
 def _square(x: np.ndarray, period: float) -> float:
     humps = split(x - x.mean(), period)
-    return float(np.mean(humps.sum(axis=1) / np.linalg.norm(humps, axis=1)) / np.sqrt(humps.shape[1]))
+    return float(
+        np.mean(humps.sum(axis=1) / np.linalg.norm(humps, axis=1)) / np.sqrt(humps.shape[1])
+    )
 
 
 def _p_only() -> Iterator[Row]:
     gone, n = _cycling(controller="P")
-    ours, why = f"gone in {_share(n - gone, n)}", "S = 5 %, J = 2 %, K Kc J below S wherever it is gone"
-    yield Row("Sect. 11.3.4", "P only ends the cycle of a self-regulating loop", "yes", ours, gone == 0, why)
-    pairs = zip(loops(process="integrating"), loops(process="integrating", controller="P"), strict=True)
+    ours, why = (
+        f"gone in {_share(n - gone, n)}",
+        "S = 5 %, J = 2 %, K Kc J below S wherever it is gone",
+    )
+    yield Row(
+        "Sect. 11.3.4",
+        "P only ends the cycle of a self-regulating loop",
+        "yes",
+        ours,
+        gone == 0,
+        why,
+    )
+    pairs = zip(
+        loops(process="integrating"), loops(process="integrating", controller="P"), strict=True
+    )
     both = [(cycle_of(a), cycle_of(b)) for a, b in pairs]
     ratio = [b.amplitude / a.amplitude for a, b in both if a is not None and b is not None]
     falls = sum(r < 1.0 for r in ratio)
@@ -304,12 +397,25 @@ def _movements() -> Iterator[Row]:
     best = max(curve, key=curve.__getitem__)
     ours = ", ".join(f"{k:g} T: {v:.2f}" for k, v in curve.items()) + "; n = 12"
     why = "median rho3 of sticky flow loops, differences over so many time constants; noise on the flow a twentieth of it"
-    yield Row("Sect. 11.4.2", "the sampling time has an optimum, by default T", "T", ours, 0.5 <= best <= 2.0, why)
+    yield Row(
+        "Sect. 11.4.2",
+        "the sampling time has an optimum, by default T",
+        "T",
+        ours,
+        0.5 <= best <= 2.0,
+        why,
+    )
     d = FIGURES.load("fig_11_11").data()
     rho3 = d.groupby("panel")["rho3 (-)"].first()
     last = sorted(rho3.index)[-1]
     ours = ", ".join(f"{k}: {v:.2f}" for k, v in rho3.items()) + f"; n = {rho3.size} shapes"
-    yield Row("Sect. 11.4.2", "the shape of Fig. 11.11c is not detected", "rho3 at most 0.25", ours, bool(rho3[last] <= 0.25))
+    yield Row(
+        "Sect. 11.4.2",
+        "the shape of Fig. 11.11c is not detected",
+        "rho3 at most 0.25",
+        ours,
+        bool(rho3[last] <= 0.25),
+    )
     plain, filtered = [], []
     for seed, loop in enumerate(loops()):
         r = record_of(loop, seed=seed)
@@ -329,13 +435,24 @@ def _movements() -> Iterator[Row]:
         why,
     )
     why = "their bounds are process specific and printed neither here nor with the figures; those used are own, and said to be"
-    yield Row("Sect. 11.4", "Kano A and B with the paper's bounds", "not printed", "cannot be checked here", None, why)
+    yield Row(
+        "Sect. 11.4",
+        "Kano A and B with the paper's bounds",
+        "not printed",
+        "cannot be checked here",
+        None,
+        why,
+    )
 
 
 def _rho3(record: LoopRecord, share: float) -> float:
     assert record.mv is not None
     noise = np.random.default_rng(1).standard_normal(record.n)
-    return movement_indices(record.op, record.mv + NOISE * record.mv.std() * noise, max(round(share * 10.0 / record.Ts), 1))[2]
+    return movement_indices(
+        record.op,
+        record.mv + NOISE * record.mv.std() * noise,
+        max(round(share * 10.0 / record.Ts), 1),
+    )[2]
 
 
 def _correlation() -> Iterator[Row]:
@@ -347,7 +464,14 @@ def _correlation() -> Iterator[Row]:
     even = sum(d <= 1.0 / 3.0 for d in said)
     ours = f"even cross-correlation (dtau at most 1/3) in {_share(even, len(said))}; median dtau {np.median(said):.2f}"
     why = "Kc twelve times as large, OP running from limit to limit, ideal valve"
-    yield Row("Sect. 11.5", "a saturated aggressive loop gives phase pi", "yes", ours, even == len(said), why)
+    yield Row(
+        "Sect. 11.5",
+        "a saturated aggressive loop gives phase pi",
+        "yes",
+        ours,
+        even == len(said),
+        why,
+    )
 
 
 def _curves() -> Iterator[Row]:
@@ -362,7 +486,9 @@ def _curves() -> Iterator[Row]:
         t = (np.arange(wide.shape[1]) + 0.5 - edge) / humps.shape[1]
         waves = np.sin(np.pi * np.linspace(0.2, 1.6, 113)[:, None] * t)
         sine = misfit(wide, waves / np.linalg.norm(waves, axis=1, keepdims=True)).mean()
-        change.append(abs(sine / (sine + two_line_misfit(humps).mean()) - triangle_indices(humps)[1]))
+        change.append(
+            abs(sine / (sine + two_line_misfit(humps).mean()) - triangle_indices(humps)[1])
+        )
     ours = f"eta moves by {np.median(change):.3f} (median), {max(change):.3f} at most; n = {len(change)}"
     yield Row(
         "Sect. 11.6.1",
@@ -400,11 +526,23 @@ def _curves() -> Iterator[Row]:
     near, far = (_count("he", list(healthy(0.0, lag))) for lag in (0.0, 40.0))
     ours = f"called stiction: near {_share(near, 12)}, far {_share(far, 12)}"
     why = "another sticky loop's PV at the plant's input, without a lag and behind one of a period; the valve is ideal"
-    yield Row("Sect. 11.6.3", "a disturbance close to its source can fool it", "can", ours, near > far, why)
+    yield Row(
+        "Sect. 11.6.3",
+        "a disturbance close to its source can fool it",
+        "can",
+        ours,
+        near > far,
+        why,
+    )
     tried = [len(half_sine()) + len(relays()), len(sines()) + len(triangles())]
     why = "shapes tried per half cycle, all in one product of tables: no search of parameters is left, and no cost with it"
     yield Row(
-        "Sect. 11.6.4", "the relay fit is costly", "more than He's", f"{tried[0]} against {tried[1]}", tried[0] > tried[1], why
+        "Sect. 11.6.4",
+        "the relay fit is costly",
+        "more than He's",
+        f"{tried[0]} against {tried[1]}",
+        tried[0] > tried[1],
+        why,
     )
     t = (np.arange(40) + 0.5) / 40.0
     index = {f"{r:g}": relay_index(np.minimum(1.0, np.minimum(t, 1.0 - t) / r if r else 1.0 + 0.0 * t)[None].repeat(4, 0))
@@ -412,7 +550,14 @@ def _curves() -> Iterator[Row]:
     ours = ", ".join(f"{k}: {v:.2f}" for k, v in index.items()) + f"; n = {len(index)}"
     why = "eta of Rossi & Scali by the share of a half cycle that each flank takes, 0 a rectangle, 0.5 a triangle; a "
     why += "trapezoid of even flanks is nearer to a sine than to any relay's answer"
-    yield Row("Sect. 11.6.4", "rectangular and trapezoidal waves are known", "yes", ours, min(index.values()) > 0.21, why)
+    yield Row(
+        "Sect. 11.6.4",
+        "rectangular and trapezoidal waves are known",
+        "yes",
+        ours,
+        min(index.values()) > 0.21,
+        why,
+    )
 
 
 def _nonlinear() -> Iterator[Row]:
@@ -429,20 +574,38 @@ def _nonlinear() -> Iterator[Row]:
         seen[swing] = hits
     ours = ", ".join(f"{k:g} %: {v} of 20" for k, v in seen.items())
     good = seen[25.0] <= seen[10.0] + 2 and seen[80.0] > seen[25.0]
-    why = (
-        "called nonlinear by the bicoherence; flow 10 sqrt(OP) and a tenth of noise under Gaussian OP about 50 %, by its range"
+    why = "called nonlinear by the bicoherence; flow 10 sqrt(OP) and a tenth of noise under Gaussian OP about 50 %, by its range"
+    yield Row(
+        "Sect. 11.7",
+        "a square-root valve is linear within 25 % of its span",
+        "yes",
+        ours,
+        bool(good),
+        why,
     )
-    yield Row("Sect. 11.7", "a square-root valve is linear within 25 % of its span", "yes", ours, bool(good), why)
 
 
 def _biased(Ts: float = 0.5, n: int = 1500, noise: float = 0.02) -> Iterator[LoopRecord]:
     """Sticky loops whose cycles are not symmetric: a valve that sticks harder upwards."""
     for J in JUMPS:
         for seed, loop in enumerate(loops(Ts=Ts, n=n)):
-            valve = {"model": "asymmetric", "S_up": 6.5, "J_up": J, "S_down": 3.5, "J_down": 0.5 * J}
+            valve = {
+                "model": "asymmetric",
+                "S_up": 6.5,
+                "J_up": J,
+                "S_down": 3.5,
+                "J_down": 0.5 * J,
+            }
             table = loop.to_table() | {"valve": valve, "noise": {"std": noise}}
             record = simulate(Loop.from_table(table), seed, kick=5.0).record
-            yield LoopRecord(record.op, record.pv, Ts, sp=record.sp, process="self-regulating", op_span=(0.0, 100.0))
+            yield LoopRecord(
+                record.op,
+                record.pv,
+                Ts,
+                sp=record.sp,
+                process="self-regulating",
+                op_span=(0.0, 100.0),
+            )
 
 
 def _filters() -> Iterator[Row]:
@@ -475,9 +638,18 @@ def _filters() -> Iterator[Row]:
     dense = list(_biased(Ts=0.0625, n=24000))
     found = [_count("choudhury", [thinned(r, k) for r in dense]) for k in (8, 2, 1)]
     spread = [find_oscillation(r.op, r.pv, 1.0).period_s for r in dense]
-    ours = f"found {found[0]}, {found[1]}, {found[2]} of {len(dense)} at 1, 4 and 8 times the density"
+    ours = (
+        f"found {found[0]}, {found[1]}, {found[2]} of {len(dense)} at 1, 4 and 8 times the density"
+    )
     why = f"periods of {min(spread):.0f} to {max(spread):.0f} samples at the last, thinned by twos to at most 64"
-    yield Row("Procedure 11.3, step 2", "periods above 250 samples are down-sampled", "can be", ours, len(set(found)) == 1, why)
+    yield Row(
+        "Procedure 11.3, step 2",
+        "periods above 250 samples are down-sampled",
+        "can be",
+        ours,
+        len(set(found)) == 1,
+        why,
+    )
     near = 0
     for record in records:
         period = prepare(record).oscillation.period_s / record.Ts
@@ -488,14 +660,38 @@ def _filters() -> Iterator[Row]:
         near += abs((stop - start) / 4.0 / period - 1.0) < 0.1
     ours = f"the stretch holds four periods of the loop within 10 % in {_share(near, n)}"
     what = "segments of 1000 samples, then of four periods"
-    yield Row("Procedure 11.3, step 3", what, "as printed", ours, near >= 0.9 * n, "choudhury, whose step 3 is the printed one")
+    yield Row(
+        "Procedure 11.3, step 3",
+        what,
+        "as printed",
+        ours,
+        near >= 0.9 * n,
+        "choudhury, whose step 3 is the printed one",
+    )
     why = "advice to a person: no number of the chapter hangs on it, and a page shows the waves, not their spectrum"
-    yield Row("Sect. 11.7.2", "always look at the spectrum", "recommended", "cannot be checked here", None, why)
+    yield Row(
+        "Sect. 11.7.2",
+        "always look at the spectrum",
+        "recommended",
+        "cannot be checked here",
+        None,
+        why,
+    )
     still = list(healthy(0.1))
-    by = [(_count("choudhury", records, surrogate=s), _count("choudhury", still, surrogate=s)) for s in (0.0, 1.0)]
+    by = [
+        (_count("choudhury", records, surrogate=s), _count("choudhury", still, surrogate=s))
+        for s in (0.0, 1.0)
+    ]
     ours = f"found {by[1][0]} of {n} by surrogates, {by[0][0]} by bicoherence; false {by[1][1]} and {by[0][1]} of {len(still)}"
     why = "choudhury with surrogate = 1; strict cycles keep their harmonics in every surrogate"
-    yield Row("Sects. 11.7, 11.9", "surrogates in place of the bicoherence", "either", ours, by[1][0] >= by[0][0], why)
+    yield Row(
+        "Sects. 11.7, 11.9",
+        "surrogates in place of the bicoherence",
+        "either",
+        ours,
+        by[1][0] >= by[0][0],
+        why,
+    )
 
 
 def _tests() -> Iterator[Row]:
@@ -505,8 +701,18 @@ def _tests() -> Iterator[Row]:
         pair, influence = drawn_pair(np.random.default_rng(seed), sticky)
         found = find_culprit(pair, influence)
         right, n = right + (found.culprit == sticky), n + 1
-        for trace, loop in zip(run_rig([resolve_loop(loop, 7) for loop in pair], influence=influence), pair, strict=True):
-            record = LoopRecord(trace.op, trace.pv, loop.sampling.Ts, process="self-regulating", op_span=(0.0, 100.0))
+        for trace, loop in zip(
+            run_rig([resolve_loop(loop, 7) for loop in pair], influence=influence),
+            pair,
+            strict=True,
+        ):
+            record = LoopRecord(
+                trace.op,
+                trace.pv,
+                loop.sampling.Ts,
+                process="self-regulating",
+                op_span=(0.0, 100.0),
+            )
             accused += judge(record, ["procedure"])[0].verdict != NO_STICTION
         tested += 1 if found.culprit is not None else 2
     why = "two loops that push each other, one valve sticky; each gain is changed in turn (results.studies.coupled_loops)"
@@ -518,9 +724,7 @@ def _tests() -> Iterator[Row]:
         right >= 0.9 * n,
         why,
     )
-    ours = (
-        f"{tested} travel tests for {n} plants after the gain test, {accused} valves not cleared before; one each is the least"
-    )
+    ours = f"{tested} travel tests for {n} plants after the gain test, {accused} valves not cleared before; one each is the least"
     yield Row(
         "Sect. 11.8",
         "the number of valves to test is kept at minimum",

@@ -17,9 +17,16 @@ from simbench.catalogue import FIGURES
 
 REPRODUCED_NOT = "not reproduced; without conditioning {raw:.2f}; the verdict is the same"
 HORCH = {
-    "CHEM1": {"dtau": (0.73, REPRODUCED_NOT), "drho": (0.40, REPRODUCED_NOT), "verdict": "stiction"},
+    "CHEM1": {
+        "dtau": (0.73, REPRODUCED_NOT),
+        "drho": (0.40, REPRODUCED_NOT),
+        "verdict": "stiction",
+    },
     "PAP4": {
-        "dtau": (0.13, "not reproduced by any filter or window tried (0.09 to 0.12); 3/23 lags would be 0.130; same verdict"),
+        "dtau": (
+            0.13,
+            "not reproduced by any filter or window tried (0.09 to 0.12); 3/23 lags would be 0.130; same verdict",
+        ),
         "drho": (0.0, ""),
         "verdict": "no_stiction",
     },
@@ -50,61 +57,120 @@ def _movements(isdb: Source) -> Iterator[Row]:
     rho1, _, rho3 = movement_indices(*steps.cumsum(axis=1))
     why = "the denominator is tau_total - tau_SS in both equations; with the printed tau_DS of Eq. 11.3 PAP2 would give 0.33"
     good = abs(rho1 - rho3 - 3 / 7) < 1e-9
-    yield Row("Sect. 11.4.1", "IS IS IS DD IS IS II: rho1 - rho3", "3/7", f"{rho1 - rho3:.3f}", good, why)
+    yield Row(
+        "Sect. 11.4.1", "IS IS IS DD IS IS II: rho1 - rho3", "3/7", f"{rho1 - rho3:.3f}", good, why
+    )
     record = loop(isdb, "PAP2", kind="flow", process="self-regulating")
     for name, printed in (("rho1", 0.48), ("rho3", 0.41)):
         if record is None:
             yield missing("Example 11.1", f"PAP2 {name}", f"{printed}", "PAP2")
             continue
         why = "whole record, 1196 samples; its first 1000 give 0.48 and 0.41, the printed window is unknown"
-        yield number("Example 11.1", f"PAP2 {name}", printed, judge(record, ["yamashita"])[0].indices[name], 0.01, why)
+        yield number(
+            "Example 11.1",
+            f"PAP2 {name}",
+            printed,
+            judge(record, ["yamashita"])[0].indices[name],
+            0.01,
+            why,
+        )
 
 
 def _correlation(isdb: Source) -> Iterator[Row]:
     low, high = ((1 - np.cos(x)) / (1 + np.cos(x)) for x in (np.pi / 6, np.pi / 3))
     why = "(1 - cos d)/(1 + cos d) at the margin d = pi/6; the extraction lost the number"
     yield Row("Eq. 11.9", "limit of drho, no stiction", "lost", f"{low:.4f}", True, why)
-    yield number("Eq. 11.9", "limit of drho, stiction", 1 / 3, high, 1e-9, "d = pi/3; dtau = d/(pi/2) gives 1/3 and 2/3", 3)
+    yield number(
+        "Eq. 11.9",
+        "limit of drho, stiction",
+        1 / 3,
+        high,
+        1e-9,
+        "d = pi/3; dtau = d/(pi/2) gives 1/3 and 2/3",
+        3,
+    )
     for name, about in HORCH.items():
         record = loop(isdb, name, process="self-regulating")
         if record is None:
-            yield missing("Example 11.2", f"{name} dtau, drho", f"{about['dtau'][0]:.2f}, {about['drho'][0]:.2f}", name)
+            yield missing(
+                "Example 11.2",
+                f"{name} dtau, drho",
+                f"{about['dtau'][0]:.2f}, {about['drho'][0]:.2f}",
+                name,
+            )
             continue
         found = judge(record, ["horch"])[0]
         raw = dict(zip(("dtau", "drho"), correlation_indices(record.op, record.pv)))
         for index in ("dtau", "drho"):
             printed, why = about[index]
-            yield number("Example 11.2", f"{name} {index}", printed, found.indices[index], 0.02, why.format(raw=raw[index]))
+            yield number(
+                "Example 11.2",
+                f"{name} {index}",
+                printed,
+                found.indices[index],
+                0.02,
+                why.format(raw=raw[index]),
+            )
         said, ours = str(about["verdict"]), found.verdict
-        yield Row("Example 11.2", f"{name} verdict", said.replace("_", " "), ours.replace("_", " "), ours == said)
+        yield Row(
+            "Example 11.2",
+            f"{name} verdict",
+            said.replace("_", " "),
+            ours.replace("_", " "),
+            ours == said,
+        )
 
 
 def _tunings() -> Iterator[Row]:
     verdicts = FIGURES.load("fig_11_16").data().groupby("w_Ti").verdict.first()
-    printed = {10.0: ("pi", "stiction"), 1.0: ("3 pi/4", "undetermined"), 0.1: ("pi/2", "no stiction")}
+    printed = {
+        10.0: ("pi", "stiction"),
+        1.0: ("3 pi/4", "undetermined"),
+        0.1: ("pi/2", "no stiction"),
+    }
     for w_Ti, (shift, said) in printed.items():
         ours = str(verdicts[w_Ti]).replace("_", " ")
         same = ours == said or (ours, said) == ("no decision", "undetermined")
-        why = "" if same else "printed in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is stiction"
-        yield Row("Example 11.3", f"phase shift {shift} (w Ti = {w_Ti:g}), healthy valve", said, ours, same, why)
+        why = (
+            ""
+            if same
+            else "printed in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is stiction"
+        )
+        yield Row(
+            "Example 11.3",
+            f"phase shift {shift} (w Ti = {w_Ti:g}), healthy valve",
+            said,
+            ours,
+            same,
+            why,
+        )
 
 
 def _fits(isdb: Source) -> Iterator[Row]:
-    for name, process, kind, printed in (("CHEM1", "self-regulating", "flow", 0.83), ("PAP3", "integrating", "level", 0.70)):
+    for name, process, kind, printed in (
+        ("CHEM1", "self-regulating", "flow", 0.83),
+        ("PAP3", "integrating", "level", 0.70),
+    ):
         record = loop(isdb, name, process=process, kind=kind)
         if record is None:
             yield missing("Example 11.4", f"{name} eta", f"{printed:.2f}", name)
             continue
         found = judge(record, ["he"])[0].indices
-        why = (
-            f"two free lines per half cycle, as in the chapter; He's own triangle, which decides here, gives {found['eta']:.2f}"
-        )
+        why = f"two free lines per half cycle, as in the chapter; He's own triangle, which decides here, gives {found['eta']:.2f}"
         humps = Prepared(record).half_cycles("pv" if process == "integrating" else "op")
         sine, lines = typical_means(misfit(humps, sines()), two_line_misfit(humps))
         why += f"; without the tenth of the half cycles that fits worst the lines give {sine / (sine + lines):.2f}"
         yield number("Example 11.4", f"{name} eta", printed, found["eta_two_line"], 0.01, why)
     ratio = (1 - 0.66) / (1 + 0.66)
-    yield number("Eq. 11.14", "uncertain below, from the MSE ratio 0.66", 0.21, ratio, 0.01, "(1 - 0.66)/(1 + 0.66)", 3)
+    yield number(
+        "Eq. 11.14",
+        "uncertain below, from the MSE ratio 0.66",
+        0.21,
+        ratio,
+        0.01,
+        "(1 - 0.66)/(1 + 0.66)",
+        3,
+    )
 
 
 def _ellipse() -> Iterator[Row]:
@@ -113,12 +179,22 @@ def _ellipse() -> Iterator[Row]:
     turned = a * np.cos(t) * np.exp(1j * alpha) + 1j * b * np.sin(t) * np.exp(1j * alpha)
     found = fit_ellipse(turned.real, turned.imag)
     assert found is not None
-    fitted, chord = found.apparent_stiction, 2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha))
+    fitted, chord = (
+        found.apparent_stiction,
+        2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)),
+    )
     why = (
         f"chord through the centre along OP; a = 3, b = 1, alpha = 0.6: fitted {fitted:.4f}, geometry {chord:.4f}; the square "
         "root is lost in the extraction (1.69 without it), and a must be the axis at angle alpha (2.36 when swapped)"
     )
-    yield Row("Eq. 11.15", "apparent stiction", "formula", "square root restored", abs(fitted - chord) < 1e-9, why)
+    yield Row(
+        "Eq. 11.15",
+        "apparent stiction",
+        "formula",
+        "square root restored",
+        abs(fitted - chord) < 1e-9,
+        why,
+    )
 
 
 def _real_ellipses(isdb: Source) -> Iterator[Row]:
@@ -128,13 +204,20 @@ def _real_ellipses(isdb: Source) -> Iterator[Row]:
         yield missing("Example 11.5", "CHEM30 apparent stiction (%)", "0.43", "CHEM30")
     else:
         why = "segments of 64 samples; window, FFT length and filter of the chapter are not printed"
-        for name, what, ngi, nli in (("fig_11_21", "unfiltered", 0.03, 0.58), ("fig_11_22", "filtered", 0.04, 0.57)):
+        for name, what, ngi, nli in (
+            ("fig_11_21", "unfiltered", 0.03, 0.58),
+            ("fig_11_22", "filtered", 0.04, 0.57),
+        ):
             d = FIGURES.load(name).data(isdb).iloc[0]
             yield number("Example 11.5", f"CHEM30 NGI, {what}", ngi, d["NGI (-)"], 0.01, why)
             yield number("Example 11.5", f"CHEM30 NLI, {what}", nli, d["NLI (-)"], 0.02, why)
-        yield number("Example 11.5", "CHEM30 apparent stiction (%)", 0.43, d["S_apparent"], 0.02, why)
+        yield number(
+            "Example 11.5", "CHEM30 apparent stiction (%)", 0.43, d["S_apparent"], 0.02, why
+        )
     if loop(isdb, "POW2") is None:
         yield missing("Example 11.6", "POW2 ellipse fitness (%)", "93.5", "POW2")
     else:
         share = 100 * float(FIGURES.load("fig_11_23").data(isdb)["fitness (-)"].iloc[0])
-        yield number("Example 11.6", "POW2 ellipse fitness (%)", 93.5, share, 1.0, "first 1000 samples", 1)
+        yield number(
+            "Example 11.6", "POW2 ellipse fitness (%)", 93.5, share, 1.0, "first 1000 samples", 1
+        )

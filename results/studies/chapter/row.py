@@ -23,9 +23,24 @@ class Row:
     why: str = ""  # what explains the difference, or how ours was obtained
 
 
-def number(place: str, what: str, printed: float, ours: float, within: float, why: str = "", digits: int = 2) -> Row:
+def number(
+    place: str,
+    what: str,
+    printed: float,
+    ours: float,
+    within: float,
+    why: str = "",
+    digits: int = 2,
+) -> Row:
     """Return a row for a number that should agree within a tolerance; `digits` decimals are shown."""
-    return Row(place, what, f"{printed:.{digits}f}", f"{ours:.{digits}f}", bool(abs(ours - printed) <= within), why)
+    return Row(
+        place,
+        what,
+        f"{printed:.{digits}f}",
+        f"{ours:.{digits}f}",
+        bool(abs(ours - printed) <= within),
+        why,
+    )
 
 
 def loop(isdb: Source, name: str, **about: str) -> LoopRecord | None:
@@ -38,4 +53,11 @@ def loop(isdb: Source, name: str, **about: str) -> LoopRecord | None:
 
 def missing(place: str, what: str, printed: str, name: str) -> Row:
     """Return the row of a number whose record is not at hand; `name` is the loop."""
-    return Row(place, what, printed, "", None, f"loop {name} is not among the records at hand; try `--isdb isdb10.mat`")
+    return Row(
+        place,
+        what,
+        printed,
+        "",
+        None,
+        f"loop {name} is not among the records at hand; try `--isdb isdb10.mat`",
+    )

@@ -32,7 +32,12 @@ def rows(isdb: Source) -> Iterator[Row]:
 
 
 def _describing() -> Iterator[Row]:
-    cases = [(S, J, A) for S in (1.0, 5.0, 10.0) for J in (0.0, 0.4 * S, S, 1.5 * S) for A in (0.6 * S, S, 3 * S)]
+    cases = [
+        (S, J, A)
+        for S in (1.0, 5.0, 10.0)
+        for J in (0.0, 0.4 * S, S, 1.5 * S)
+        for A in (0.6 * S, S, 3 * S)
+    ]
     worst = 0.0
     for S, J, A in cases:
         # 4000 samples per period: what is left is the sampling of the jump
@@ -42,15 +47,34 @@ def _describing() -> Iterator[Row]:
         "the extraction lost the leading minus and several signs and fractions; the restored form meets the first harmonic of "
         f"the simulated valve within {worst:.0e} in {len(cases)} cases"
     )
-    yield Row("Eqs 11.1, 11.2", "describing function N(A)", "formula", "formula, signs restored", worst < 1e-3, why)
+    yield Row(
+        "Eqs 11.1, 11.2",
+        "describing function N(A)",
+        "formula",
+        "formula, signs restored",
+        worst < 1e-3,
+        why,
+    )
     d = FIGURES.load("fig_11_8").data()
     for panel, part in d[d.curve == "L"].groupby("panel", sort=False):
         z = (part["Re"] + 1j * part["Im"]).to_numpy()
         cut = np.flatnonzero((z.imag[:-1] < 0) & (z.imag[1:] >= 0))[0]
         at = float(np.interp(0, z.imag[cut : cut + 2], z.real[cut : cut + 2]))
-        yield Row("Fig. 11.8", f"{panel}: L(jw) cuts the real axis at", "between -1 and 0", f"{at:.2f}", -1 < at < 0)
+        yield Row(
+            "Fig. 11.8",
+            f"{panel}: L(jw) cuts the real axis at",
+            "between -1 and 0",
+            f"{at:.2f}",
+            -1 < at < 0,
+        )
     dead = d[(d.curve == "intersection") & (d["J (%)"] == 0)]["panel"].tolist()
-    yield Row("Fig. 11.8", "dead-band limit cycle", "integrating only", ", ".join(dead), dead == ["(b) integrating"])
+    yield Row(
+        "Fig. 11.8",
+        "dead-band limit cycle",
+        "integrating only",
+        ", ".join(dead),
+        dead == ["(b) integrating"],
+    )
     found = predict(Loop.from_table(SLOW))
     why = (
         "PI with Ti > T + Td leads enough at low frequency to stay in the fourth quadrant: with K = 2, T = 10, Td = 2, "
@@ -69,26 +93,54 @@ def _waves() -> Iterator[Row]:
         good = [name for name, _ in found] == ["square", "sine", "triangle"]
         ours = ", ".join(f"{name} ({alike:.3f})" for name, alike in found)
         why = "best of three half-cycle waves, mean correlation in brackets; the chapter's own ratios are not printed"
-        yield Row(f"Fig. 11.9{panel}", f"PV with falling {ratio}", "square to triangle, close to a sine", ours, good, why)
+        yield Row(
+            f"Fig. 11.9{panel}",
+            f"PV with falling {ratio}",
+            "square to triangle, close to a sine",
+            ours,
+            good,
+            why,
+        )
     found = [_best_wave(c, "OP (%)") for c in cycles]
     good = all(name == "triangle" for name, _ in found)
     least = min(alike for _, alike in found)
-    yield Row("Fig. 11.9", "OP", "always triangular", f"triangle in all {len(found)}", good, f"least correlation {least:.3f}")
+    yield Row(
+        "Fig. 11.9",
+        "OP",
+        "always triangular",
+        f"triangle in all {len(found)}",
+        good,
+        f"least correlation {least:.3f}",
+    )
     even = max(_even_over_odd(c["OP (%)"].to_numpy()) for c in cycles)
     why = (
         "the cycle of a loop without bias is symmetric; 'usually asymmetric, with even and odd harmonics' (same page) needs a "
         "bias or a bent valve characteristic, which simulated loops have only where asked for"
     )
-    yield Row("Sect. 11.3.4", "even over odd harmonic power of OP", "odd only", f"at most {even:.4f}", even < 0.01, why)
+    yield Row(
+        "Sect. 11.3.4",
+        "even over odd harmonic power of OP",
+        "odd only",
+        f"at most {even:.4f}",
+        even < 0.01,
+        why,
+    )
 
 
 def _best_wave(cycle: pd.DataFrame, column: str) -> tuple[str, float]:
     x = cycle[column].to_numpy()
     humps = split(x - x.mean(), cycle["period (s)"].iloc[0] / cycle["t (s)"].iloc[1])
     t = (np.arange(humps.shape[1]) + 0.5) / humps.shape[1]
-    shapes = {"square": np.ones(t.size), "sine": np.sin(np.pi * t), "triangle": 1 - np.abs(2 * t - 1)}
+    shapes = {
+        "square": np.ones(t.size),
+        "sine": np.sin(np.pi * t),
+        "triangle": 1 - np.abs(2 * t - 1),
+    }
     length = np.linalg.norm(humps, axis=1)
-    alike = {name: float(np.mean(humps @ shape / length) / np.linalg.norm(shape)) for name, shape in shapes.items()}
+    alike = {
+        name: float(np.mean(humps @ shape / length) / np.linalg.norm(shape))
+        for name, shape in shapes.items()
+    }
     best = max(alike, key=alike.__getitem__)
     return best, alike[best]
 
@@ -105,20 +157,31 @@ def _table_11_2() -> Iterator[Row]:
         where = f"{process}{f', {action} action' if action else ''}: {signal}"
         why = f"share of {part.cycles.iloc[0]} simulated cycles with this label by dynamic time warping"
         if shape == "parabolic":
-            why += (
-                "; there is no such label, a sine counts; the printed order of this cell is lost, by physics PV is the triangle"
-            )
+            why += "; there is no such label, a sine counts; the printed order of this cell is lost, by physics PV is the triangle"
         yield Row("Table 11.2", where, shape, f"{share:.0%}", share > 0.5, why)
 
 
 def _table_11_3() -> Iterator[Row]:
     notes = {
-        ("self-regulating", "P", "stick-slip"): "exists if and only if K Kc J > S, which the table leaves out",
+        (
+            "self-regulating",
+            "P",
+            "stick-slip",
+        ): "exists if and only if K Kc J > S, which the table leaves out",
         ("self-regulating", "PI", "dead-band"): "only where Kc is near its limit and Ti at most T",
     }
     for row in FIGURES.load("table_11_3").data().to_dict("records"):
         cell = (row["process"], row["controller"], row["nonlinearity"])
         share = row["cycled"] / row["simulated"]
         agrees = share == 0 if row["table"].startswith("no") else share > 0.9
-        why = notes.get(cell, "the others were not excited far enough by six starts" if 0 < share < 1 else "")
-        yield Row("Table 11.3", ", ".join(cell), row["table"], f"{row['cycled']} of {row['simulated']} cycle", agrees, why)
+        why = notes.get(
+            cell, "the others were not excited far enough by six starts" if 0 < share < 1 else ""
+        )
+        yield Row(
+            "Table 11.3",
+            ", ".join(cell),
+            row["table"],
+            f"{row['cycled']} of {row['simulated']} cycle",
+            agrees,
+            why,
+        )

@@ -52,12 +52,17 @@ def quiet(number: int) -> tuple[LoopRecord, bool]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask about every record and every archive, and print the verdicts that an archive added; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.archives", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.archives", description=__doc__
+    )
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where the answers are kept.")
     parser.add_argument("-n", type=int, default=30, help="Loops [30].")
     given = parser.parse_args(arguments)
     drawn = [(i, *quiet(i)) for i in range(given.n)]
-    about = [(SimpleNamespace(id=f"quiet-{i}", label=STICTION if sticky else NO_STICTION), r) for i, r, sticky in drawn]
+    about = [
+        (SimpleNamespace(id=f"quiet-{i}", label=STICTION if sticky else NO_STICTION), r)
+        for i, r, sticky in drawn
+    ]
     print("\n".join(panel(about, folder(given.out))[1:]))
     return 0
 

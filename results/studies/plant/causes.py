@@ -36,7 +36,16 @@ from simbench.loop.simulate import simulate
 from simbench.plant.report.events import shared_oscillations
 from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
 
-CAUSES = ("stiction", "dead-band", "tuning", "outside", "upstream", "sensor", "saturation", "healthy")
+CAUSES = (
+    "stiction",
+    "dead-band",
+    "tuning",
+    "outside",
+    "upstream",
+    "sensor",
+    "saturation",
+    "healthy",
+)
 SAYS = {
     "stiction": ("stiction",), "dead-band": ("stiction",), "tuning": ("tuning",), "outside": ("disturbance from outside",),
     "upstream": ("another loop",), "sensor": ("sensor",), "saturation": ("saturation",), "healthy": ("none",),
@@ -56,7 +65,9 @@ def tuned(rng: np.random.Generator, tightness: float) -> dict[str, Any]:
         "controller": {"type": "PI", "Kc": float(ultimate / tightness), "Ti": Ti},
         "sampling": {"Ts": Ts, "n": 2000},
         "noise": {"std": 0.05},
-        "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": float(rng.uniform(0.3, 1.0) * T)}],
+        "disturbance": [
+            {"type": "coloured", "amplitude": 0.3, "period": float(rng.uniform(0.3, 1.0) * T)}
+        ],
     }
 
 
@@ -67,9 +78,15 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
     if cause in ("stiction", "dead-band"):
         S = float(rng.uniform(2.0, 8.0))
         table["valve"] = {"model": "choudhury", "S": S, "J": float(rng.uniform(0.3, 1.0) * S)}
-        kick = S + 1.0  # at rest a sticky loop may stay there for ever; the plant's has been moving for years
+        kick = (
+            S + 1.0
+        )  # at rest a sticky loop may stay there for ever; the plant's has been moving for years
     if cause == "dead-band":  # cycles on an integrating process
-        table["plant"] = {"type": "integrating", "K": table["plant"]["K"] / T, "Td": 0.3 * table["plant"]["Td"]}
+        table["plant"] = {
+            "type": "integrating",
+            "K": table["plant"]["K"] / T,
+            "Td": 0.3 * table["plant"]["Td"],
+        }
         table["controller"]["Ti"] = 4 * T
         table["valve"] = {"model": "deadband", "S": table["valve"]["S"]}
         table["disturbance"] = [{"type": "coloured", "amplitude": 0.1, "period": T}]
@@ -77,24 +94,37 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
         table["controller"]["Kc"] *= table_margin(table) / float(rng.uniform(1.08, 1.3))
     if "outside" in (cause, beside):
         period = float(rng.uniform(4, 15) * T)
-        sine = {"type": "sine", "amplitude": float(rng.uniform(0.8, 3.0)), "period": period, "at": "output"}
+        sine = {
+            "type": "sine",
+            "amplitude": float(rng.uniform(0.8, 3.0)),
+            "period": period,
+            "at": "output",
+        }
         table["disturbance"].append(sine)
         table["sampling"]["n"] = int(min(max(2000, 25 * period / table["sampling"]["Ts"]), 5000))
     if cause == "saturation":
         table["operating_point"] = {"op0": float(rng.uniform(97, 99))}
-        table["disturbance"] = [{"type": "coloured", "amplitude": 6.0 * table["plant"]["K"], "period": 2 * T}]
+        table["disturbance"] = [
+            {"type": "coloured", "amplitude": 6.0 * table["plant"]["K"], "period": 2 * T}
+        ]
     if cause == "healthy" and rng.random() < 0.5:  # sluggish
         table["controller"]["Kc"] /= 4
     if cause == "sensor":
-        table["noise"] = {"std": 2.0 * float(rng.uniform(1, 3))} if rng.random() < 0.5 else table["noise"]
+        table["noise"] = (
+            {"std": 2.0 * float(rng.uniform(1, 3))} if rng.random() < 0.5 else table["noise"]
+        )
     loop = Loop.from_table(table)
     record = simulate(loop, int(rng.integers(2**31)), kick=kick).record.without_mv()
-    if cause == "sensor" and table["noise"]["std"] < 1.0:  # stuck: PV stands while the controller integrates on
+    if (
+        cause == "sensor" and table["noise"]["std"] < 1.0
+    ):  # stuck: PV stands while the controller integrates on
         pv, at = np.array(record.pv), int(0.4 * record.n)
         size = int(rng.uniform(0.1, 0.25) * record.n)
         op = np.array(record.op)
         pv[at : at + size] = pv[at]
-        op[at : at + size] = op[at] + np.cumsum(np.full(size, 0.02 * np.sign(record.pv.mean() - pv[at] + 1e-9)))
+        op[at : at + size] = op[at] + np.cumsum(
+            np.full(size, 0.02 * np.sign(record.pv.mean() - pv[at] + 1e-9))
+        )
         record = replace(record, pv=pv, op=np.clip(op, 0, 100))
     return record, loop
 
@@ -108,7 +138,9 @@ def table_margin(table: dict[str, Any]) -> float:
 
 def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     """Return a sound loop that the source's PV disturbs through a lag."""
-    heard = np.asarray(lfilter([0.1], [1.0, -0.9], source.pv - source.pv.mean())) * float(rng.uniform(1, 3))
+    heard = np.asarray(lfilter([0.1], [1.0, -0.9], source.pv - source.pv.mean())) * float(
+        rng.uniform(1, 3)
+    )
     pv, op = np.zeros(source.n), np.zeros(source.n)
     y = integral = 0.0
     for k in range(source.n):
@@ -141,7 +173,12 @@ def sticky(n: int, seed: int, beside: str = "") -> dict[str, tuple[str, LoopReco
     return {f"more {i}": ("stiction", *drawn("stiction", rng, beside)) for i in range(n)}
 
 
-BLIND = {"stiction": "stiction", "oscillation": "outside", "saturation": "saturation", "none": "healthy"}
+BLIND = {
+    "stiction": "stiction",
+    "oscillation": "outside",
+    "saturation": "saturation",
+    "none": "healthy",
+}
 
 
 def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
@@ -151,14 +188,24 @@ def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loo
         for i in range(n):
             effect = list(BLIND)[i % len(BLIND)]
             about = {"plant": PLANTS[i // 4 % len(PLANTS)], "strength": "strong"}
-            asked = {"kind": "none"} if effect == "none" else {"kind": "single", "effect": effect, **about}
+            asked = (
+                {"kind": "none"}
+                if effect == "none"
+                else {"kind": "single", "effect": effect, **about}
+            )
             item = WORLDS.load(world).draw(seed, i, {**asked, "mv": False})
             record = read_record(write_item(item, Path(place), "loop")[0])
-            out[f"{world}{i}"] = (BLIND[effect], replace(record, mv=None, meta={"start": 1.7e9 + i * WEEK}), None)
+            out[f"{world}{i}"] = (
+                BLIND[effect],
+                replace(record, mv=None, meta={"start": 1.7e9 + i * WEEK}),
+                None,
+            )
     return out
 
 
-def identified(loops: dict[str, tuple[str, LoopRecord, Loop | None]]) -> dict[str, CandidateLoops | None]:
+def identified(
+    loops: dict[str, tuple[str, LoopRecord, Loop | None]],
+) -> dict[str, CandidateLoops | None]:
     """Return the loops that may stand behind every record, None where none can be identified."""
     behind: dict[str, CandidateLoops | None] = {}
     for name, (_, record, _) in tqdm(loops.items(), file=sys.stderr, desc="loops"):
@@ -179,7 +226,12 @@ def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
     for event in events:
         first = max(event, key=lambda name: sure[name])
         root |= {name: first for name in event if name != first}
-    causes = {n: find_causes(prepared[n], behind[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)) for n in loops}
+    causes = {
+        n: find_causes(
+            prepared[n], behind[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)
+        )
+        for n in loops
+    }
     return causes, events, behind
 
 
@@ -187,13 +239,17 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
     """Return the table of causes and the events across weeks."""
     lines, right, wrong = [], 0, 0
     for cause in CAUSES:
-        said = Counter(causes[name].named.name for name, (truth, _, _) in loops.items() if truth == cause)
+        said = Counter(
+            causes[name].named.name for name, (truth, _, _) in loops.items() if truth == cause
+        )
         if not said:
             continue
         good = sum(said[word] for word in SAYS[cause])
         open_ = said["cannot tell"]
         right, wrong = right + good, wrong + sum(said.values()) - good - open_
-        lines.append(f"{cause:<12} n {sum(said.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said {dict(said)}")
+        lines.append(
+            f"{cause:<12} n {sum(said.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said {dict(said)}"
+        )
     across = sum(len({name.rstrip("sv") for name in event}) > 1 for event in events)
     lines.append(f"of {len(loops)} loops: right {right}, wrong {wrong}, cannot tell {len(loops) - right - wrong}; "
                  f"right of those said {right / max(right + wrong, 1):.2f}, wrong of all {wrong / len(loops):.2f}; "
@@ -201,10 +257,16 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
     return lines
 
 
-def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None], beside: str) -> list[str]:
+def helped(
+    loops: dict[str, Any], behind: dict[str, CandidateLoops | None], beside: str
+) -> list[str]:
     """Return how often the action ranked first is the true loop's best, and how far its claims lie from the true ones."""
     n = best = always = inside = claims = near = 0
-    sticky = [(loop, behind[name]) for name, (truth, _, loop) in loops.items() if truth == "stiction" and loop is not None]
+    sticky = [
+        (loop, behind[name])
+        for name, (truth, _, loop) in loops.items()
+        if truth == "stiction" and loop is not None
+    ]
     for loop, found in tqdm(sticky, file=sys.stderr, desc="what if"):
         if found is None or found.probability <= 0.7:
             continue
@@ -215,7 +277,10 @@ def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None], besi
         # the settings claimed, on the true loop
         settings = retuned(found.sticky or found.healthy[0])
         table["valve"] = {"model": "ideal"}
-        true = {a.name: a for a in compare(Loop.from_table(table), S, J, spread=0.0, seed=5, settings=settings)}
+        true = {
+            a.name: a
+            for a in compare(Loop.from_table(table), S, J, spread=0.0, seed=5, settings=settings)
+        }
         if not true:
             continue
         n += 1
@@ -259,7 +324,9 @@ def archived(record: LoopRecord, how: str, file: Path) -> LoopRecord:
                 else:
                     column[k] = ""
     rows = range(0, record.n, 3 if how == "every third" else 1)
-    file.write_text("t,op,pv\n" + "".join(f"{k * record.Ts:.3f},{cells[0][k]},{cells[1][k]}\n" for k in rows))
+    file.write_text(
+        "t,op,pv\n" + "".join(f"{k * record.Ts:.3f},{cells[0][k]},{cells[1][k]}\n" for k in rows)
+    )
     return read_record(file)
 
 
@@ -267,7 +334,10 @@ def door(x: np.ndarray, deviation: float) -> list[int]:
     """Return the samples that a swinging door keeps."""
     kept, at, high, low, k = [0], 0, np.inf, -np.inf, 1
     while k < x.size:
-        high, low = min(high, (x[k] + deviation - x[at]) / (k - at)), max(low, (x[k] - deviation - x[at]) / (k - at))
+        high, low = (
+            min(high, (x[k] + deviation - x[at]) / (k - at)),
+            max(low, (x[k] - deviation - x[at]) / (k - at)),
+        )
         if high < low:
             at = k - 1
             kept.append(at)
@@ -287,39 +357,65 @@ def sizes(n: int, seed: int) -> list[str]:
             for _, record, loop in tqdm(loops, file=sys.stderr, desc=how):
                 S = loop.to_table()["valve"]["S"]
                 try:
-                    level = judge(archived(record, how, Path(place) / "loop.csv"), ["procedure"])[0].S
+                    level = judge(archived(record, how, Path(place) / "loop.csv"), ["procedure"])[
+                        0
+                    ].S
                 except UserError:
                     refused += 1
                     continue
                 if level is not None:
                     lo, hi = level if isinstance(level, tuple) else (level, level)
                     said, inside = said + 1, inside + (lo <= S <= hi)
-            lines.append(f"S, {how:<13} n {n}  stated {said:>3}  within its interval {inside:>3}  refused {refused}")
+            lines.append(
+                f"S, {how:<13} n {n}  stated {said:>3}  within its interval {inside:>3}  refused {refused}"
+            )
             all_said, all_inside = all_said + said, all_inside + inside
-    return [*lines, f"S: {all_inside} of {all_said} stated lie within ({all_inside / max(all_said, 1):.2f})"]
+    return [
+        *lines,
+        f"S: {all_inside} of {all_said} stated lie within ({all_inside / max(all_said, 1):.2f})",
+    ]
 
 
 def main() -> int:
     """Draw, ask, and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-n", type=int, default=208, help="loops of own grids, each with another upstream joined by it [208]")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "-n",
+        type=int,
+        default=208,
+        help="loops of own grids, each with another upstream joined by it [208]",
+    )
     parser.add_argument("--worlds", nargs="*", default=["mill", "refinery"], help="[mill refinery]")
     parser.add_argument("--blind", type=int, default=36, help="loops of each world [36]")
-    parser.add_argument("--more", type=int, default=60, help="more sticky loops that are asked what would help [60]")
+    parser.add_argument(
+        "--more", type=int, default=60, help="more sticky loops that are asked what would help [60]"
+    )
     parser.add_argument("--archived", type=int, default=34, help="sticky loops per archive [34]")
-    parser.add_argument("--seed", type=int, default=4777, help="1, 2, 33, 4101, 4205 and 4206 were looked at before [4777]")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=4777,
+        help="1, 2, 33, 4101, 4205 and 4206 were looked at before [4777]",
+    )
     given = parser.parse_args()
     for world in given.worlds:
         loops = blind(world, given.blind, given.seed)
         causes, events, _ = judged(loops)
-        print("\n".join([f"{world}, a simulator that is not ours:", *told(loops, causes, events)]), flush=True)
+        print(
+            "\n".join([f"{world}, a simulator that is not ours:", *told(loops, causes, events)]),
+            flush=True,
+        )
     loops = plant(given.n, given.seed)
     causes, events, behind = judged(loops)
     print("\n".join(["own grids:", *told(loops, causes, events)]), flush=True)
     for beside in ("", "tuning", "outside"):
         more = sticky(given.more // 3, given.seed, beside)
         every, known = ({}, {}) if beside else (loops, behind)
-        print("\n".join(helped({**every, **more}, {**known, **identified(more)}, beside)), flush=True)
+        print(
+            "\n".join(helped({**every, **more}, {**known, **identified(more)}, beside)), flush=True
+        )
     print("\n".join(sizes(given.archived, given.seed)))
     return 0
 

@@ -72,7 +72,10 @@ def _calibrated(odds: np.ndarray, sticky: np.ndarray) -> tuple[float, float]:
     sign = np.where(sticky, -1.0, 1.0)
 
     def misfit(x: np.ndarray) -> float:
-        return float(w @ np.logaddexp(0.0, sign * (x[1] + x[0] * odds)) + 0.5 * PULL * ((x[0] - 1.0) ** 2 + x[1] ** 2))
+        return float(
+            w @ np.logaddexp(0.0, sign * (x[1] + x[0] * odds))
+            + 0.5 * PULL * ((x[0] - 1.0) ** 2 + x[1] ** 2)
+        )
 
     slope, offset = minimize(misfit, [1.0, 0.0]).x
     return max(float(slope), 0.0), float(offset)
@@ -94,17 +97,35 @@ def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print every loop by how doubtful its label is, with what speaks and where, and how many turned labels are found."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.label_audit", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.label_audit", description=__doc__
+    )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="Folder of `recorded_loops`, where answers are kept.")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help="Folder of `recorded_loops`, where answers are kept.",
+    )
     given = parser.parse_args(arguments)
     folder(given.output)
     rows = []
     for m, r in tqdm(records(given.folder, doubted=True), file=sys.stderr):
         whole = answered(given.output / f"{m.id}.json", partial(weighed, r))
-        parts = [answered(given.output / f"{m.id}-w{i}.json", partial(measured, w)) for i, w in enumerate(windows(r))]
+        parts = [
+            answered(given.output / f"{m.id}-w{i}.json", partial(measured, w))
+            for i, w in enumerate(windows(r))
+        ]
         rows.append(
-            {"id": m.id, "loop": m.loop, "unit": m.unit_group, "sticky": m.label == "stiction", **whole, "parts": parts}
+            {
+                "id": m.id,
+                "loop": m.loop,
+                "unit": m.unit_group,
+                "sticky": m.label == "stiction",
+                **whole,
+                "parts": parts,
+            }
         )
     table = pd.DataFrame([r for r in rows if r["odds"] is not None])
     loops = table.groupby("loop").agg(
@@ -113,11 +134,15 @@ def main(arguments: list[str] | None = None) -> int:
     loops["doubt"] = doubts(loops, loops.sticky.to_numpy(bool))
     for loop, line in loops.sort_values("doubt", ascending=False).iterrows():
         label = "stiction" if line.sticky else "no stiction"
-        print(f"{line.doubt:.2f}  {loop:<28} labelled {label:<12} probability of stiction {probability(line.odds):.2f}")
+        print(
+            f"{line.doubt:.2f}  {loop:<28} labelled {label:<12} probability of stiction {probability(line.odds):.2f}"
+        )
         for r in table[table.loop == loop].itertuples():
             print(f"      {r.id}: {_speaks(r.parts, line.sticky)}")
     share, false = turned(loops)
-    print(f"\n{DRAWS} draws, {TURNED} of {len(loops)} labels turned: {share:.2f} of them among the first {FIRST} suspected;")
+    print(
+        f"\n{DRAWS} draws, {TURNED} of {len(loops)} labels turned: {share:.2f} of them among the first {FIRST} suspected;"
+    )
     print(f"true labels suspected of being wrong: {false:.2f}")
     return 0
 

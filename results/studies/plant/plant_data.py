@@ -46,7 +46,11 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
     table = pd.read_csv(Path(folder) / "records.csv")
     table["sp_steps"] = table.sp_kind == "steps"
     rows = []
-    for m in tqdm(list(table[(table.usable == 1) & (table.primary == 1)].itertuples()), file=sys.stderr, delay=1.0):
+    for m in tqdm(
+        list(table[(table.usable == 1) & (table.primary == 1)].itertuples()),
+        file=sys.stderr,
+        delay=1.0,
+    ):
         process = str(m.dynamics).replace("_", "-")
         effects, said, error, kind = [], set(), "", ""
         try:
@@ -55,7 +59,12 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
             effects = [e["effect"] for e in report.effects]
             said = {
                 *effects,
-                *(word for words in FLAGS.values() for word in words if any(n.startswith(f"{word}: ") for n in report.notes)),
+                *(
+                    word
+                    for words in FLAGS.values()
+                    for word in words
+                    if any(n.startswith(f"{word}: ") for n in report.notes)
+                ),
             }
             kind = report.behind.found.situation.baseline.plant.type
         except UserError as problem:
@@ -91,7 +100,13 @@ def by_unit_group(frame: pd.DataFrame) -> pd.DataFrame:
     """
     share = frame[frame.credible].groupby(["label", "unit_group"]).friction.mean().reset_index()
     found = share.groupby("label").friction
-    table = pd.DataFrame({"groups": found.size(), "share": found.mean(), "majority": found.apply(lambda x: (x >= 0.5).mean())})
+    table = pd.DataFrame(
+        {
+            "groups": found.size(),
+            "share": found.mean(),
+            "majority": found.apply(lambda x: (x >= 0.5).mean()),
+        }
+    )
     return table.reset_index()
 
 
@@ -113,9 +128,19 @@ def by_flag(frame: pd.DataFrame) -> pd.DataFrame:
         has, named = frame[frame[flag]], f"named_{flag}"
         groups = has.groupby("unit_group")[named].mean().to_numpy(dtype=float) >= 0.5
         others = frame[~frame[flag]]
-        counts = (len(has), has[named].sum(), groups.size, groups.sum(), len(others), others[named].sum())
+        counts = (
+            len(has),
+            has[named].sum(),
+            groups.size,
+            groups.sum(),
+            len(others),
+            others[named].sum(),
+        )
         rows.append((flag, *map(int, counts)))
-    return pd.DataFrame(rows, columns=["flag", "records", "named", "groups", "groups_named", "others", "others_named"])
+    return pd.DataFrame(
+        rows,
+        columns=["flag", "records", "named", "groups", "groups_named", "others", "others_named"],
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -90,7 +90,10 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     -----
     In half the loops of the grid the valve sticks: of sticking that comes and goes, fleet and grid are drawn from the others.
     """
-    rng, methods = np.random.default_rng([seed, list(STRENGTHS).index(effect)]), choose_methods(["fast"])
+    rng, methods = (
+        np.random.default_rng([seed, list(STRENGTHS).index(effect)]),
+        choose_methods(["fast"]),
+    )
     strength = {k: float(rng.uniform(*ends)) for k, ends in STRENGTHS[effect].items()}
     with tempfile.TemporaryDirectory() as place:
         for i, s in enumerate(_fleet(records, seed, sound=effect == COMES_AND_GOES)):
@@ -100,7 +103,9 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
         found = against(read_fleet(place), simulated, GRID, methods, seed=seed)
     # friction is what is asked for: a sibling stays sound
-    now = [_with(s, effect, strength) if s.stands or effect != COMES_AND_GOES else s for s in simulated]
+    now = [
+        _with(s, effect, strength) if s.stands or effect != COMES_AND_GOES else s for s in simulated
+    ]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
     first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {
@@ -155,7 +160,9 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     """
     from scipy.stats import spearmanr
 
-    lines = [f"{'planted':<22} {'first':>16}  {'found':>5}  {'told apart':>10}  {'off by (points)':>15}  {'rank corr.':>10}"]
+    lines = [
+        f"{'planted':<22} {'first':>16}  {'found':>5}  {'told apart':>10}  {'off by (points)':>15}  {'rank corr.':>10}"
+    ]
     for effect in [*dict.fromkeys(r["planted"] for r in rows), "all"]:
         here = [r for r in rows if effect in (r["planted"], "all")]
         first = sum(_right(r, r["order"][:1]) for r in here)
@@ -185,33 +192,52 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
         pick = rng.permutation(len(x))
         real, sim = x[pick[:records]], x[pick[records : records + groups]]
         ruler = FeatureScaler.of(sim, real)
-        p = mmd_test(ruler, sim, real, rng)["p"], classifier_test(ruler.measured(sim), ruler.measured(real), rng)[1]
+        p = (
+            mmd_test(ruler, sim, real, rng)["p"],
+            classifier_test(ruler.measured(sim), ruler.measured(real), rng)[1],
+        )
         small += np.array(p) <= LEVEL
     said = []
     for name, k in zip(("kernel distance", "classifier"), small):
         lo, hi = wilson(k, runs)
         said.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
-    return ["", f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <= {LEVEL}: {', '.join(said)}"]
+    return [
+        "",
+        f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <= {LEVEL}: {', '.join(said)}",
+    ]
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Plant each effect in fleets of several seeds, ask a study of each, and print what it found; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.planted", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.planted", description=__doc__
+    )
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where the answers are kept.")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--records", type=int, default=30, help="Loops of a fleet [30].")
     parser.add_argument("--groups", type=int, default=40, help="Of the grid [40].")
-    parser.add_argument("--healthy", type=int, default=200, help="Fleets without effect, by permutation alone [200].")
+    parser.add_argument(
+        "--healthy",
+        type=int,
+        default=200,
+        help="Fleets without effect, by permutation alone [200].",
+    )
     given = parser.parse_args(arguments)
     folder(given.out)
     rows = []
     for seed in range(given.seeds):
         for effect in STRENGTHS:
-            file = given.out / f"{effect.replace(' ', '-')}-{seed}-{given.records}-{given.groups}.json"
+            file = (
+                given.out / f"{effect.replace(' ', '-')}-{seed}-{given.records}-{given.groups}.json"
+            )
             rows.append(answered(file, partial(asked, effect, seed, given.records, given.groups)))
     head = f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of grid {GRID}"
     said = [head, *told(rows)] if rows else []
-    print("\n".join(said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])))
+    print(
+        "\n".join(
+            said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])
+        )
+    )
     return 0
 
 

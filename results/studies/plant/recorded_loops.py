@@ -98,7 +98,8 @@ def counted(rows: pd.DataFrame, method: str) -> list[str]:
     for what in ("record", "loop", "unit"):
         keys = [rows.index] if what == "record" else [rows[what], rows.sticky]
         table = pd.DataFrame(
-            {"sticky": bool(part.sticky.iloc[0]), "called": _called(part, method)} for _, part in rows.groupby(keys)
+            {"sticky": bool(part.sticky.iloc[0]), "called": _called(part, method)}
+            for _, part in rows.groupby(keys)
         )
         text = f"{method:<12} by {what:<7}"
         for kind, name in ((True, "found"), (False, "false alarms")):
@@ -124,17 +125,35 @@ def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
     out = []
     for line in good.itertuples():
         process = str(line.dynamics).replace("_", "-")
-        out.append((line, read_record(where / f"{line.id}.csv", **({"process": process} if process in PROCESSES else {}))))
+        out.append(
+            (
+                line,
+                read_record(
+                    where / f"{line.id}.csv",
+                    **({"process": process} if process in PROCESSES else {}),
+                ),
+            )
+        )
     return out
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Weigh every record, and one per unit once an archive has had it in twelve ways; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.recorded_loops", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.recorded_loops", description=__doc__
+    )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="Folder where the answers are kept.")
-    parser.add_argument("--doubted", action="store_true", help="also records whose label somebody doubts")
-    parser.add_argument("--panel", action="store_true", help="also as an archive would have changed the first record of a unit")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="Folder where the answers are kept."
+    )
+    parser.add_argument(
+        "--doubted", action="store_true", help="also records whose label somebody doubts"
+    )
+    parser.add_argument(
+        "--panel",
+        action="store_true",
+        help="also as an archive would have changed the first record of a unit",
+    )
     given = parser.parse_args(arguments)
     folder(given.output)
     read = records(given.folder, given.doubted)

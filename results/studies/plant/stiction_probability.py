@@ -40,12 +40,28 @@ from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
 STICTION, NOTHING = "stiction", "none"
-SOUND = (NOTHING, "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
+SOUND = (
+    NOTHING,
+    "oscillation",
+    "load_steps",
+    "detuning",
+)  # what a loop without friction has, in turn
 GRID = "plant"
 SIMULATORS = ("own", "mill", "refinery", GRID)
 SEED = 79  # the product's numbers were learned, and its rule was chosen, on loops of seed 77
 LONGEST = 1000  # samples of a record that are looked at
-FORMS = ("whole", "window", "whole", "seldom", "whole", "window", "held", "whole", "window", "small")
+FORMS = (
+    "whole",
+    "window",
+    "whole",
+    "seldom",
+    "whole",
+    "window",
+    "held",
+    "whole",
+    "window",
+    "small",
+)
 LOOP_FORMS = ("drift", "moves", "retuned")  # what only a loop that is simulated here can do
 BINS = 10
 
@@ -53,9 +69,17 @@ BINS = 10
 def entry(number: int) -> dict[str, Any]:
     """Return what the loop of a number has, as the worlds are asked for it: every other one sticks."""
     turn = number // 2
-    about = {"mv": False, "plant": PLANTS[turn % len(PLANTS)], "strength": STRENGTHS[turn % len(STRENGTHS)]}
+    about = {
+        "mv": False,
+        "plant": PLANTS[turn % len(PLANTS)],
+        "strength": STRENGTHS[turn % len(STRENGTHS)],
+    }
     effect = STICTION if number % 2 else SOUND[turn % len(SOUND)]
-    return {"kind": "none", "mv": False} if effect == NOTHING else {"kind": "single", "effect": effect, **about}
+    return (
+        {"kind": "none", "mv": False}
+        if effect == NOTHING
+        else {"kind": "single", "effect": effect, **about}
+    )
 
 
 def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
@@ -88,7 +112,9 @@ def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopReco
     return run.record, run.sticky
 
 
-def _rerun(loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.Generator) -> LoopRecord | None:
+def _rerun(
+    loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.Generator
+) -> LoopRecord | None:
     """Return the loop's record under a drifting load, a set point that moves or a new tuning, or sampled more densely."""
     table, period = loop.to_table(), _period(record)
     cycles = float(rng.uniform(0.5, 2.0)) if form == "window" else float(rng.uniform(4.0, 15.0))
@@ -99,11 +125,21 @@ def _rerun(loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.
     loads = list(table.get("disturbance", []))
     if form in ("drift", "window"):
         kind = ("ramp", "random_walk")[int(rng.integers(2))]
-        loads.append({"type": kind, "amplitude": size * float(rng.uniform(0.5, 3.0)), "period": 2 * n * Ts, "at": "input"})
+        loads.append(
+            {
+                "type": kind,
+                "amplitude": size * float(rng.uniform(0.5, 3.0)),
+                "period": 2 * n * Ts,
+                "at": "input",
+            }
+        )
     if form == "moves":
         value, height = table["setpoint"]["value"], float(np.std(record.pv))
         times = np.sort(rng.uniform(0.0, 2 * n * Ts, 6))
-        table["setpoint"] = {"value": value, "steps": [[float(t), value + height * float(rng.normal())] for t in times]}
+        table["setpoint"] = {
+            "value": value,
+            "steps": [[float(t), value + height * float(rng.normal())] for t in times],
+        }
     try:
         new = Loop.from_table(table | {"disturbance": loads}, "rerun")
         if form != "retuned":
@@ -112,7 +148,9 @@ def _rerun(loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.
         factor = np.where(np.arange(2 * n) < 1.5 * n, 1.0, float(rng.choice((0.4, 0.6, 1.5))))
         setup = resolve_loop(new, seed)
         trace = run_rig([setup], gain=[factor])[0]
-        return LoopRecord(op=trace.op[n:], pv=trace.pv[n:], sp=setup.sp[n : 2 * n], Ts=Ts, op_span=(0.0, 100.0))
+        return LoopRecord(
+            op=trace.op[n:], pv=trace.pv[n:], sp=setup.sp[n : 2 * n], Ts=Ts, op_span=(0.0, 100.0)
+        )
     except (UserError, SpecError):
         return None
 
@@ -120,7 +158,11 @@ def _rerun(loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.
 def _period(record: LoopRecord) -> float:
     """Return the period (s) of the record, or where it does not oscillate a fifth of its length."""
     found = find_oscillation(record.op, record.pv, record.Ts)
-    return found.period_s if np.isfinite(found.period_s) and found.period_s < record.duration else 0.2 * record.duration
+    return (
+        found.period_s
+        if np.isfinite(found.period_s) and found.period_s < record.duration
+        else 0.2 * record.duration
+    )
 
 
 def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
@@ -137,7 +179,11 @@ def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
         k = int(rng.integers(2, 6))
         r = replace(r, pv=np.repeat(r.pv[::k], k)[: r.n])
     if form == "small":
-        r = replace(r, op=r.op.mean() + (r.op - r.op.mean()) * float(rng.uniform(0.05, 1.0)) / (np.ptp(r.op) or 1.0))
+        r = replace(
+            r,
+            op=r.op.mean()
+            + (r.op - r.op.mean()) * float(rng.uniform(0.05, 1.0)) / (np.ptp(r.op) or 1.0),
+        )
     begin = int(rng.integers(r.n - LONGEST + 1)) if r.n > LONGEST else 0
     return r.window(begin, min(begin + LONGEST, r.n))
 
@@ -145,13 +191,22 @@ def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
 def asked(simulator: str, number: int) -> dict[str, Any]:
     """Return what one record's likelihood measured of friction, and the truth; no evidence where it cannot be judged."""
     record, sticky, form = drawn(simulator, number)
-    about = {"simulator": simulator, "number": number, "sticky": bool(sticky), "form": form, "n": record.n}
+    about = {
+        "simulator": simulator,
+        "number": number,
+        "sticky": bool(sticky),
+        "form": form,
+        "n": record.n,
+    }
     try:
         found = friction(record)
     except UserError as why:
         return about | {"evidence": None, "why": str(why)}
     e = found.evidence
-    return about | {"evidence": [e.gain, e.outside, e.share], "cycles": record.duration / _period(record)}
+    return about | {
+        "evidence": [e.gain, e.outside, e.share],
+        "cycles": record.duration / _period(record),
+    }
 
 
 def evidence_of(row: dict[str, Any]) -> FrictionEvidence:
@@ -187,7 +242,9 @@ def balanced(y: np.ndarray, groups: Sequence[str]) -> np.ndarray:
     return np.array([len(keys) / len(set(keys)) / keys.count(k) for k in keys])
 
 
-def left_out(rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]) -> np.ndarray:
+def left_out(
+    rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]
+) -> np.ndarray:
     """Return the probabilities that a rule learned on the other simulators gives."""
     x, y, at = _table(rows, rule)
     p = np.empty(len(rows))
@@ -210,7 +267,10 @@ def scores(p: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
     w = balanced(y, [""] * y.size)
     bins = np.minimum((p * BINS).astype(int), BINS - 1)
-    error = sum(abs(np.sum(w[bins == b] * (p[bins == b] - y[bins == b]))) for b in range(BINS)) / w.sum()
+    error = (
+        sum(abs(np.sum(w[bins == b] * (p[bins == b] - y[bins == b]))) for b in range(BINS))
+        / w.sum()
+    )
     return float(log_loss(y, p, sample_weight=w)), float(roc_auc_score(y, p)), float(error)
 
 
@@ -223,16 +283,26 @@ def compared(rows: list[dict[str, Any]]) -> list[str]:
     rows = judged + silent
     at, y = np.array([r["simulator"] for r in rows]), np.array([r["sticky"] for r in rows])
     names = [s for s in SIMULATORS if s in set(at)]
-    lines = [f"{len(rows)} records: " + ", ".join(f"{s} {np.sum(at == s)} ({np.sum(y[at == s])} sticky)" for s in names)]
+    lines = [
+        f"{len(rows)} records: "
+        + ", ".join(f"{s} {np.sum(at == s)} ({np.sum(y[at == s])} sticky)" for s in names)
+    ]
     lines[0] += f"; {len(silent)} cannot be judged and count with even odds"
-    lines.append(f"{'log-loss / AUC / calibration error':<46}" + "".join(f"{s:>19}" for s in (*names, "all but plant")))
+    lines.append(
+        f"{'log-loss / AUC / calibration error':<46}"
+        + "".join(f"{s:>19}" for s in (*names, "all but plant"))
+    )
     tried = {name: left_out(judged, rule) for name, rule in RULES.items()}
-    tried["as it stands in the product"] = np.array([probability(log_odds(evidence_of(r))) for r in judged])
+    tried["as it stands in the product"] = np.array(
+        [probability(log_odds(evidence_of(r))) for r in judged]
+    )
     for name, p in tried.items():
         p = np.append(p, np.full(len(silent), 0.5))
         each = {s: scores(p[at == s], y[at == s]) for s in names}
         each["mean"] = tuple(np.mean([v for s, v in each.items() if s != GRID], axis=0))
-        lines.append(f"{name:<46}" + "".join(f"   {a:.3f} {b:.2f} {c:.3f}" for a, b, c in each.values()))
+        lines.append(
+            f"{name:<46}" + "".join(f"   {a:.3f} {b:.2f} {c:.3f}" for a, b, c in each.values())
+        )
     return lines
 
 
@@ -261,8 +331,15 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
 
 def main(arguments: list[str] | None = None) -> int:
     """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`, beside what others would do."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.stiction_probability", description=__doc__)
-    parser.add_argument("out", type=Path, metavar="FOLDER", help="Where what was found is kept; goes on where it stopped.")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.stiction_probability", description=__doc__
+    )
+    parser.add_argument(
+        "out",
+        type=Path,
+        metavar="FOLDER",
+        help="Where what was found is kept; goes on where it stopped.",
+    )
     parser.add_argument("-n", type=int, default=200, help="Loops of each simulator [200].")
     parser.add_argument("--simulators", nargs="+", default=list(SIMULATORS), choices=SIMULATORS)
     given = parser.parse_args(arguments)

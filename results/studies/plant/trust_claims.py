@@ -38,7 +38,10 @@ RUNS = 10  # of the true loop, sticky and healthy each
 FITTED = 3  # of the sticky ones, in which friction's likelihood is asked for as well
 CLOSE = 0.1  # by which a claim may differ from what was measured
 BOOTSTRAPS = 1000
-PLAIN, BURIED = 0.8, 0.3  # found less false alarms by the best method: plainly visible above, buried below
+PLAIN, BURIED = (
+    0.8,
+    0.3,
+)  # found less false alarms by the best method: plainly visible above, buried below
 BINS = 4  # of probability, for its calibration
 
 
@@ -65,7 +68,9 @@ def looked_at(scenario: Scenario) -> dict[str, Any]:
     return {"sticky": run.sticky, "probability": probability_of_stiction(record), PROCEDURE: called}
 
 
-def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]) -> list[dict[str, Any]]:
+def kept(
+    out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]
+) -> list[dict[str, Any]]:
     """Return what is found of loops of the grid; those looked at before are read from the folder."""
     folder(out)
     rows = []
@@ -81,16 +86,29 @@ def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, A
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask trust about simulated loops, run the same loops again and again, and print claims beside what was measured."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.trust_claims", description=__doc__)
-    parser.add_argument("out", metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.trust_claims", description=__doc__
+    )
+    parser.add_argument(
+        "out", metavar="FOLDER", help="Where the answers are kept; goes on where it stopped."
+    )
     parser.add_argument("-n", type=int, default=40, help="Loops to ask about [40].")
     parser.add_argument(
-        "--weighed", type=int, default=200, help="Loops whose probability is checked, which needs no twins [200]."
+        "--weighed",
+        type=int,
+        default=200,
+        help="Loops whose probability is checked, which needs no twins [200].",
     )
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    said = [*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *who_is_right(rows)]
+    said = [
+        *_probability(weighed),
+        "",
+        *_claims([r for r in rows if r["best"]]),
+        *_visible(rows),
+        *who_is_right(rows),
+    ]
     print("\n".join(said))
     return 0
 
@@ -109,14 +127,22 @@ def checked(scenario: Scenario) -> dict[str, Any]:
         of the record, None without twins; and what `measured` returns.
     """
     run = simulate(scenario.loop, scenario.seed)
-    return {"sticky": run.sticky, **claimed(run.record.without_mv()), **measured(scenario, choose_methods(["all"]))}
+    return {
+        "sticky": run.sticky,
+        **claimed(run.record.without_mv()),
+        **measured(scenario, choose_methods(["all"])),
+    }
 
 
 def claimed(record: LoopRecord) -> dict[str, Any]:
     """Return what trust says of a record: what `checked` returns, but what is true."""
     found = trust(record, help_wanted=False)
     answer = found.as_json()
-    best = None if found.best is None else {"method": found.best.verdict.method, "says": found.best.says}
+    best = (
+        None
+        if found.best is None
+        else {"method": found.best.verdict.method, "says": found.best.says}
+    )
     shown = {k: answer[k] for k in ("probability", "methods", "smallest_visible")}
     return {"said": found.conclusion.verdict, "best": best, **shown}
 
@@ -136,7 +162,9 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
         in which trust calls stiction probable; S, J (%).
     """
     S, J = max(plain_setup(scenario.loop, 0).bands)
-    sound = scenario.loop if S <= 0 else scenario.loop.model_copy(update={"valve": Part(name="ideal")})
+    sound = (
+        scenario.loop if S <= 0 else scenario.loop.model_copy(update={"valve": Part(name="ideal")})
+    )
     return {
         "S": S, "J": J, "healthy": shares(sound, scenario.seed, methods),
         "with_friction": shares(scenario.loop, scenario.seed, methods) if S > 0 else None,
@@ -146,7 +174,10 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
-    found = [probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv()) for i in range(FITTED)]
+    found = [
+        probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv())
+        for i in range(FITTED)
+    ]
     said = [p > CLAIMED_FROM for p in found if p is not None]
     return float(np.mean(said)) if said else 0.0
 
@@ -154,7 +185,10 @@ def fitted(loop: Loop, seed: int) -> float:
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
     """Return the share of runs of a loop that every method calls stiction."""
     called = [
-        [v.verdict == STICTION for v in judge(simulate(loop, seed + 1000 + i).record.without_mv(), methods)]
+        [
+            v.verdict == STICTION
+            for v in judge(simulate(loop, seed + 1000 + i).record.without_mv(), methods)
+        ]
         for i in range(RUNS)
     ]
     return dict(zip(methods, np.mean(called, axis=0).tolist()))
@@ -173,7 +207,10 @@ def _claims(rows: list[dict[str, Any]]) -> list[str]:
             text += f" {a:>6.2f} {b:>7.2f} {np.abs(both[:, 0] - both[:, 1]).mean():>7.2f}  "
         lines.append(text.rstrip())
     sound = [r for r in rows if r["with_friction"] is None]
-    near = [_near([of(some, m) for m in methods]) for of, some in ((_alarms, rows), (_alarms, sound), (_power, rows))]
+    near = [
+        _near([of(some, m) for m in methods])
+        for of, some in ((_alarms, rows), (_alarms, sound), (_power, rows))
+    ]
     return [
         *lines,
         f"false alarms claimed within .1 of those measured, mean over the loops: {near[0]} methods; power: {near[2]}",
@@ -183,13 +220,17 @@ def _claims(rows: list[dict[str, Any]]) -> list[str]:
 
 def _alarms(rows: list[dict[str, Any]], method: str) -> np.ndarray:
     """Return false alarms claimed and measured, shape (loops, 2)."""
-    return np.array([(_of(r, method)["false_alarms"], r["healthy"][method]) for r in rows]).reshape(-1, 2)
+    return np.array([(_of(r, method)["false_alarms"], r["healthy"][method]) for r in rows]).reshape(
+        -1, 2
+    )
 
 
 def _power(rows: list[dict[str, Any]], method: str) -> np.ndarray:
     """Return power claimed and measured at the loop's own S and J, shape (sticky loops, 2)."""
     sticky = [r for r in rows if r["with_friction"] is not None]
-    pairs = [(_at(_of(r, method)["power"], r["S"], r["J"]), r["with_friction"][method]) for r in sticky]
+    pairs = [
+        (_at(_of(r, method)["power"], r["S"], r["J"]), r["with_friction"][method]) for r in sticky
+    ]
     return np.array(pairs).reshape(-1, 2)
 
 
@@ -201,7 +242,9 @@ def _near(pairs: list[np.ndarray]) -> str:
 def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
     """Return the share found in the cell nearest to (S, J) in logarithms."""
     ratio = max(J, 0.05 * S) / S
-    return min(cells, key=lambda c: abs(np.log(c["S"] / S)) + abs(np.log(c["J"] / c["S"] / ratio)))["found"]
+    return min(cells, key=lambda c: abs(np.log(c["S"] / S)) + abs(np.log(c["J"] / c["S"] / ratio)))[
+        "found"
+    ]
 
 
 def _probability(rows: list[dict[str, Any]]) -> list[str]:
@@ -210,7 +253,9 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     sticky = np.array([r["sticky"] for r in rows])
     # trust assumes even odds before looking: sticky and healthy loops count the same
     w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
-    lines = [f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"]
+    lines = [
+        f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"
+    ]
     for here in _bins(p):
         if here.any():
             share = np.average(sticky[here], weights=w[here])
@@ -222,14 +267,22 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
         f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to {hi:.3f}: upwards biased)"
     )
     right = {"trust": p > 0.5, PROCEDURE: np.array([r[PROCEDURE] for r in rows])}
-    share = {name: 0.5 * (called[sticky].mean() + (~called[~sticky]).mean()) for name, called in right.items()}
-    lines.append(f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}")
+    share = {
+        name: 0.5 * (called[sticky].mean() + (~called[~sticky]).mean())
+        for name, called in right.items()
+    }
+    lines.append(
+        f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}"
+    )
     sure = p > CLAIMED_FROM
     lines.append(
         f"stiction claimed: {out_of(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
         f"{out_of(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"
     )
-    return [*lines, f"Brier score {np.average((p - sticky) ** 2, weights=w):.3f} (even odds: 0.250)"]
+    return [
+        *lines,
+        f"Brier score {np.average((p - sticky) ** 2, weights=w):.3f} (even odds: 0.250)",
+    ]
 
 
 def _bins(p: np.ndarray) -> list[np.ndarray]:
@@ -237,7 +290,9 @@ def _bins(p: np.ndarray) -> list[np.ndarray]:
 
 
 def _error(p: np.ndarray, sticky: np.ndarray, w: np.ndarray) -> float:
-    return float(sum(abs(np.sum(w[here] * (p[here] - sticky[here]))) for here in _bins(p)) / w.sum())
+    return float(
+        sum(abs(np.sum(w[here] * (p[here] - sticky[here]))) for here in _bins(p)) / w.sum()
+    )
 
 
 def _visible(rows: list[dict[str, Any]]) -> list[str]:
@@ -258,7 +313,9 @@ def _visible(rows: list[dict[str, Any]]) -> list[str]:
         lines += ["", f"friction as {whose} see it on runs of the loop itself:"]
         for kind, (claim, answer, n) in counts.items():
             below = f"below the smallest that detectors show {out_of(claim, n)}"
-            lines.append(f"{kind}: {below}; the answer denies it or says that it cannot be seen {out_of(answer, n)}")
+            lines.append(
+                f"{kind}: {below}; the answer denies it or says that it cannot be seen {out_of(answer, n)}"
+            )
     return lines
 
 
@@ -281,17 +338,27 @@ def who_is_right(rows: list[dict[str, Any]]) -> list[str]:
     list of str
     """
     twins = [r for r in rows if r["best"] is not None]
-    right = {c["method"]: [_right(_of(r, c["method"])["verdict"], r["sticky"]) for r in twins] for c in twins[0]["methods"]}
+    right = {
+        c["method"]: [_right(_of(r, c["method"])["verdict"], r["sticky"]) for r in twins]
+        for c in twins[0]["methods"]
+    }
     best = max(right, key=lambda m: sum(right[m]))
     asked = {
-        "detector picked per loop, read as advised": [_right(r["best"]["says"], r["sticky"]) for r in twins],
+        "detector picked per loop, read as advised": [
+            _right(r["best"]["says"], r["sticky"]) for r in twins
+        ],
         "probability above one half": [(r["probability"] > 0.5) == r["sticky"] for r in twins],
     }
-    lines = ["", f"right on {len(twins)} loops: best detector in hindsight ({best}) {np.mean(right[best]):.2f}"]
+    lines = [
+        "",
+        f"right on {len(twins)} loops: best detector in hindsight ({best}) {np.mean(right[best]):.2f}",
+    ]
     for name, ok in asked.items():
         won = sum(b and not a for a, b in zip(right[best], ok))
         lost = sum(a and not b for a, b in zip(right[best], ok))
-        lines.append(f"{name} {np.mean(ok):.2f} ({won} won, {lost} lost, p = {mcnemar(lost, won):.3f})")
+        lines.append(
+            f"{name} {np.mean(ok):.2f} ({won} won, {lost} lost, p = {mcnemar(lost, won):.3f})"
+        )
     return lines
 
 

@@ -18,7 +18,9 @@ from simbench.plant.study.strengths import Size
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
 
-DRAWN = TESTING + 4  # seed of the order of the loops: none that weights were learned on or answers looked at
+DRAWN = (
+    TESTING + 4
+)  # seed of the order of the loops: none that weights were learned on or answers looked at
 # S over the range that OP moves through with a sound valve; J over S is drawn between a little and as much as there is band
 SIZES = {"buried": (0.01, 0.1), "plainly visible": (1.5, 4.0)}
 SLIP = (0.3, 1.0)
@@ -40,7 +42,11 @@ def asked(scenario: Scenario) -> dict[str, Any]:
         (share of runs in which trust calls stiction probable; None where detectors see it), said, smallest_visible (S or None).
     """
     sound = scenario.loop.model_copy(update={"valve": Part(name="ideal")})
-    rng, seed, methods = np.random.default_rng(scenario.seed), scenario.seed, choose_methods(["all"])
+    rng, seed, methods = (
+        np.random.default_rng(scenario.seed),
+        scenario.seed,
+        choose_methods(["all"]),
+    )
     span = Size.of(simulate(sound, seed).record.without_mv()).op
     alarms = shares(sound, seed, methods)
     out = {}
@@ -75,12 +81,18 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     -------
     list of str
     """
-    lines = [f"{len(rows)} loops of grid plant, each with little and with much friction (S over OP's range {SIZES})"]
+    lines = [
+        f"{len(rows)} loops of grid plant, each with little and with much friction (S over OP's range {SIZES})"
+    ]
     for kind in SIZES:
         here = [r[kind] for r in rows if _is(kind, r[kind])]
         denied = [r["said"] == NO_STICTION and _below(r) for r in here]
-        said = ", ".join(f"{a} {sum(r['said'] == a for r in here)}" for a in sorted({r["said"] for r in here}))
-        lines.append(f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))}; said: {said}")
+        said = ", ".join(
+            f"{a} {sum(r['said'] == a for r in here)}" for a in sorted({r["said"] for r in here})
+        )
+        lines.append(
+            f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))}; said: {said}"
+        )
     return lines
 
 
@@ -97,8 +109,15 @@ def _below(row: dict[str, Any]) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask trust about loops at both extremes, and print what it says; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.trust_extremes", description=__doc__)
-    parser.add_argument("out", type=Path, metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.trust_extremes", description=__doc__
+    )
+    parser.add_argument(
+        "out",
+        type=Path,
+        metavar="FOLDER",
+        help="Where the answers are kept; goes on where it stopped.",
+    )
     parser.add_argument("-n", type=int, default=60, help="Loops, each asked about twice [60].")
     given = parser.parse_args(arguments)
     print("\n".join(told(kept(given.out, given.n, DRAWN, asked))))

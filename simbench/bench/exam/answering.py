@@ -48,7 +48,9 @@ def answer_exam(
     files = [str(Path(p).resolve()) for p in plugins]
     asked = [part.strip() for text in methods for part in text.split(",")]
     if ORACLE in asked:
-        raise ParameterError(f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other methods")
+        raise ParameterError(
+            f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other methods"
+        )
     with registry.hosted(files) as added:
         names = choose_methods(asked)
         names += [name for name in added if name not in names]
@@ -61,7 +63,9 @@ def answer_exam(
         parts = out.with_name(f"{out.name}.partial")
         if not resume and (out.exists() or parts.exists()):
             there = out if out.exists() else parts
-            raise ParameterError(f"exam: {there} exists already; continue it with --resume, or choose another file")
+            raise ParameterError(
+                f"exam: {there} exists already; continue it with --resume, or choose another file"
+            )
         if out.exists():
             _refuse_other_answers(out, names, exam.records)
             return 0
@@ -70,13 +74,23 @@ def answer_exam(
 
 
 def _ask(
-    records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str], out: Path, parts: Path, jobs: int
+    records: Mapping[str, LoopRecord],
+    names: Sequence[str],
+    plugins: Sequence[str],
+    out: Path,
+    parts: Path,
+    jobs: int,
 ) -> int:
     """Ask for the pieces that do not lie in `parts` yet, and join all of them."""
     remove_stale_temporaries(parts)
     ids = list(records)
-    pieces = {f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]} for i in range(0, len(ids), _PIECE)}
-    todo = {name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()}
+    pieces = {
+        f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]}
+        for i in range(0, len(ids), _PIECE)
+    }
+    todo = {
+        name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()
+    }
     left, failed = sum(len(some) for some, *_ in todo.values()), Counter()
     with Progress(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0) as bar:
         for name, (text, errors) in ask_in_processes(_answers, todo, jobs):
@@ -89,15 +103,22 @@ def _ask(
         f.writelines((parts / name).read_text(encoding="utf-8") for name in pieces)
     rmtree(parts, ignore_errors=True)
     for method, count in failed.items():
-        print(f"method {method} failed on {count} of {left} records, which are answered no_decision", file=sys.stderr)
+        print(
+            f"method {method} failed on {count} of {left} records, which are answered no_decision",
+            file=sys.stderr,
+        )
     return left
 
 
-def _refuse_other_answers(out: Path, names: Sequence[str], records: Mapping[str, LoopRecord]) -> None:
+def _refuse_other_answers(
+    out: Path, names: Sequence[str], records: Mapping[str, LoopRecord]
+) -> None:
     """Raise ParameterError unless a file holds every answer of these methods and no other."""
     there = read_answers([out], records)
     if set(there) != set(names) or any(len(of) < len(records) for of in there.values()):
-        raise ParameterError(f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file")
+        raise ParameterError(
+            f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file"
+        )
 
 
 def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
@@ -112,7 +133,9 @@ def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
     except (OSError, ValueError, KeyError, TypeError):
         differ = [_SETTINGS]
     if differ:
-        raise ParameterError(f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another file")
+        raise ParameterError(
+            f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another file"
+        )
 
 
 def _answers(

@@ -24,7 +24,16 @@ Answers = dict[str, dict[str, Verdict]]  # by method and record
 def rows_of(record: str, verdicts: Iterable[Verdict]) -> str:
     """Return the lines of a record's answers."""
     text = io.StringIO()
-    rows = ((v.method, record, v.verdict, _cell((v.score,) * 2), *map(_cell, map(level_ends, (v.S, v.J)))) for v in verdicts)
+    rows = (
+        (
+            v.method,
+            record,
+            v.verdict,
+            _cell((v.score,) * 2),
+            *map(_cell, map(level_ends, (v.S, v.J))),
+        )
+        for v in verdicts
+    )
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
@@ -36,19 +45,31 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
     for file in files:
         rows = table_rows(file, NEEDED, OPTIONAL)
         if not rows:
-            raise ParameterError(f"exam: {file} has no answers; a line for each method and record is needed")
+            raise ParameterError(
+                f"exam: {file} has no answers; a line for each method and record is needed"
+            )
         for line, row in rows:
             where, method, record = f"{file}, line {line}", row["method"], row["record"]
             if not _NAME.fullmatch(method) or method in _TAKEN:
-                allowed = "a letter, then letters, digits, _ . @ or -, and no name of a reference row"
-                raise ParameterError(f"exam: {where}: {method[:80]!r} is no name of a method; allowed: {allowed}")
+                allowed = (
+                    "a letter, then letters, digits, _ . @ or -, and no name of a reference row"
+                )
+                raise ParameterError(
+                    f"exam: {where}: {method[:80]!r} is no name of a method; allowed: {allowed}"
+                )
             if record not in records:
-                raise ParameterError(f"exam: {where}: the exam has no record {record[:80]!r}: {_near(record, records)}")
+                raise ParameterError(
+                    f"exam: {where}: the exam has no record {record[:80]!r}: {_near(record, records)}"
+                )
             if row["verdict"] not in VERDICTS:
-                raise ParameterError(f"exam: {where}: {row['verdict'][:80]!r} is no verdict; allowed: {', '.join(VERDICTS)}")
+                raise ParameterError(
+                    f"exam: {where}: {row['verdict'][:80]!r} is no verdict; allowed: {', '.join(VERDICTS)}"
+                )
             if (method, record) in first:
                 before = first[method, record]
-                raise ParameterError(f"exam: {where}: {method} answered record {record!r} before, in {before}; once is allowed")
+                raise ParameterError(
+                    f"exam: {where}: {method} answered record {record!r} before, in {before}; once is allowed"
+                )
             first[method, record] = where
             score = _number(row["score"], where, "score") if row["score"] else math.nan
             S, J = (_level(row.get(name, ""), where, name) for name in OPTIONAL)
@@ -58,7 +79,11 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
 
 
 def _near(record: str, records: Collection[str]) -> str:
-    return nearest(record, records) if len(records) < 50 else f"its {len(records)} records stand in loops.csv"
+    return (
+        nearest(record, records)
+        if len(records) < 50
+        else f"its {len(records)} records stand in loops.csv"
+    )
 
 
 def _cell(ends: tuple[float, float]) -> str:
@@ -70,7 +95,9 @@ def _number(text: str, where: str, name: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ParameterError(f"exam: {where}: {name} = {text[:80]!r}; a number or an empty cell is needed") from None
+        raise ParameterError(
+            f"exam: {where}: {name} = {text[:80]!r}; a number or an empty cell is needed"
+        ) from None
 
 
 def _level(text: str, where: str, name: str) -> Level:
@@ -78,5 +105,7 @@ def _level(text: str, where: str, name: str) -> Level:
         return None
     ends = [_number(part, where, name) for part in text.split(_BETWEEN, 1)]
     if not 0.0 <= ends[0] <= ends[-1] < math.inf:
-        raise ParameterError(f"exam: {where}: {name} = {text[:80]!r}; a size from 0, or lo{_BETWEEN}hi, is needed")
+        raise ParameterError(
+            f"exam: {where}: {name} = {text[:80]!r}; a size from 0, or lo{_BETWEEN}hi, is needed"
+        )
     return ends[0] if len(ends) == 1 else (ends[0], ends[1])

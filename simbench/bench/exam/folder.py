@@ -39,13 +39,20 @@ class Exam(NamedTuple):
 
 def write_exam(folder: Path, about: Mapping[str, Any], records: Mapping[str, LoopRecord]) -> None:
     """Write the three files of an exam; `about` is the content of exam.json."""
-    columns = {name: np.concatenate([getattr(r, name) for r in records.values()]) for name in _SIGNALS}
+    columns = {
+        name: np.concatenate([getattr(r, name) for r in records.values()]) for name in _SIGNALS
+    }
     ids = pa.array(np.repeat(list(records), [r.n for r in records.values()]))
     with whole_file(folder / RECORDS, "wb") as f:
         pq.write_table(pa.table({"record": ids, **columns}), f, compression="zstd")
     with whole_file(folder / LOOPS) as f:
         writer = csv.writer(f, lineterminator="\n")
-        writer.writerows([_KNOWN, *((name, r.Ts, r.process, *(r.op_span or ("", ""))) for name, r in records.items())])
+        writer.writerows(
+            [
+                _KNOWN,
+                *((name, r.Ts, r.process, *(r.op_span or ("", ""))) for name, r in records.items()),
+            ]
+        )
     with whole_file(folder / EXAM) as f:
         f.write(json.dumps(about, indent=1) + "\n")
 
@@ -58,9 +65,13 @@ def read_exam(folder: str | Path) -> Exam:
     parts = _signals(folder / RECORDS)
     for here, there, file in ((loops, parts, RECORDS), (parts, loops, LOOPS)):
         for name in (name for name in here if name not in there):
-            raise ParameterError(f"exam: {folder / file} has no record {name!r}; the whole file is needed")
+            raise ParameterError(
+                f"exam: {folder / file} has no record {name!r}; the whole file is needed"
+            )
     if len(loops) != about["n"]:
-        raise ParameterError(f"exam: {folder / LOOPS} has {len(loops)} records; {about['n']} are needed, as {EXAM} states")
+        raise ParameterError(
+            f"exam: {folder / LOOPS} has {len(loops)} records; {about['n']} are needed, as {EXAM} states"
+        )
     records, marks = {}, {}
     for name, known in loops.items():
         t, sp, op, pv = parts[name]
@@ -83,13 +94,17 @@ def _stated(file: Path) -> dict[str, Any]:
         about = json.loads(file.read_bytes())
         wrong = [k for k, kind in _STATED.items() if not isinstance(about[k], kind)]
     except OSError as error:
-        raise ParameterError(f"exam: {file.parent} holds no exam: {EXAM} cannot be read ({error.strerror})") from None
+        raise ParameterError(
+            f"exam: {file.parent} holds no exam: {EXAM} cannot be read ({error.strerror})"
+        ) from None
     except (ValueError, KeyError, TypeError, RecursionError):
         wrong = [EXAM]
     if wrong:
         raise ParameterError(f"exam: {file} is damaged; JSON with {', '.join(_STATED)} is needed")
     if about["format"] != EXAM_FORMAT:
-        raise ParameterError(f"exam: {file} has format {about['format']}; format {EXAM_FORMAT} is needed")
+        raise ParameterError(
+            f"exam: {file} has format {about['format']}; format {EXAM_FORMAT} is needed"
+        )
     return about
 
 
@@ -98,11 +113,19 @@ def _loops(file: Path) -> dict[str, dict[str, Any]]:
     for line, row in table_rows(file, _KNOWN):
         span = row["op_lo"], row["op_hi"]
         try:
-            known = {"Ts": float(row["Ts"]), "process": row["process"] or None, "op_span": tuple(map(float, span))}
+            known = {
+                "Ts": float(row["Ts"]),
+                "process": row["process"] or None,
+                "op_span": tuple(map(float, span)),
+            }
         except ValueError:
-            raise ParameterError(f"exam: {file}, line {line}: Ts, op_lo and op_hi must be numbers; {row} is none") from None
+            raise ParameterError(
+                f"exam: {file}, line {line}: Ts, op_lo and op_hi must be numbers; {row} is none"
+            ) from None
         if row["record"] in found:
-            raise ParameterError(f"exam: {file}, line {line}: record {row['record']!r} stands there twice; once is allowed")
+            raise ParameterError(
+                f"exam: {file}, line {line}: record {row['record']!r} stands there twice; once is allowed"
+            )
         found[row["record"]] = known
     return found
 
@@ -114,19 +137,27 @@ def _signals(file: Path) -> dict[str, np.ndarray]:
         values = np.array([table.column(name).to_numpy().astype(float) for name in _SIGNALS])
         coded = table.column("record").combine_chunks().dictionary_encode()
     except OSError as error:
-        raise ParameterError(f"exam: {file} cannot be read: {error.strerror or 'it is damaged'}") from None
+        raise ParameterError(
+            f"exam: {file} cannot be read: {error.strerror or 'it is damaged'}"
+        ) from None
     except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
         said = str(error).splitlines()[0][:200]
-        raise ParameterError(f"exam: {file} is damaged ({said}); record, {', '.join(_SIGNALS)} are needed") from None
+        raise ParameterError(
+            f"exam: {file} is damaged ({said}); record, {', '.join(_SIGNALS)} are needed"
+        ) from None
     codes = coded.indices.to_numpy()
     starts = np.flatnonzero(np.diff(codes, prepend=-1))
     ids = coded.dictionary.take(pa.array(codes[starts])).to_pylist()
     if len(set(ids)) < len(ids):
-        raise ParameterError(f"exam: {file}: the samples of a record do not stand together, which is needed")
+        raise ParameterError(
+            f"exam: {file}: the samples of a record do not stand together, which is needed"
+        )
     return dict(zip(ids, np.split(values, starts[1:], axis=1)))
 
 
-def table_rows(file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> list[tuple[int, dict[str, str]]]:
+def table_rows(
+    file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a CSV file by column, each with its line; ParameterError, naming file and line, for any other file."""
     try:
         text = file.read_bytes().decode("utf-8-sig")
@@ -134,17 +165,27 @@ def table_rows(file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = 
         raise ParameterError(f"exam: {file} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
-        raise ParameterError(f"exam: {file}, line {line}: this is no text in UTF-8, which is needed") from None
+        raise ParameterError(
+            f"exam: {file}, line {line}: this is no text in UTF-8, which is needed"
+        ) from None
     lines = text.splitlines(keepends=True)
     if not lines or lines[-1] == lines[-1].rstrip("\r\n"):
-        raise ParameterError(f"exam: {file}, line {len(lines) or 1}: the file ends within a line; the whole file is needed")
+        raise ParameterError(
+            f"exam: {file}, line {len(lines) or 1}: the file ends within a line; the whole file is needed"
+        )
     reader, rows = csv.reader(lines, strict=True), []
     try:
         header = [cell.strip() for cell in next(reader)]
-        wrong = [c for c in header if c not in (*needed, *optional)] + [c for c in needed if header.count(c) != 1]
+        wrong = [c for c in header if c not in (*needed, *optional)] + [
+            c for c in needed if header.count(c) != 1
+        ]
         if wrong or len(set(header)) < len(header):
-            allowed = ", ".join(needed) + (f" and, if wanted, {', '.join(optional)}" if optional else "")
-            raise ParameterError(f"exam: {file}, line 1: the columns are {', '.join(header)[:200]}; needed: {allowed}")
+            allowed = ", ".join(needed) + (
+                f" and, if wanted, {', '.join(optional)}" if optional else ""
+            )
+            raise ParameterError(
+                f"exam: {file}, line 1: the columns are {', '.join(header)[:200]}; needed: {allowed}"
+            )
         for row in reader:
             if row and len(row) != len(header):
                 wanted = f"{len(row)} cells; {len(header)} are needed, as in line 1"
@@ -152,5 +193,7 @@ def table_rows(file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = 
             if row:
                 rows.append((reader.line_num, dict(zip(header, (cell.strip() for cell in row)))))
     except csv.Error as error:
-        raise ParameterError(f"exam: {file}, line {reader.line_num}: this is no CSV ({error})") from None
+        raise ParameterError(
+            f"exam: {file}, line {reader.line_num}: this is no CSV ({error})"
+        ) from None
     return rows

@@ -28,7 +28,12 @@ _BITS = 62  # of a grid's seed: nobody finds it by trying
 
 
 def make_exam(
-    grid: str | Path, out: str | Path, key: str | Path, n: int | None = None, jobs: int = 1, seed: int | None = None
+    grid: str | Path,
+    out: str | Path,
+    key: str | Path,
+    n: int | None = None,
+    jobs: int = 1,
+    seed: int | None = None,
 ) -> str:
     """Write the folder of an exam and, elsewhere, its key; return the commitment to the key.
 
@@ -68,7 +73,10 @@ def make_exam(
     refuse_key_inside("exam", key, out)
     half = out.absolute().with_name(f".{out.name}.partial")  # until all of it stands
     _drop_key_of(half, key)
-    for path, taken in ((key, key.exists()), (out, out.exists() and not (out.is_dir() and not any(out.iterdir())))):
+    for path, taken in (
+        (key, key.exists()),
+        (out, out.exists() and not (out.is_dir() and not any(out.iterdir()))),
+    ):
         if taken:
             raise ParameterError(f"exam: {path} exists already; another name is needed")
     # ids and order are published: they must not come from a generator whose state they tell
@@ -77,10 +85,14 @@ def make_exam(
     refuse_too_large(size_of(plan, 0, 0), plan.name, False)
     refuse_wrong_parts(plan)
     if n is not None and not 1 <= n <= len(plan):
-        raise ParameterError(f"exam: --n {n}; grid {plan.name} has {len(plan)} scenarios: 1 to {len(plan)} are allowed")
+        raise ParameterError(
+            f"exam: --n {n}; grid {plan.name} has {len(plan)} scenarios: 1 to {len(plan)} are allowed"
+        )
     refuse_unwritable_key(key)
     make_folder(out.absolute().parent)
-    left = [(group, place) for group in range(plan.group_count) for place in range(plan.size(group))]
+    left = [
+        (group, place) for group in range(plan.group_count) for place in range(plan.size(group))
+    ]
     chance.shuffle(left)
     if n is not None:
         left = _apart(left)
@@ -89,11 +101,18 @@ def make_exam(
         some, left = left[: wanted - len(found)], left[wanted - len(found) :]
         tried = simulate_picks(plan, some, jobs, _shown)
         found |= {pick: it for pick, it in tried.items() if isinstance(it[2], LoopRecord)}
-        failed += [tried[pick][2] if pick in tried else _UNMATCHED for pick in some if pick not in found]
+        failed += [
+            tried[pick][2] if pick in tried else _UNMATCHED for pick in some if pick not in found
+        ]
     if failed:
-        print(f"{len(failed)} scenarios could not be simulated and are left out ({failed[0]})", file=sys.stderr)
+        print(
+            f"{len(failed)} scenarios could not be simulated and are left out ({failed[0]})",
+            file=sys.stderr,
+        )
     if len(found) < (n or 1):
-        raise ParameterError(f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are needed")
+        raise ParameterError(
+            f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are needed"
+        )
     picks = list(found)
     chance.shuffle(picks)
     ids = [f"{i:012x}" for i in chance.sample(range(16**12), len(picks))]
@@ -110,11 +129,20 @@ def make_exam(
         "records": {i: dict(zip(names, (*found[pick][:2], *pick))) for i, pick in zip(ids, picks)},
     }
     content = json.dumps(secret, indent=1).encode()
-    about = {"format": EXAM_FORMAT, "benchmark": stated, "version": stated["version"], "n": len(ids)}
+    about = {
+        "format": EXAM_FORMAT,
+        "benchmark": stated,
+        "version": stated["version"],
+        "n": len(ids),
+    }
     remove_stale_temporaries(make_folder(half))  # of a killed call: they would be handed out
     written = False
     try:
-        write_exam(half, {**about, "commitment": commitment_of(content)}, dict(zip(ids, (found[pick][2] for pick in picks))))
+        write_exam(
+            half,
+            {**about, "commitment": commitment_of(content)},
+            dict(zip(ids, (found[pick][2] for pick in picks))),
+        )
         write_key(key, content)
         written = True
         half.replace(out)

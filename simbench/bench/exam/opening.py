@@ -23,7 +23,13 @@ from simbench.bench.exam.simulating import simulate_picks
 from simbench.bench.execute import pieces
 from simbench.bench.execute.plugin_host import oracle_of
 from simbench.bench.execute.run import about_method
-from simbench.bench.execute.work import Chunk, SimulatedScenario, in_columns, scenario_row, verdict_row
+from simbench.bench.execute.work import (
+    Chunk,
+    SimulatedScenario,
+    in_columns,
+    scenario_row,
+    verdict_row,
+)
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
 from simbench.bench.store.benchmark import evaluator_hash, grid_of
@@ -31,7 +37,18 @@ from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
 from simbench.handout import matches, read_key
 
-_LABELS = ("cycled", "sticky", "predicted", "oscillates", "block", "member", "process", "controller", "valve", *tables.AXES)
+_LABELS = (
+    "cycled",
+    "sticky",
+    "predicted",
+    "oscillates",
+    "block",
+    "member",
+    "process",
+    "controller",
+    "valve",
+    *tables.AXES,
+)
 _FOREIGN = {"front_end": False, "role": "stiction", "budget": "fast", "fitted_on": [], "stated": []}
 
 
@@ -45,7 +62,9 @@ class Opened:
 
 
 @contextlib.contextmanager
-def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Path], jobs: int = 1) -> Iterator[Opened]:
+def opened_exam(
+    folder: str | Path, key: str | Path, answers: Iterable[str | Path], jobs: int = 1
+) -> Iterator[Opened]:
     """Open an exam for as long as the context lasts.
 
     Parameters
@@ -85,15 +104,21 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     exam, key = read_exam(folder), Path(key)
     content, secret = read_key("exam", key)
     if not matches(content, exam.about["commitment"]):
-        raise ParameterError(f"exam: the SHA-256 of {key} is not the commitment in {exam.folder}; another key was made for it")
+        raise ParameterError(
+            f"exam: the SHA-256 of {key} is not the commitment in {exam.folder}; another key was made for it"
+        )
     try:
-        places = {ident: (int(p["group"]), int(p["place"])) for ident, p in secret["records"].items()}
+        places = {
+            ident: (int(p["group"]), int(p["place"])) for ident, p in secret["records"].items()
+        }
         grid, stated = grid_of({**secret, "grid": str(secret["grid"])}), secret["benchmark"]
         made_by = str(stated["parts"]["evaluator"])
     except (KeyError, TypeError, ValueError, AttributeError):
         raise ParameterError(f"exam: {key} is no key file of an exam") from None
     if exam.about["benchmark"] != stated or set(places) != set(exam.records):
-        raise ParameterError(f"exam: {exam.folder} states another benchmark or other records than its key; restore it")
+        raise ParameterError(
+            f"exam: {exam.folder} states another benchmark or other records than its key; restore it"
+        )
     if made_by != evaluator_hash():
         made = f"was made by another version of simbench (its evaluator is {made_by}, here it is {evaluator_hash()})"
         raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
@@ -102,7 +127,9 @@ def opened_exam(folder: str | Path, key: str | Path, answers: Iterable[str | Pat
     found = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
         if place not in found or found[place][0] != exam.marks[ident]:
-            changed = f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
+            changed = (
+                f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
+            )
             cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
@@ -127,7 +154,12 @@ def _with_truth(it: SimulatedScenario) -> tuple[Any, ...]:
     record = it.run.record
     verdict, wrong = oracle_of(it.scenario, it.run)
     oracle = verdict_row(it.ident, verdict, verdict, wrong, math.nan)
-    return mark_of(record, record.t), scenario_row(it, prepare(record.without_mv())), record.process, oracle
+    return (
+        mark_of(record, record.t),
+        scenario_row(it, prepare(record.without_mv())),
+        record.process,
+        oracle,
+    )
 
 
 def _about(name: str) -> dict[str, Any]:
@@ -139,7 +171,9 @@ def _about(name: str) -> dict[str, Any]:
     return {**known, "needs_mv": False}
 
 
-def _write_run(run: Path, manifest: dict[str, Any], rows: Mapping[str, Sequence], given: Answers) -> None:
+def _write_run(
+    run: Path, manifest: dict[str, Any], rows: Mapping[str, Sequence], given: Answers
+) -> None:
     """Write truth and answers as one piece of a run."""
     verdicts = []
     for ident, (row, process, oracle) in rows.items():
@@ -154,7 +188,9 @@ def _write_run(run: Path, manifest: dict[str, Any], rows: Mapping[str, Sequence]
         tables.encode(in_columns(tables.VERDICT_SCHEMA.names, verdicts), tables.VERDICT_SCHEMA, 0),
     )
     place = pieces.open_run(place_of(run), manifest, resume=False)
-    receipt = pieces.write_piece(place, Chunk(0, *both, len(rows), 0, 0.0, 0.0, 0.0), run_key(manifest))
+    receipt = pieces.write_piece(
+        place, Chunk(0, *both, len(rows), 0, 0.0, 0.0, 0.0), run_key(manifest)
+    )
     pieces.finish(place, [receipt], manifest)
 
 
@@ -167,5 +203,10 @@ def _covers(name: str, process: str) -> bool:
 
 
 def _labels(exam: Exam, rows: Mapping[str, dict[str, Any]]) -> pd.DataFrame:
-    table = pd.DataFrame([{**rows[ident], "record": ident, "oscillates": rows[ident]["oscillating"]} for ident in exam.records])
+    table = pd.DataFrame(
+        [
+            {**rows[ident], "record": ident, "oscillates": rows[ident]["oscillating"]}
+            for ident in exam.records
+        ]
+    )
     return table.reindex(columns=["record", *_LABELS])

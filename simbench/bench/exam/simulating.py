@@ -18,7 +18,9 @@ Pick = tuple[int, int]  # a scenario of a grid: its group, and its place in it
 _PIECE = 20  # scenarios
 
 
-def simulate_picks(grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[SimulatedScenario], Any]) -> dict[Pick, Any]:
+def simulate_picks(
+    grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[SimulatedScenario], Any]
+) -> dict[Pick, Any]:
     """Return what `look` makes of each scenario, where it was simulated; its members that a group lacks are left out."""
     wanted = sorted(picks)
     groups = [list(some) for _, some in groupby(wanted, key=lambda pick: pick[0])]

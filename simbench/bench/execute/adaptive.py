@@ -25,14 +25,21 @@ NARROWEST = 0.001  # interval that may be asked for: four million trials
 
 
 def next_round(
-    grid: Grid, place: Place, receipts: Sequence[Receipt], width: float, methods: Sequence[str], told: dict[str, Any]
+    grid: Grid,
+    place: Place,
+    receipts: Sequence[Receipt],
+    width: float,
+    methods: Sequence[str],
+    told: dict[str, Any],
 ) -> list[list[int]]:
     """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough."""
     right, known, repeats = _counts(grid, place, receipts, methods)
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
     blind = known == 0
-    open_cells = np.where(blind, repeats < _BLIND_REPEATS, widths > width) & (repeats < _MOST_REPEATS)
+    open_cells = np.where(blind, repeats < _BLIND_REPEATS, widths > width) & (
+        repeats < _MOST_REPEATS
+    )
     sizes = np.array([grid.size(cell) for cell in range(grid.cells)])
     told["adaptive"] = {
         "width": width,
@@ -43,11 +50,17 @@ def next_round(
     }
     groups: list[int] = []
     for cell in np.flatnonzero(open_cells):
-        lacking = 0 if blind[cell] else trials(right[:, cell] / known[cell], known[cell], width) - known[cell]
+        lacking = (
+            0
+            if blind[cell]
+            else trials(right[:, cell] / known[cell], known[cell], width) - known[cell]
+        )
         # at most twice what there is: the estimate is rough while there is little
         more = int(np.clip(math.ceil(lacking / per_repeat[cell]), 1, max(repeats[cell], 1)))
         first = int(repeats[cell])
-        groups += [r * grid.cells + int(cell) for r in range(first, min(first + more, _MOST_REPEATS))]
+        groups += [
+            r * grid.cells + int(cell) for r in range(first, min(first + more, _MOST_REPEATS))
+        ]
     groups.sort()
     step = max(_PIECE // max(int(sizes.max()), 1), 1)
     return [groups[i : i + step] for i in range(0, len(groups), step)]
@@ -77,7 +90,9 @@ def _counts(
     known, repeats = np.zeros(grid.cells, dtype=int), np.zeros(grid.cells, dtype=int)
     sofar = {TABLES: marks_of(receipts)}
     scenario_parts = parts(place, "scenarios", ["group", "cycled"], sofar)
-    for scenarios, verdicts in zip(scenario_parts, parts(place, "verdicts", ["verdict"], sofar), strict=True):
+    for scenarios, verdicts in zip(
+        scenario_parts, parts(place, "verdicts", ["verdict"], sofar), strict=True
+    ):
         group = scenarios.column("group").to_numpy()
         answer = np.array(scenarios.column("cycled").to_pylist())
         said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T

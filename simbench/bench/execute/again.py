@@ -22,7 +22,9 @@ from simbench.loop.simulate import simulate
 _ASKED_AGAIN = 200  # records of a run
 
 
-def check_and_ask_again(folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False) -> Check:
+def check_and_ask_again(
+    folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False
+) -> Check:
     """Compare a run with a baseline as `check_run` does, and ask its methods once more about a share of its records."""
     check = check_run(folder, against, margin, exact)
     return replace(check, problems=(*check.problems, *differing(folder)))
@@ -31,16 +33,26 @@ def check_and_ask_again(folder: str | Path, against: str | Path, margin: float =
 def differing(folder: str | Path) -> Iterator[str]:
     """Ask every built-in method once more about a share of a run's records, and name those that answer otherwise."""
     manifest = read_manifest(folder)
-    if manifest["code"] != code_hash():  # what another code answers is no second answer of the same detector
+    if (
+        manifest["code"] != code_hash()
+    ):  # what another code answers is no second answer of the same detector
         return
-    names = [m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]]
-    chosen = {m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {})) for m in names}
+    names = [
+        m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]
+    ]
+    chosen = {
+        m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {}))
+        for m in names
+    }
     rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
     order = np.random.default_rng(0).permutation(rows.num_rows)[:_ASKED_AGAIN]
     first: dict[tuple[str, str], tuple[str, float]] = {}
     columns = ["scenario_id", "method", "verdict", "score"]
     for row in read_table(folder, "verdicts", columns).to_pylist():
-        first[row["scenario_id"], row["method"]] = row["verdict"], np.nan if row["score"] is None else row["score"]
+        first[row["scenario_id"], row["method"]] = (
+            row["verdict"],
+            np.nan if row["score"] is None else row["score"],
+        )
     differ, asked = dict.fromkeys(names, 0), 0
     for row in rows.take(order).to_pylist():
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
@@ -49,5 +61,11 @@ def differing(folder: str | Path) -> Iterator[str]:
         asked += 1
         for said, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
             verdict, score = first[row["scenario_id"], said.method]
-            differ[said.method] += said.verdict != verdict or not np.allclose(said.score, score, 1e-6, 0, equal_nan=True)
-    yield from (f"method {m} differs from itself on {k} of {asked} records asked twice" for m, k in differ.items() if k)
+            differ[said.method] += said.verdict != verdict or not np.allclose(
+                said.score, score, 1e-6, 0, equal_nan=True
+            )
+    yield from (
+        f"method {m} differs from itself on {k} of {asked} records asked twice"
+        for m, k in differ.items()
+        if k
+    )

@@ -29,18 +29,29 @@ class Failures:
         said = []
         if self.scenarios:
             said.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
-        said += [f"method {m} failed on {n} of {self.of - self.scenarios} records" for m, n in self.methods.items()]
+        said += [
+            f"method {m} failed on {n} of {self.of - self.scenarios} records"
+            for m, n in self.methods.items()
+        ]
         first = next(iter(self.reasons), "")
         return f"{'; '.join(said)} (most often: {first})" if said else ""
 
     def above(self, share: float) -> bool:
         """Return whether more than a share of the scenarios, or of the records of one method, failed."""
         judged = max(self.of - self.scenarios, 1)
-        return max([self.scenarios / max(self.of, 1), *(n / judged for n in self.methods.values())]) > share
+        return (
+            max([self.scenarios / max(self.of, 1), *(n / judged for n in self.methods.values())])
+            > share
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON types."""
-        return {"scenarios": self.scenarios, "of": self.of, "methods": self.methods, "reasons": self.reasons}
+        return {
+            "scenarios": self.scenarios,
+            "of": self.of,
+            "methods": self.methods,
+            "reasons": self.reasons,
+        }
 
 
 def read_failures(folder: str | Path) -> Failures:
@@ -49,7 +60,11 @@ def read_failures(folder: str | Path) -> Failures:
     unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
     raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pydict()
     lost = set(unrun["scenario_id"])
-    rows = [(m, e) for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True) if s not in lost]
+    rows = [
+        (m, e)
+        for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True)
+        if s not in lost
+    ]
     reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
     methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
     return Failures(of, len(lost), dict(methods), dict(reasons.most_common(20)))

@@ -49,14 +49,20 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     else:
         n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
-    seconds = scenarios * long * (_SECONDS + _FAST_METHOD_SECONDS * fast + _FULL_METHOD_SECONDS * slow)
-    return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + _VERDICT * (fast + slow)), seconds)
+    seconds = (
+        scenarios * long * (_SECONDS + _FAST_METHOD_SECONDS * fast + _FULL_METHOD_SECONDS * slow)
+    )
+    return GridSize(
+        plan.cells, scenarios, scenarios * n, scenarios * (ROW + _VERDICT * (fast + slow)), seconds
+    )
 
 
 def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
     """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is asked for."""
     if size.scenarios > MOST_SCENARIOS and not large:
-        raise RunError(f"{name}: {size}; above {MOST_SCENARIOS} scenarios a run must be asked for with --large")
+        raise RunError(
+            f"{name}: {size}; above {MOST_SCENARIOS} scenarios a run must be asked for with --large"
+        )
 
 
 def refuse_wrong_parts(plan: Grid) -> None:
@@ -84,7 +90,9 @@ def _wrong(plan: Grid) -> Iterator[str]:
             yield f"{where}: type = {load.type!r} is unknown, {suggestion(load.type, DISTURBANCES)}"
             continue
         given = {"amplitude": load.amplitude, "period": load.period, **load.parameters}
-        yield from _parameters(where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start"))
+        yield from _parameters(
+            where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start")
+        )
     known = VALVES.names()
     for block in content.block:
         for member in block.member:
@@ -92,7 +100,10 @@ def _wrong(plan: Grid) -> Iterator[str]:
             for valve in (member.valve,) if isinstance(member.valve, str) else member.valve:
                 if valve not in known:
                     yield f"{where}: valve {valve!r} is unknown, {suggestion(valve, known)}"
-    for kind, folder, parts in (("valve", VALVES, content.valves), ("effect", EFFECTS, content.effects)):
+    for kind, folder, parts in (
+        ("valve", VALVES, content.valves),
+        ("effect", EFFECTS, content.effects),
+    ):
         for name, part in parts.items():
             yield from _part(f"{kind} {name!r}", folder, name, part)
 
@@ -102,10 +113,14 @@ def _part(where: str, folder: Any, name: str, part: More) -> Iterator[str]:
     if asked not in folder.names():
         yield f"{where}: {asked!r} is unknown, {suggestion(asked, folder.names())}"
     else:
-        yield from _parameters(where, folder.load(asked).PARAMETERS, part.parameters, tuple(part.scale))
+        yield from _parameters(
+            where, folder.load(asked).PARAMETERS, part.parameters, tuple(part.scale)
+        )
 
 
-def _parameters(where: str, schema: Mapping[str, Any], given: Mapping[str, Any], scaled: Sequence[str]) -> Iterator[str]:
+def _parameters(
+    where: str, schema: Mapping[str, Any], given: Mapping[str, Any], scaled: Sequence[str]
+) -> Iterator[str]:
     for key, value in given.items():
         if key not in schema:
             yield f"{where}: {key!r} is no parameter of it, {suggestion(key, schema)}"

@@ -65,7 +65,9 @@ def _beat(file: Path, about: dict, ended: threading.Event) -> None:
     while not ended.wait(BEAT):
         beat += 1
         with contextlib.suppress(OSError), open(file, "r+b") as f:
-            if about["token"].encode() in f.read():  # else somebody took it over: this one had stopped for long
+            if (
+                about["token"].encode() in f.read()
+            ):  # else somebody took it over: this one had stopped for long
                 f.seek(0)
                 f.write(_text(about, beat))
 
@@ -81,14 +83,22 @@ def _wait_out(file: Path, folders: list[Path]) -> None:
         if last != first and last[:1] == b"{" and first[:1] == b"{":
             said = json.loads(last)
             who = f"process {said['pid']} on {said['host']} works there since {said['since']} ({said['command']})"
-            raise RunError(f"{file.parent}: {who}; wait for its end, stop it, or choose another folder")
+            raise RunError(
+                f"{file.parent}: {who}; wait for its end, stop it, or choose another folder"
+            )
         if last == first:
-            aside = file.with_name(f"{LEASE}.{uuid.uuid4().int}")  # one of two that find it stale succeeds
+            aside = file.with_name(
+                f"{LEASE}.{uuid.uuid4().int}"
+            )  # one of two that find it stale succeeds
             file.rename(aside)
             if aside.read_bytes() != first:  # somebody else had taken it over since
                 aside.rename(file)
                 return
-            _remove(f for f, state in _temporaries(folders).items() if before.get(f) == state or f == aside)
+            _remove(
+                f
+                for f, state in _temporaries(folders).items()
+                if before.get(f) == state or f == aside
+            )
     except (OSError, ValueError, KeyError):  # it went, or was being made, meanwhile
         time.sleep(BEAT)
 

@@ -16,7 +16,15 @@ from simbench.bench.execute.lease import lease
 from simbench.bench.execute.work import Chunk
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
-from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, digest, partition, with_checksum, without_checksum
+from simbench.bench.store.checksums import (
+    TABLE_KINDS,
+    TABLES,
+    RunError,
+    digest,
+    partition,
+    with_checksum,
+    without_checksum,
+)
 from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import RunArrays
@@ -38,7 +46,9 @@ class Receipt:
     simulating: float
     judging: float
     working: float
-    marks: dict[str, str] = field(default_factory=dict)  # checksum of the piece's partition of each table
+    marks: dict[str, str] = field(
+        default_factory=dict
+    )  # checksum of the piece's partition of each table
     found: bool = False  # it stood there already
 
 
@@ -46,7 +56,9 @@ def held(place: Place) -> AbstractContextManager[None]:
     """Hold a run's folder alone, where it is one of a file system."""
     if place.local is None:
         return contextlib.nullcontext()
-    return lease(make_folder(place.local), ("", _RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS)))
+    return lease(
+        make_folder(place.local), ("", _RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS))
+    )
 
 
 def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
@@ -58,7 +70,9 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
     elif MANIFEST not in there:
         raise RunError(f"folder {place} is not empty and holds no run; choose another")
     elif not resume:
-        raise RunError(f"folder {place} already holds a run; continue it with --resume, or choose another folder")
+        raise RunError(
+            f"folder {place} already holds a run; continue it with --resume, or choose another folder"
+        )
     else:
         refuse_to_mix(place, manifest)
     return place
@@ -76,7 +90,10 @@ def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
     marks = {kind: digest(getattr(piece, kind)) for kind in TABLE_KINDS}
     times = (piece.simulating, piece.judging, piece.total)
     receipt = Receipt(piece.number, piece.count, piece.failures, *times, marks)
-    place.write(receipt_file(piece.number), json.dumps(with_checksum({"run": key, **asdict(receipt)})).encode())
+    place.write(
+        receipt_file(piece.number),
+        json.dumps(with_checksum({"run": key, **asdict(receipt)})).encode(),
+    )
     if find_receipt(place, piece.number, key) is None:
         raise RunError(f"{place}: what is written there reads back otherwise; is the disk sound?")
     return receipt
@@ -88,9 +105,14 @@ def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
         said = without_checksum(json.loads(place.read(receipt_file(number))), "receipt")
         if (said["run"], said["piece"]) != (key, number):
             return None
-        if any(digest(place.read(partition_file(kind, number))) != said["marks"][kind] for kind in TABLE_KINDS):
+        if any(
+            digest(place.read(partition_file(kind, number))) != said["marks"][kind]
+            for kind in TABLE_KINDS
+        ):
             return None
-        return Receipt(**{f.name: said[f.name] for f in fields(Receipt) if f.name != "found"}, found=True)
+        return Receipt(
+            **{f.name: said[f.name] for f in fields(Receipt) if f.name != "found"}, found=True
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
         return None
 
@@ -100,12 +122,20 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     for kind in TABLE_KINDS:
         lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
         if lacking:
-            raise RunError(f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place that all reach")
-    scenarios, errors = (sum(getattr(r, name) for r in receipts) for name in ("scenarios", "failures"))
+            raise RunError(
+                f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place that all reach"
+            )
+    scenarios, errors = (
+        sum(getattr(r, name) for r in receipts) for name in ("scenarios", "failures")
+    )
     whole = {
         **manifest,
         "complete": True,
-        "counts": {"scenarios": scenarios, "verdicts": scenarios * len(manifest["methods"]), "errors": errors},
+        "counts": {
+            "scenarios": scenarios,
+            "verdicts": scenarios * len(manifest["methods"]),
+            "errors": errors,
+        },
         TABLES: marks_of(receipts),
     }
     book = RunArrays.read(place, whole)

@@ -44,8 +44,13 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
         part = replace(group, drafts=tuple(group.drafts[i] for i in places))
         try:
             answers = [(scenario, None) for scenario in ask(host, settle, part)]
-        except Exception as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
-            answers = [(Scenario(loop=d.loop, seed=d.seed, tags=d.tags), said_of(wrong)) for d in part.drafts]
+        except (
+            Exception
+        ) as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
+            answers = [
+                (Scenario(loop=d.loop, seed=d.seed, tags=d.tags), said_of(wrong))
+                for d in part.drafts
+            ]
         found.update(zip(places, answers, strict=True))
     every = (found[i] for i in range(len(group.drafts)))
     return [(scenario, error) for scenario, error in every if scenario is not None]
@@ -78,10 +83,14 @@ def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
 def theory(loop: Loop) -> Theory:
     """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it."""
     # theory knows neither noise nor loads nor the set point: siblings share its answer
-    quiet = loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)})
+    quiet = loop.model_copy(
+        update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}
+    )
     try:
         return ask(host_of(parts_of_loop(loop)), _theory, quiet.model_dump_json())
-    except Exception as wrong:  # whatever a model does on numbers of its own: its theory, not its record
+    except (
+        Exception
+    ) as wrong:  # whatever a model does on numbers of its own: its theory, not its record
         return *NO_THEORY[:-1], said_of(wrong)
 
 

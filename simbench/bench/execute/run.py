@@ -78,7 +78,9 @@ def run_grid(
     if backend not in _BACKENDS:
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")
     if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
-        raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
+        raise RunError(
+            f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed"
+        )
     parts = (valve_plugins, effect_plugins, plant_plugins, controller_plugins)
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
     if fresh_seeds and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
@@ -92,8 +94,14 @@ def run_grid(
     callers = own or {}
     # read before any plug-in runs, as one may move its own file
     digests = _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
-    adopted = registry.adopted({name: as_plugin(name, detector) for name, detector in callers.items()})
-    with adopted, registry.hosted(files, time_limit) as added, hosted_parts(*stages, seconds=time_limit):
+    adopted = registry.adopted(
+        {name: as_plugin(name, detector) for name, detector in callers.items()}
+    )
+    with (
+        adopted,
+        registry.hosted(files, time_limit) as added,
+        hosted_parts(*stages, seconds=time_limit),
+    ):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -123,7 +131,16 @@ def run_grid(
             }
         )
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end, callers)
+        settings = (
+            tuple(names),
+            tuple(files),
+            chosen,
+            keep,
+            time_limit,
+            stages,
+            front_end,
+            callers,
+        )
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
         place.refuse_unkept()
@@ -176,19 +193,31 @@ def _unpacked(packed: bytes) -> tuple:
 
 
 def _all_pieces(
-    plan: Grid, place: Place, task: _Task, run: Runner, bar: _Bar, width: float | None, methods: Sequence[str]
+    plan: Grid,
+    place: Place,
+    task: _Task,
+    run: Runner,
+    bar: _Bar,
+    width: float | None,
+    methods: Sequence[str],
 ) -> list[Receipt]:
     """Work through the grid, then, where an accuracy is asked for, round by round through what it lacks."""
     groups: Sequence[Sequence[int]] = [range(*piece) for piece in chunks(plan)]
     receipts: list[Receipt] = []
     while groups:
         receipts += _worked(place, task, run, bar, dict(enumerate(groups, len(receipts))))
-        groups = [] if width is None else adaptive.next_round(plan, place, receipts, width, methods, bar.extra)
+        groups = (
+            []
+            if width is None
+            else adaptive.next_round(plan, place, receipts, width, methods, bar.extra)
+        )
         bar.more(sum(plan.size(i) for some in groups for i in some))
     return receipts
 
 
-def _worked(place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]) -> list[Receipt]:
+def _worked(
+    place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
+) -> list[Receipt]:
     """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
     lives, receipts = LIVES, {}
     while missing:
@@ -201,7 +230,9 @@ def _worked(place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int
                 raise
             lives -= 1
             if lives == 0:
-                raise RunError(f"worker processes keep dying ({error}); fewer jobs may leave each more memory") from None
+                raise RunError(
+                    f"worker processes keep dying ({error}); fewer jobs may leave each more memory"
+                ) from None
         missing = {number: groups for number, groups in missing.items() if number not in receipts}
     return [receipts[number] for number in sorted(receipts)]
 
@@ -232,7 +263,9 @@ class _Bar:
     def __init__(self, shown: bool | None, total: int) -> None:
         from simbench.progress import Progress
 
-        self._bar = Progress(total=total, unit=" scenarios", desc="run", bar=bool(shown), disable=shown is False)
+        self._bar = Progress(
+            total=total, unit=" scenarios", desc="run", bar=bool(shown), disable=shown is False
+        )
         self._failures = 0
         self._seconds = {"simulating": 0.0, "judging": 0.0, "working": 0.0}
         self.extra: dict[str, Any] = {}
@@ -272,7 +305,9 @@ class _Bar:
 def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
     for method, values in thresholds.items():
         if method not in names:
-            raise RunError(f"thresholds are given for {method!r}, which is not among the methods; known: {', '.join(names)}")
+            raise RunError(
+                f"thresholds are given for {method!r}, which is not among the methods; known: {', '.join(names)}"
+            )
         check_thresholds(method, registry.load(method).METHOD, values)
 
 
@@ -288,7 +323,11 @@ def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
 
 def _source_digest(detector: Any) -> str:
     """Return what tells a caller's own detector from another of its name: its source, and its parameters where it says them."""
-    said = detector.get_params(deep=False) if hasattr(detector, "get_params") else getattr(detector, "__dict__", {})
+    said = (
+        detector.get_params(deep=False)
+        if hasattr(detector, "get_params")
+        else getattr(detector, "__dict__", {})
+    )
     try:
         source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
     except (OSError, TypeError):  # typed into a shell
@@ -304,7 +343,14 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 def about_method(name: str) -> dict[str, Any]:
     """Return what a run's manifest keeps of a method."""
     if name == ORACLE:
-        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": [], "stated": []}
+        return {
+            "front_end": False,
+            "needs_mv": False,
+            "role": ORACLE,
+            "budget": "full",
+            "fitted_on": [],
+            "stated": [],
+        }
     method = registry.load(name).METHOD
     kept = ("front_end", "needs_mv", "role", "budget")
     lists = {name: list(getattr(method, name)) for name in ("fitted_on", "stated")}

@@ -30,20 +30,32 @@ class Sweep:
         """Number of scenarios."""
         return len(self.grid)
 
-    def verdicts(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any) -> pd.DataFrame:
+    def verdicts(
+        self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any
+    ) -> pd.DataFrame:
         """Simulate and judge; one row per scenario and method, with the axes and the truth beside the verdict."""
         import pandas as pd
 
         names = [detectors] if isinstance(detectors, str) else list(detectors)
         with tempfile.TemporaryDirectory() as where:
             folder = run_grid(self.grid, Path(where) / "run", names, jobs, **settings)
-            scenarios, verdicts = (pd.read_parquet(folder / f"{t}.parquet") for t in ("scenarios", "verdicts"))
+            scenarios, verdicts = (
+                pd.read_parquet(folder / f"{t}.parquet") for t in ("scenarios", "verdicts")
+            )
         tags = [json.loads(t) for t in scenarios.pop("tags")]
         for axis in self.grid.content.axes:
             scenarios[axis] = [t[axis] for t in tags]
-        return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_scenario"), validate="many_to_one")
+        return verdicts.merge(
+            scenarios, on="scenario_id", suffixes=("", "_scenario"), validate="many_to_one"
+        )
 
-    def score(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, raw: bool = False, **settings: Any) -> pd.DataFrame:
+    def score(
+        self,
+        detectors: Iterable[str] = ("fast",),
+        jobs: int = 1,
+        raw: bool = False,
+        **settings: Any,
+    ) -> pd.DataFrame:
         """Simulate, judge and score; one row per combination of axis values and method."""
         import pandas as pd
 
@@ -73,7 +85,9 @@ class Sweep:
         return pd.DataFrame(rows)
 
 
-def sweep(loop: Loop | str | Path, axes: Mapping[str, Sequence[Any]], seeds: int = 1, seed: int = 0) -> Sweep:
+def sweep(
+    loop: Loop | str | Path, axes: Mapping[str, Sequence[Any]], seeds: int = 1, seed: int = 0
+) -> Sweep:
     """Plan a sweep of one loop over the product of some axes.
 
     Parameters
@@ -104,5 +118,11 @@ def sweep(loop: Loop | str | Path, axes: Mapping[str, Sequence[Any]], seeds: int
     24
     """
     content = loop.to_table() if isinstance(loop, Loop) else load_loop(loop).to_table()
-    table = {"title": "sweep", "seed": seed, "repeats": seeds, "loop": content, "axes": {k: list(v) for k, v in axes.items()}}
+    table = {
+        "title": "sweep",
+        "seed": seed,
+        "repeats": seeds,
+        "loop": content,
+        "axes": {k: list(v) for k, v in axes.items()},
+    }
     return Sweep(make_grid(table, "sweep"))

@@ -30,7 +30,14 @@ from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
-from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, check_tables, file_digest, verified
+from simbench.bench.store.checksums import (
+    TABLE_KINDS,
+    TABLES,
+    RunError,
+    check_tables,
+    file_digest,
+    verified,
+)
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import read_scenario
@@ -41,12 +48,27 @@ SHARE = 0.05  # of the scenarios
 # scenarios that are simulated again whatever the share: with every method, and with the methods of budget "fast"
 _LEAST, _LEAST_FAST = 100, 1000
 _RUNTIMES = {"runtime_s", "median_ms"}  # columns that may differ
-_PARTS = ("valve ", "effect ", "plant ", "controller ")  # before the names of plug-ins of loops, in a manifest
-_CHECKED_FILES = {MANIFEST, "scores.csv", "scores_by_axis.csv", "records", *(f"{kind}.parquet" for kind in TABLE_KINDS)}
+_PARTS = (
+    "valve ",
+    "effect ",
+    "plant ",
+    "controller ",
+)  # before the names of plug-ins of loops, in a manifest
+_CHECKED_FILES = {
+    MANIFEST,
+    "scores.csv",
+    "scores_by_axis.csv",
+    "records",
+    *(f"{kind}.parquet" for kind in TABLE_KINDS),
+}
 
 
 def verify_run(
-    folder: str | Path, share: float = SHARE, jobs: int = 1, plugins: Iterable[str | Path] = (), seconds: float = SECONDS
+    folder: str | Path,
+    share: float = SHARE,
+    jobs: int = 1,
+    plugins: Iterable[str | Path] = (),
+    seconds: float = SECONDS,
 ) -> Verification:
     """Simulate a share of a run again and compare everything that it states; the share is drawn anew by every call.
 
@@ -70,19 +92,36 @@ def verify_run(
             origin = _compare_stated(manifest, grid, asked, book, notes)
             _compare_scores(place, book, notes)
             pieces = list(_pieces(place, manifest, grid))
-        except (RunError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        except (
+            RunError,
+            LookupError,
+            TypeError,
+            ValueError,
+            AttributeError,
+            ArithmeticError,
+        ) as error:
             notes.add("the shape of tables and manifest", "", "a run", said_of(error))
             return Verification(str(place), "", 0, contradictions=tuple(notes.sentences()))
         for kind in TABLE_KINDS:
             notes.compare(f"number of files of table {kind}", "", len(marks[kind]), len(pieces))
         fast = [m for m in asked if m != ORACLE and registry.load(m).METHOD.budget == "fast"]
-        order = np.random.default_rng().permutation([group for groups in pieces for group in groups]).tolist()
+        order = (
+            np.random.default_rng()
+            .permutation([group for groups in pieces for group in groups])
+            .tolist()
+        )
         n, held = sum(map(grid.size, order)), np.cumsum([grid.size(group) for group in order])
         least = [max(math.ceil(share * n), min(n, some)) for some in (_LEAST_FAST, _LEAST)]
         wide, deep = (frozenset(order[: int(np.searchsorted(held, some)) + 1]) for some in least)
-        settings = {"thresholds": manifest["thresholds"], "front_end": manifest["front_end"], "plugins": files[""]}
+        settings = {
+            "thresholds": manifest["thresholds"],
+            "front_end": manifest["front_end"],
+            "plugins": files[""],
+        }
         about = {**settings, "seconds": seconds, "stages": stages}
-        task = _Verification(place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about)
+        task = _Verification(
+            place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about
+        )
         with on_processes(jobs) as run:
             for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
                 notes.merge(found)  # pyright: ignore
@@ -90,7 +129,9 @@ def verify_run(
     sizes = {m: sum(map(grid.size, wide if m in fast else deep)) for m in asked}
     others = (f"file {name}" for name in sorted(set(place.names()) - _CHECKED_FILES))
     unchecked = (*unasked, *others, "run times, machine, commit and command")
-    return Verification(str(place), origin, n, sum(map(grid.size, wide)), sizes, unchecked, tuple(notes.sentences()))
+    return Verification(
+        str(place), origin, n, sum(map(grid.size, wide)), sizes, unchecked, tuple(notes.sentences())
+    )
 
 
 @dataclass(frozen=True)
@@ -101,7 +142,9 @@ class _Verification:
     marks: dict[str, list[str]]  # checksums of both tables' files
     grid: Grid
     methods: tuple[tuple[str, ...], tuple[str, ...]]  # of budget "fast", and all that can be asked
-    sampled: tuple[frozenset[int], frozenset[int]]  # groups simulated again, and those of them that all methods judge again
+    sampled: tuple[
+        frozenset[int], frozenset[int]
+    ]  # groups simulated again, and those of them that all methods judge again
     settings: dict[str, Any]  # how `work` asks
 
     def __call__(self, number: int, groups: Sequence[int]) -> Notes:
@@ -110,7 +153,11 @@ class _Verification:
         files = [(partition_file(kind, number), self.marks[kind][number]) for kind in TABLE_KINDS]
         stored_verdicts, stored_scenarios = (_rows(verified(self.place, *file)) for file in files)
         (fast, every), (wide, deep) = self.methods, self.sampled
-        rows = {g: [scenario_columns(s, g) for s, _ in settled(self.grid.group(g))] for g in groups if g not in wide}
+        rows = {
+            g: [scenario_columns(s, g) for s, _ in settled(self.grid.group(g))]
+            for g in groups
+            if g not in wide
+        }
         verdicts: list[dict[str, Any]] = []
         for methods, some in ((every, wide & deep), (fast, wide - deep)):
             chosen = [g for g in groups if g in some]
@@ -148,11 +195,15 @@ def _plugin_files(
     given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
     for file in plugins:
         if not any(f"{kind}{Path(file).stem}" in stated for kind in files):
-            raise RunError(f"{place} states no plug-in {Path(file).stem!r}; it states: {', '.join(stated) or 'none'}")
+            raise RunError(
+                f"{place} states no plug-in {Path(file).stem!r}; it states: {', '.join(stated) or 'none'}"
+            )
     for name, digest in stated.items():
         kind, file = given.get(name, ("", None))
         if file is None and name.startswith(_PARTS):
-            raise RunError(f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin")
+            raise RunError(
+                f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin"
+            )
         if file is not None:
             notes.compare(f"digest of plug-in {name}", "", digest, file_digest(file))
             # without its part no loop can be simulated, so that a part takes part all the same
@@ -166,21 +217,34 @@ def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list
     for name in manifest["methods"]:
         try:
             if name != ORACLE:
-                check_thresholds(name, registry.load(name).METHOD, manifest["thresholds"].get(name, {}))
+                check_thresholds(
+                    name, registry.load(name).METHOD, manifest["thresholds"].get(name, {})
+                )
             asked.append(name)
         except ParameterError as error:
             notes.add(f"thresholds of method {name}", "", "others", str(error))
         except UnknownName:
             unasked.append(f"method {name} (a plug-in whose file is not given)")
             if not {name, f"own {name}"} & set(manifest["plugins"]):
-                notes.add(f"method {name}", "", "a method", "neither built in nor a plug-in that the run states")
+                notes.add(
+                    f"method {name}",
+                    "",
+                    "a method",
+                    "neither built in nor a plug-in that the run states",
+                )
     return asked, unasked
 
 
-def _compare_stated(manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str], book: Any, notes: Notes) -> str:
+def _compare_stated(
+    manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str], book: Any, notes: Notes
+) -> str:
     """Compare what the manifest states with what its grid, this installation and its tables give; return the benchmark."""
     benchmark, installed = benchmark_of(grid, book.ids.astype(str).tolist()), describe({})
-    counts = {"scenarios": book.ids.size, "verdicts": book.verdict.size, "errors": int(book.failed.sum())}
+    counts = {
+        "scenarios": book.ids.size,
+        "verdicts": book.verdict.size,
+        "errors": int(book.failed.sum()),
+    }
     again = {
         "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "seed": grid.content.seed, "scenarios": len(grid),
         "counts": counts, "records_hash": records_hash(book), BENCHMARK: benchmark,
@@ -192,7 +256,11 @@ def _compare_stated(manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str
         notes.compare(f"manifest: method {name}", "", manifest["methods"][name], about_method(name))
     published = load_grid(grid.name).content if grid.name in grid_names() else None
     kept = {"seed": grid.content.seed, "repeats": grid.content.repeats}
-    of_package = published is not None and published.model_copy(update=kept) == grid.content and not grid.overrides
+    of_package = (
+        published is not None
+        and published.model_copy(update=kept) == grid.content
+        and not grid.overrides
+    )
     source = "of the package" if of_package else "as the run keeps it"
     return f"benchmark {benchmark['name']} ({benchmark['hash']}), grid {source} ({grid.hash})"
 
@@ -203,8 +271,12 @@ def _compare_scores(place: Place, book: Any, notes: Notes) -> None:
     for name, frame in (("scores.csv", scores.table), ("scores_by_axis.csv", scores.by_axis)):
         if name in place.names():
             texts = (place.read(name).decode(), csv_text(frame, float_format="%.5g"))
-            stated, again = (pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False) for text in texts)
-            stated, again = (table.drop(columns=_RUNTIMES, errors="ignore") for table in (stated, again))
+            stated, again = (
+                pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False) for text in texts
+            )
+            stated, again = (
+                table.drop(columns=_RUNTIMES, errors="ignore") for table in (stated, again)
+            )
             if not stated.equals(again):
                 notes.add(name, "", "other scores", "what the tables give")
 
@@ -218,8 +290,13 @@ def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[S
         done += len(groups)
         if (width := manifest["until_width"]) is None or done > len(marks["scenarios"]):
             return
-        receipts = [Receipt(i, 0, 0, 0, 0, 0, {kind: marks[kind][i] for kind in TABLE_KINDS}) for i in range(done)]
-        groups = list(adaptive.next_round(grid, place, receipts, width, list(manifest["methods"]), {}))
+        receipts = [
+            Receipt(i, 0, 0, 0, 0, 0, {kind: marks[kind][i] for kind in TABLE_KINDS})
+            for i in range(done)
+        ]
+        groups = list(
+            adaptive.next_round(grid, place, receipts, width, list(manifest["methods"]), {})
+        )
 
 
 def _compare_records(place: Place, notes: Notes) -> None:

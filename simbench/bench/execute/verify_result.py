@@ -20,18 +20,25 @@ class Verification:
     origin: str  # the run's benchmark, and where its grid comes from
     scenarios: int  # of the run
     simulated: int = 0  # how many of them were simulated again
-    asked: dict[str, int] = field(default_factory=dict)  # on how many records each method was asked again
+    asked: dict[str, int] = field(
+        default_factory=dict
+    )  # on how many records each method was asked again
     unchecked: tuple[str, ...] = ()  # what was not checked
     contradictions: tuple[str, ...] = ()
 
     def as_text(self) -> str:
         """Return one sentence where nothing contradicts the run, else every contradiction."""
         if self.contradictions:
-            return "\n".join([f"{self.folder} is refuted:", *(f"- {c}" for c in self.contradictions)])
+            return "\n".join(
+                [f"{self.folder} is refuted:", *(f"- {c}" for c in self.contradictions)]
+            )
         groups: dict[int, list[str]] = {}
         for method, n in self.asked.items():
             groups.setdefault(n, []).append(method)
-        asked = "; ".join(f"{', '.join(some)} on {n}{_escape(n, self.scenarios)}" for n, some in sorted(groups.items()))
+        asked = "; ".join(
+            f"{', '.join(some)} on {n}{_escape(n, self.scenarios)}"
+            for n, some in sorted(groups.items())
+        )
         return (
             f"{self.folder} is verified as a run of {self.origin}: the definitions of all {self.scenarios} scenarios and "
             f"every score were computed again, {self.simulated} scenarios, drawn at random, were simulated again, and "
@@ -43,7 +50,13 @@ class Verification:
         """Return the same as JSON types."""
         numbers = {"scenarios": self.scenarios, "simulated": self.simulated, "asked": self.asked}
         lists = {"unchecked": list(self.unchecked), "contradictions": list(self.contradictions)}
-        return {"verified": not self.contradictions, BENCHMARK: self.origin, **numbers, **lists, "text": self.as_text()}
+        return {
+            "verified": not self.contradictions,
+            BENCHMARK: self.origin,
+            **numbers,
+            **lists,
+            "text": self.as_text(),
+        }
 
 
 class Notes:

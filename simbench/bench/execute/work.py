@@ -24,7 +24,15 @@ from detectors.sources import as_plugin
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.grid import Grid
 from scenarios.spec import Scenario
-from simbench.bench.execute.plugin_host import NO_THEORY, Theory, oracle_of, said_of, settled, theory, truth
+from simbench.bench.execute.plugin_host import (
+    NO_THEORY,
+    Theory,
+    oracle_of,
+    said_of,
+    settled,
+    theory,
+    truth,
+)
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
@@ -113,7 +121,9 @@ def work(
     registry.add_hosted(*plugins, seconds=seconds)
     registry.adopt({name: as_plugin(name, detector) for name, detector in (callers or {}).items()})
     own = [m for m in methods if m != ORACLE]
-    chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
+    chosen = {
+        m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own
+    }
     asked = _Questions(chosen, ORACLE in methods, front_end)
     rng = np.random.default_rng([grid.content.seed, number])
     settling, found, kept, held = 0.0, [], [], []
@@ -134,9 +144,13 @@ def work(
                 held = []
     return Chunk(
         number,
-        tables.encode(in_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
         tables.encode(
-            in_columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]), tables.VERDICT_SCHEMA, number
+            in_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number
+        ),
+        tables.encode(
+            in_columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]),
+            tables.VERDICT_SCHEMA,
+            number,
         ),
         len(found),
         sum(f.failures for f in found),
@@ -182,9 +196,13 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedSce
         if error is None:
             run, cycled = truth(scenario.loop, scenario.seed)
             columns = theory(scenario.loop)
-    except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
+    except (
+        Exception
+    ) as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
+    return SimulatedScenario(
+        scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since
+    )
 
 
 def _judged(it: SimulatedScenario, asked: _Questions) -> _Judged:
@@ -230,12 +248,29 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     row = scenario_columns(it.scenario, it.group)
     row.update(
-        cycled=it.cycled.answer, cycle_period=it.cycled.period, cycle_swing=it.cycled.swing, error=it.error
+        cycled=it.cycled.answer,
+        cycle_period=it.cycled.period,
+        cycle_swing=it.cycled.swing,
+        error=it.error,
     )
-    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), it.theory))
+    row.update(
+        zip(
+            (
+                "predicted",
+                "refined",
+                "theory",
+                "theory_period",
+                "theory_amplitude",
+                "theory_reason",
+            ),
+            it.theory,
+        )
+    )
     if it.run is not None and prepared is not None:
         found = prepared.oscillation
-        without = features_without_waveform(it.run.record, found.period_s if found.sustained else math.nan)
+        without = features_without_waveform(
+            it.run.record, found.period_s if found.sustained else math.nan
+        )
         row.update(
             sticky=it.run.sticky,
             S=it.run.friction[0],
@@ -250,7 +285,9 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     return row
 
 
-def verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
+def verdict_row(
+    ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float
+) -> dict[str, Any]:
     """Return one method's row of the verdicts table: its answer with and without the oscillation front end."""
     (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
     return {
@@ -263,7 +300,9 @@ def verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, sec
         "applicable": front.applicable,
         "reason": front.reason,
         "reason_raw": None if raw.reason == front.reason else raw.reason,
-        "indices": json.dumps({k: float(v) if math.isfinite(v) else None for k, v in front.indices.items()}),
+        "indices": json.dumps(
+            {k: float(v) if math.isfinite(v) else None for k, v in front.indices.items()}
+        ),
         "S_lo": S_lo,
         "S_hi": S_hi,
         "J_lo": J_lo,

@@ -18,12 +18,16 @@ _Task = Callable[[int, Sequence[int]], Receipt]
 _Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[_Task, _Pieces], Iterator[Receipt]]
 PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
-_SCHEDULER_SECONDS = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
+_SCHEDULER_SECONDS = (
+    60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
+)
 _FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 _LOOK = 1.0  # s between two looks at workers from which nothing comes
 _AHEAD = 1000  # pieces handed out and not yet done
 _NO_WORKER = "no dask worker is there"
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
 
 
 @contextlib.contextmanager
@@ -35,8 +39,14 @@ def on_processes(jobs: int) -> Iterator[Runner]:
     from joblib import effective_n_jobs
     from joblib.externals.loky import ProcessPoolExecutor
 
-    settings = {"max_workers": effective_n_jobs(jobs), "initializer": _ignore_interrupt, "env": _ONE_THREAD}
-    executor: Any = None  # its own: loky's reusable one would be taken by joblib for one of joblib's
+    settings = {
+        "max_workers": effective_n_jobs(jobs),
+        "initializer": _ignore_interrupt,
+        "env": _ONE_THREAD,
+    }
+    executor: Any = (
+        None  # its own: loky's reusable one would be taken by joblib for one of joblib's
+    )
 
     def end(kill: bool) -> None:
         nonlocal executor
@@ -48,7 +58,9 @@ def on_processes(jobs: int) -> Iterator[Runner]:
         nonlocal executor
         executor = executor or ProcessPoolExecutor(**settings)
         try:
-            yield from _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
+            yield from _handed_out(
+                lambda *piece: executor.submit(task, *piece), missing, lambda: None
+            )
         except Exception:  # after a death the next is a new one
             end(kill=True)
             raise
@@ -67,7 +79,9 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
     client = _client(address)
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
-        return _handed_out(lambda *piece: client.submit(task, *piece, pure=False), missing, lambda: _gone(client))
+        return _handed_out(
+            lambda *piece: client.submit(task, *piece, pure=False), missing, lambda: _gone(client)
+        )
 
     try:
         yield run
@@ -82,11 +96,21 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
     try:
         import ray  # type: ignore[import-not-found]
     except ImportError:
-        raise RunError("backend ray needs the package ray; install stiction-simbench[ray]") from None
+        raise RunError(
+            "backend ray needs the package ray; install stiction-simbench[ray]"
+        ) from None
     from joblib import effective_n_jobs
 
-    where = {"num_cpus": effective_n_jobs(jobs), "include_dashboard": False} if address is None else {"address": address}
-    quiet = {"log_to_driver": False, "logging_level": "ERROR", "runtime_env": {"env_vars": _ONE_THREAD}}
+    where = (
+        {"num_cpus": effective_n_jobs(jobs), "include_dashboard": False}
+        if address is None
+        else {"address": address}
+    )
+    quiet = {
+        "log_to_driver": False,
+        "logging_level": "ERROR",
+        "runtime_env": {"env_vars": _ONE_THREAD},
+    }
     try:
         if address not in (None, "auto"):  # ray itself would go on asking for minutes
             host, _, port = address.rpartition("://")[2].rpartition(":")
@@ -94,12 +118,16 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         ray.init(**where, **quiet)
     except (ConnectionError, OSError, RuntimeError, ValueError) as error:
         said = str(error).splitlines()[0]
-        raise RunError(f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed") from None
+        raise RunError(
+            f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed"
+        ) from None
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
         work = ray.remote(lambda *piece: task(*piece))
         try:
-            yield from _handed_out(lambda *piece: work.remote(*piece).future(), missing, lambda: None)
+            yield from _handed_out(
+                lambda *piece: work.remote(*piece).future(), missing, lambda: None
+            )
         except ray.exceptions.RayTaskError as error:  # what the piece itself raised
             raise getattr(error, "cause", error) from None
         except ray.exceptions.WorkerCrashedError:  # over and over; the run counts how often
@@ -113,7 +141,9 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         ray.shutdown()
 
 
-def _handed_out(submit: Callable, missing: _Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:
+def _handed_out(
+    submit: Callable, missing: _Pieces, gone: Callable[[], tuple[str, float] | None]
+) -> Iterator[Receipt]:
     """Yield receipts as they come; `gone` says what is missing when none does, and for how long that may be."""
     done: queue.SimpleQueue = queue.SimpleQueue()
     waiting, left = set(), iter(missing)
@@ -150,12 +180,18 @@ def _client(address: str | None) -> Any:
         from distributed import Client
         from distributed.comm.addressing import resolve_address
     except ImportError:
-        raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
+        raise RunError(
+            "backend dask needs the package distributed; install stiction-simbench[dask]"
+        ) from None
     try:
-        resolve_address(address)  # a client of an address that is none complains once more when it is thrown away
+        resolve_address(
+            address
+        )  # a client of an address that is none complains once more when it is thrown away
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise RunError(f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed") from None
+        raise RunError(
+            f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed"
+        ) from None
 
 
 def _gone(client: Any) -> tuple[str, float] | None:

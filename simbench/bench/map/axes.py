@@ -22,11 +22,15 @@ class GridAxes:
     def __init__(self, grid: Grid) -> None:
         self._grid, blocks = grid, grid.content.block
         every = [b.axes for b in blocks] or [grid.content.axes]
-        self.values: dict[str, list[Any]] = {BLOCK_AXIS: [b.name for b in blocks]} if len(blocks) > 1 else {}
+        self.values: dict[str, list[Any]] = (
+            {BLOCK_AXIS: [b.name for b in blocks]} if len(blocks) > 1 else {}
+        )
         for axes in every:
             for key, values in axes.items():
                 known = dict.fromkeys([*self.values.get(key, ()), *map(shown, values)])
-                self.values[key] = list(known) if any(isinstance(v, str) for v in known) else sorted(known)
+                self.values[key] = (
+                    list(known) if any(isinstance(v, str) for v in known) else sorted(known)
+                )
         self.members = list(dict.fromkeys(m.name for b in blocks for m in b.member)) or ["loop"]
 
     @property
@@ -39,7 +43,10 @@ class GridAxes:
         import pandas as pd
 
         found = [self._grid.cell(int(cell)) for cell in cells]
-        rows = [{BLOCK_AXIS: block, **{k: shown(v) for k, v in values.items()}} for block, values, _ in found]
+        rows = [
+            {BLOCK_AXIS: block, **{k: shown(v) for k, v in values.items()}}
+            for block, values, _ in found
+        ]
         return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in found]
 
     def features(self, table: pd.DataFrame, members: Iterable[str]) -> np.ndarray:

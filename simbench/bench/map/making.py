@@ -17,7 +17,14 @@ from scenarios.grid import Grid, load_grid
 from scenarios.sample import Sample
 from simbench.bench.execute.run import run_grid
 from simbench.bench.map.axes import BLOCK_AXIS, GridAxes
-from simbench.bench.map.surrogate import IF_OSCILLATING, NOT_COUNTED, RATES, Surrogate, rate_of_cells, rate_of_grid
+from simbench.bench.map.surrogate import (
+    IF_OSCILLATING,
+    NOT_COUNTED,
+    RATES,
+    Surrogate,
+    rate_of_cells,
+    rate_of_grid,
+)
 from simbench.bench.statistics import Estimate
 from simbench.bench.store.checksums import RunError
 from simbench.bench.store.reading import RunArrays
@@ -42,7 +49,9 @@ class GridMap:
     values: dict[str, list[Any]]  # of each axis, in order, as the table has them
     table: pd.DataFrame  # of map.parquet
     methods: dict[str, dict[str, Any]]  # of map.json
-    brier: dict[str, float]  # mean squared error of the predicted accuracy of scenarios out of sample
+    brier: dict[
+        str, float
+    ]  # mean squared error of the predicted accuracy of scenarios out of sample
 
     def as_text(self) -> str:
         """Return the costs of all methods as a table, the cheapest method first."""
@@ -59,7 +68,9 @@ class GridMap:
                 for of in (of["cost"], of["oscillating"]["cost"])
             ]
             share = f"{100.0 * good[name]:.0f} % of cells"
-            lines.append(f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}")
+            lines.append(
+                f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}"
+            )
         lines += [
             "",
             "Cost is that of a run of the whole grid, predicted, with its 95 % interval: an error costs 1,",
@@ -135,18 +146,26 @@ def map_grid(
     book = RunArrays.read(run_grid(sample, folder / "run", methods, **settings))
     cells, features, rows = _sampled(sample, axes, book)
     if plan.cells > _MOST_ROWS:
-        shown = np.unique(np.random.default_rng([plan.content.seed, points]).integers(plan.cells, size=_MOST_ROWS))
+        shown = np.unique(
+            np.random.default_rng([plan.content.seed, points]).integers(plan.cells, size=_MOST_ROWS)
+        )
     else:
         shown = np.arange(plan.cells)
     frame, members = axes.table(shown)
-    frame = frame[list(map(bool, members))]  # an axis replaced from outside may leave a cell without members
+    frame = frame[
+        list(map(bool, members))
+    ]  # an axis replaced from outside may leave a cell without members
     cell = np.repeat(np.arange(len(frame)), list(filter(None, map(len, members))))
     everyone = axes.features(frame.iloc[cell], itertools.chain(*members))
     found: dict[str, dict[str, Any]] = {}
     brier, tables = {}, []
     truth = book.truth["cycled"]
-    for name, verdict, applies in zip(book.methods, book.verdict, book.applicable != 0, strict=True):
-        outcome = np.where((truth >= 0) & applies, 6 * book.oscillating + 3 * truth + verdict, NOT_COUNTED)
+    for name, verdict, applies in zip(
+        book.methods, book.verdict, book.applicable != 0, strict=True
+    ):
+        outcome = np.where(
+            (truth >= 0) & applies, 6 * book.oscillating + 3 * truth + verdict, NOT_COUNTED
+        )
         outcome = np.append(outcome, NOT_COUNTED)[rows]
         surrogate = Surrogate.fit(features, outcome, cells)
         rates, mean = _predicted(surrogate, everyone, cell)
@@ -156,7 +175,10 @@ def map_grid(
         some = {}
         for key, only in (("all", None), ("oscillating", IF_OSCILLATING)):
             counted = outcome != NOT_COUNTED if only is None else only[outcome] > 0
-            some[key] = {"cost": _as_json(rate_of_grid(surrogate, mean, len(plan), only)), "n": int(counted.sum())}
+            some[key] = {
+                "cost": _as_json(rate_of_grid(surrogate, mean, len(plan), only)),
+                "n": int(counted.sum()),
+            }
         found[name] = {**some["all"], "oscillating": some["oscillating"]}
     import pandas as pd
 
@@ -168,12 +190,16 @@ def map_grid(
     return GridMap(folder, sample, names, axes.values, table, found, brier)
 
 
-def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tuple[str, str | None]:
+def _picture_axes(
+    grid: str, axes: GridAxes, x: str | None, y: str | None
+) -> tuple[str, str | None]:
     if not axes.several:
         raise RunError(f"grid {grid} has no axis with two values or more; a map needs one")
     for option, name in (("--x", x), ("--y", y)):
         if name is not None and name not in axes.several:
-            raise RunError(f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two values or more)")
+            raise RunError(
+                f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two values or more)"
+            )
     if x is not None and x == y:
         raise RunError(f"--x {x} --y {y}: two different axes are needed")
     free = [key for key in sorted(axes.several, key=BLOCK_AXIS.__eq__) if key not in (x, y)]
@@ -181,24 +207,34 @@ def _picture_axes(grid: str, axes: GridAxes, x: str | None, y: str | None) -> tu
     return x, y or (free[0] if free else None)
 
 
-def _sampled(sample: Sample, axes: GridAxes, book: RunArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _sampled(
+    sample: Sample, axes: GridAxes, book: RunArrays
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return cell and features of the scenarios drawn, and where each stands in the tables.
 
     -1: nowhere, as it is a healthy loop that cannot be made to oscillate as its sticky sibling does.
     """
     places = {place: row for row, place in enumerate(book.places.astype(str).tolist())}
-    drawn = [(*divmod(group, sample.cells), name) for group, names in sample.drawn.items() for name in names]
+    drawn = [
+        (*divmod(group, sample.cells), name)
+        for group, names in sample.drawn.items()
+        for name in names
+    ]
     _, cells, names = zip(*drawn, strict=True)
     rows = [places.get(f"{cell}/{repeat}/{name}", -1) for repeat, cell, name in drawn]
     return np.array(cells), axes.features(axes.table(cells)[0], names), np.array(rows)
 
 
-def _predicted(surrogate: Surrogate, features: np.ndarray, cell: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+def _predicted(
+    surrogate: Surrogate, features: np.ndarray, cell: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the rates of cells with their intervals as columns, and the mean probability of each outcome.
 
     `features` are those of the members of all cells, `cell` the place of the cell that each belongs to, in order.
     """
-    columns: dict[str, list[np.ndarray]] = {f"{name}{end}": [] for name in RATES for end in ("", "_lo", "_hi")}
+    columns: dict[str, list[np.ndarray]] = {
+        f"{name}{end}": [] for name in RATES for end in ("", "_lo", "_hi")
+    }
     total = np.zeros(NOT_COUNTED + 1)
     for first in range(0, int(cell[-1]) + 1, _AT_ONCE):
         here = slice(*np.searchsorted(cell, [first, first + _AT_ONCE]))

@@ -40,7 +40,9 @@ RATES = {
 _BAGS = 24  # halves of the sample; the spread between them is the sampling error
 _TREES = 4  # of each half
 _LEAF = 3  # scenarios
-_LEAST_SHARE = 0.05  # of a cell's scenarios that must be expected to count for a rate; else it has none
+_LEAST_SHARE = (
+    0.05  # of a cell's scenarios that must be expected to count for a rate; else it has none
+)
 _MOST_TRIALS = 100  # scenarios that an estimate of one cell rests on, at most
 _Z = 1.96  # of 95 %
 
@@ -65,7 +67,9 @@ class Surrogate:
         forests, outside = [], []
         for number in range(_BAGS):
             inside = np.isin(place, rng.permutation(unique.size)[: max(unique.size // 2, 1)])
-            forest = RandomForestClassifier(_TREES, min_samples_leaf=_LEAF, max_features=None, random_state=number)
+            forest = RandomForestClassifier(
+                _TREES, min_samples_leaf=_LEAF, max_features=None, random_state=number
+            )
             forests.append(forest.fit(features[inside], outcome[inside]))
             outside.append(~inside)
         return cls(tuple(forests), np.array(outside), features, outcome, cells)
@@ -89,13 +93,19 @@ class Surrogate:
     @property
     def out_of_sample(self) -> np.ndarray:
         """The same from the halves that do not have the scenario."""
-        return np.einsum("bn,bnk->nk", self.outside / np.maximum(self.outside.sum(axis=0), 1), self._on_sample)
+        return np.einsum(
+            "bn,bnk->nk", self.outside / np.maximum(self.outside.sum(axis=0), 1), self._on_sample
+        )
 
     def brier(self) -> float:
         """Return the mean squared error of the predicted accuracy of single scenarios out of sample."""
         counted = self.outcome != NOT_COUNTED
         found = rate(self.out_of_sample[counted], "accuracy")
-        return float(np.nanmean((found - _RIGHT[self.outcome[counted]]) ** 2)) if counted.any() else np.nan
+        return (
+            float(np.nanmean((found - _RIGHT[self.outcome[counted]]) ** 2))
+            if counted.any()
+            else np.nan
+        )
 
 
 def rate(probability: np.ndarray, name: str) -> np.ndarray:
@@ -125,7 +135,9 @@ def rate_of_cells(halves: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
     return value, lo, hi
 
 
-def rate_of_grid(surrogate: Surrogate, mean: np.ndarray, size: int, only: np.ndarray | None = None) -> Estimate:
+def rate_of_grid(
+    surrogate: Surrogate, mean: np.ndarray, size: int, only: np.ndarray | None = None
+) -> Estimate:
     """Return the cost of a method on all `size` scenarios of a grid, with its 95 % interval.
 
     `mean` holds the mean probability of each outcome over the grid; `only` which outcomes count
@@ -144,7 +156,9 @@ def rate_of_grid(surrogate: Surrogate, mean: np.ndarray, size: int, only: np.nda
     of = max(float(total @ counts), 1.0 / size)
     cost = float(total @ (OUTCOME_COST * counts)) / of
     residual = error @ ((OUTCOME_COST - cost) * counts)
-    sums = np.bincount(np.unique(surrogate.cells, return_inverse=True)[1], residual - residual.mean())
+    sums = np.bincount(
+        np.unique(surrogate.cells, return_inverse=True)[1], residual - residual.mean()
+    )
     # an error of 1 and one of -1 added: a few loops that all cost the same do not show the cost exactly
     half = _Z * np.sqrt((1.0 - share) * (float(sums @ sums) + 2.0)) / n / of
     return Estimate(cost, max(cost - half, 0.0), min(cost + half, 1.0))

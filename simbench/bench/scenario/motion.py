@@ -13,7 +13,9 @@ from detectors.signal.conditioning import median
 class Motion:
     """Reversals of a valve position."""
 
-    at: np.ndarray  # (m,) sample indices of the reversals: the last sample before the valve turns back
+    at: (
+        np.ndarray
+    )  # (m,) sample indices of the reversals: the last sample before the valve turns back
     positions: np.ndarray  # (m,) position (%) there
     n: int  # samples looked at
 
@@ -35,7 +37,11 @@ class Motion:
     @property
     def period(self) -> float:
         """Mean time of two swings, in samples; NaN with fewer than three reversals."""
-        return 2.0 * float(self.at[-1] - self.at[0]) / (self.at.size - 1) if self.at.size > 2 else float("nan")
+        return (
+            2.0 * float(self.at[-1] - self.at[0]) / (self.at.size - 1)
+            if self.at.size > 2
+            else float("nan")
+        )
 
     @property
     def lasting(self) -> float:
@@ -77,7 +83,9 @@ def motion(mv: np.ndarray, least: float) -> Motion:
 def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
     """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one."""
     x = np.asarray(x, dtype=float) - np.mean(x)
-    size = 4 << (x.size - 1).bit_length()  # zero-padded fourfold: a sine between two bins loses 3 % at most
+    size = (
+        4 << (x.size - 1).bit_length()
+    )  # zero-padded fourfold: a sine between two bins loses 3 % at most
     amplitude = np.abs(np.fft.rfft(x, size)) * (2.0 / x.size)
     lo = max(int(np.floor(size / (period * factor))), 1)
     hi = min(int(np.ceil(size * factor / period)), amplitude.size - 1)

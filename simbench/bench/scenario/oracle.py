@@ -33,14 +33,21 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     them is taken (Kay 1998, section 6.4.2).
     """
     loop = scenario.loop
-    if warm_up := loop.sampling.warm_up:  # the plant's state is known where the run starts, not where the record does
-        loop = loop.model_copy(update={"sampling": Sampling(Ts=loop.sampling.Ts, n=warm_up + loop.sampling.n)})
+    if (
+        warm_up := loop.sampling.warm_up
+    ):  # the plant's state is known where the run starts, not where the record does
+        loop = loop.model_copy(
+            update={"sampling": Sampling(Ts=loop.sampling.Ts, n=warm_up + loop.sampling.n)}
+        )
         run = simulate(loop, scenario.seed)
     setup = resolve_loop(loop, scenario.seed)
     n, op, pv = setup.end, run.record.op, run.record.pv
     known = setup.pv0 + run.load_out[:n]
     predict = _predictor(setup, run.load_in[:n])
-    variance = setup.noise_std**2 + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
+    variance = (
+        setup.noise_std**2
+        + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
+    )
 
     def misfit(mv: np.ndarray) -> float:
         residual = pv - known - predict(mv)
@@ -66,7 +73,11 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
 def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, float]:
     # a coarse lattice over all valves, then finer ones around the best so far
     candidates = [(s, s * ratio) for s in _BANDS for ratio in _JUMPS]
-    factor, width, offsets = np.log(_BANDS[1] / _BANDS[0]), _JUMPS[1], np.linspace(-1.0, 1.0, _AROUND)
+    factor, width, offsets = (
+        np.log(_BANDS[1] / _BANDS[0]),
+        _JUMPS[1],
+        np.linspace(-1.0, 1.0, _AROUND),
+    )
     best, S, J = np.inf, np.nan, np.nan
     for _ in range(1 + _ZOOMS):
         for s, j in candidates:
@@ -82,7 +93,9 @@ def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, 
 def _predictor(setup: Setup, load_in: np.ndarray):
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
     column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
-    (new, den), (old, _) = (ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column)
+    (new, den), (old, _) = (
+        ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column
+    )
     b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
     delay = sampled.delay
 

@@ -93,12 +93,19 @@ def _measured(text: str) -> Cycle:
                 break
             period = moved.period * loop.sampling.Ts
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
-                return Cycle(period, float(np.std(run.record.pv[_FIRST:])), float(np.std(run.record.op[_FIRST:])), True)
+                return Cycle(
+                    period,
+                    float(np.std(run.record.pv[_FIRST:])),
+                    float(np.std(run.record.op[_FIRST:])),
+                    True,
+                )
     except ParameterError:  # no cycle to start on, or none that theory can find
         if (found := _kicked(twin, guess)) is not None:
             return found
     S, _ = band(twin)
-    size = 0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
+    size = (
+        0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
+    )
     return Cycle(guess, size, 0.25 * S, False)
 
 
@@ -118,7 +125,9 @@ def _kicked(twin: Loop, period: float) -> Cycle | None:
         period = moved.period * loop.sampling.Ts
         if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
             late = slice(_FIRST * _PERIODS, None)
-            return Cycle(period, float(np.std(run.record.pv[late])), float(np.std(run.record.op[late])), True)
+            return Cycle(
+                period, float(np.std(run.record.pv[late])), float(np.std(run.record.op[late])), True
+            )
     return None
 
 
@@ -212,16 +221,22 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
         if found is None or (group.matched and not found.sustained):
             found = prepare(record.without_mv()).oscillation
-        if not found.sustained or abs(math.log(found.period_s / own)) < (_NEAR if group.matched else _SETTLED):
+        if not found.sustained or abs(math.log(found.period_s / own)) < (
+            _NEAR if group.matched else _SETTLED
+        ):
             break
-        if group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR:  # of noise, and no oscillation
+        if (
+            group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR
+        ):  # of noise, and no oscillation
             break
         own = found.period_s
         loop, _ = _settled(draft, group, twin, cycle, own)
     return loop, draft.seed
 
 
-def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -> tuple[Loop, Cycle]:
+def _settled(
+    draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float
+) -> tuple[Loop, Cycle]:
     """Return a draft's loop for the period of its record, and the cycle that it is matched with."""
     table, rules, swing, scale = draft.loop.to_table(), draft.rules, draft.oscillation, draft.scale
     tuned = swing is not None and swing.load is None
@@ -230,17 +245,25 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
         table["controller"].update(Ti=significant(Ti), Kc=significant(Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
-        table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
+        table["sampling"] = {
+            "Ts": significant(own / per),
+            "n": round(per * float(rules.periods or _FIRST)),
+        }
         if rules.warm_up:
             # of its own periods, or of the sticky sibling's where these are longer
             longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
     if tuned:
-        found, cycle = at_its_limit(Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle)
+        found, cycle = at_its_limit(
+            Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle
+        )
         table["plant"] = found.to_table()["plant"]
     S, J = (x * scale.S for x in band(twin))
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
-    if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
+    if "ideal" not in (
+        draft.loop.valve.name,
+        draft.valve.name,
+    ):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
     if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
@@ -251,21 +274,29 @@ def _settled(draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float) -
         add_load(table, swing, cycle)
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
-    table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
+    table.setdefault("effect", []).extend(
+        {"name": e.name, **_scaled(e, unit)} for e in draft.effects
+    )
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * S)
     if draft.moves:
-        _move_setpoint(table["setpoint"], draft.moves, {**unit, "period": own}, own * (rules.warm_up or 0.0))
+        _move_setpoint(
+            table["setpoint"], draft.moves, {**unit, "period": own}, own * (rules.warm_up or 0.0)
+        )
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
-        loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
+        loop = loop.with_(
+            "controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop))
+        )
     return overridden(loop, draft.overrides or {}), cycle
 
 
-def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
+def valve_table(
+    name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the table of any valve file that has the (S, J) a cell asks for."""
     module = VALVES.load(name)
     S, J = float(cell["S"]), float(cell.get("J", 0.0))
@@ -285,18 +316,30 @@ def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping
 
 def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
     scale = part.scale
-    return {k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()}  # type: ignore[operator]
+    return {
+        k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()
+    }  # type: ignore[operator]
 
 
 def _move_setpoint(
-    table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float], begin: float = 0.0
+    table: dict[str, Any],
+    moves: Sequence[tuple[float, float]],
+    unit: Mapping[str, float],
+    begin: float = 0.0,
 ) -> None:
     steps = list(table.get("steps", []))
     rest = steps[-1][1] if steps else table["value"]
-    steps += [[significant(begin + t * unit["period"]), rest + significant(level * unit["pv"])] for t, level in moves]
+    steps += [
+        [significant(begin + t * unit["period"]), rest + significant(level * unit["pv"])]
+        for t, level in moves
+    ]
     table["steps"] = steps
 
 
 def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
     # a valve without friction has no place on the axis of stick bands
-    return draft.tags if VALVES.load(loop.valve.name).FRICTION else {**draft.tags, "S_over_2J": 0.0, "S": 0.0}
+    return (
+        draft.tags
+        if VALVES.load(loop.valve.name).FRICTION
+        else {**draft.tags, "S_over_2J": 0.0, "S": 0.0}
+    )

@@ -17,7 +17,12 @@ _TAIL_PERIODS = 20
 MIN_REVERSALS = 6
 _LASTING = 0.8  # last third of the tail over the first
 _TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
-_MOMENTS = (0.0, 0.25, 0.5, 0.75)  # of the record's last period, from its end back, at which the noise goes off
+_MOMENTS = (
+    0.0,
+    0.25,
+    0.5,
+    0.75,
+)  # of the record's last period, from its end back, at which the noise goes off
 _FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
 _MAX_TAIL = 20_000  # samples
 YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
@@ -34,7 +39,9 @@ class Cycled:
     swing: float = 0.0  # median distance (%) between reversals of MV in the tail
 
 
-def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
+def simulate_with_truth(
+    loop: Loop, seed: int = 0, *, period: float | None = None
+) -> tuple[Run, Cycled]:
     """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
 
     A valve without friction is its own twin: never "yes".
@@ -94,7 +101,9 @@ def _quiet_from(loop: Loop, period: float) -> list[int]:
     return sorted({max(n - round(share * period), 0) for share in _MOMENTS}, reverse=True)
 
 
-def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
+def _tail(
+    loop: Loop, seed: int, period: float, bar: float, quiet: int | None
+) -> tuple[np.ndarray, Motion]:
     samples = _samples(period)
     while True:
         tail = valve_tail(loop, seed, samples, quiet)

@@ -47,22 +47,37 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
         table = read_table(run, kind)
         for name in empty:
             column = table.schema.get_field_index(name)
-            table = table.set_column(column, table.schema.field(name), pa.nulls(table.num_rows, table.schema.field(name).type))
+            table = table.set_column(
+                column,
+                table.schema.field(name),
+                pa.nulls(table.num_rows, table.schema.field(name).type),
+            )
         if kind == "verdicts":
             for name in ("score", "S_lo", "S_hi", "J_lo", "J_hi"):
                 at = table.schema.get_field_index(name)
-                rounded = table.column(name).to_numpy(zero_copy_only=False).astype(np.float32).astype(float)
-                table = table.set_column(at, table.schema.field(at), pa.array(rounded, from_pandas=True))
+                rounded = (
+                    table.column(name)
+                    .to_numpy(zero_copy_only=False)
+                    .astype(np.float32)
+                    .astype(float)
+                )
+                table = table.set_column(
+                    at, table.schema.field(at), pa.array(rounded, from_pandas=True)
+                )
         out = io.BytesIO()
         # whole scenarios in every row group
-        pq.write_table(table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1))
+        pq.write_table(
+            table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1)
+        )
         digests[kind] = digest(out.getvalue())
         with whole_file(baseline / f"{kind}.parquet", "wb") as f:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
     shown = (table["mode"] == FRONT) & (table["population"] != OF_NOT_OSCILLATING)
-    write_table(table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
+    write_table(
+        table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f"
+    )
     remember(baseline, manifest, table)
 
 
@@ -70,8 +85,19 @@ def read_book(folder: str | Path) -> RunArrays:
     """Read a run or a baseline."""
     try:
         book = RunArrays.read(folder)
-    except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again") from None
+    except (
+        pa.ArrowException,
+        OSError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ) as error:
+        raise RunError(
+            f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again"
+        ) from None
     if not book.ids.size or not book.methods:
-        raise RunError(f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods; run it again")
+        raise RunError(
+            f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods; run it again"
+        )
     return book

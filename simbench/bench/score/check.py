@@ -39,7 +39,9 @@ _COUNTED = {
 }
 
 
-def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False) -> Check:
+def check_run(
+    folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False
+) -> Check:
     """Compare a run with a baseline.
 
     Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for the
@@ -56,12 +58,16 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN, e
     return replace(compare_books(now, before, margin, exact), home=str(against))
 
 
-def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN, exact: bool = False) -> Check:
+def compare_books(
+    now: RunArrays, before: RunArrays, margin: float = MARGIN, exact: bool = False
+) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
     grids, cells = ([b.manifest.get(key) for b in (now, before)] for key in ("grid", "cells_hash"))
     if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
         content = "" if None in cells else f" ({cells[0]} and {cells[1]}: other cells)"
-        raise RunError(f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the baseline's grid")
+        raise RunError(
+            f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the baseline's grid"
+        )
     pairs = pair(now, before)
     paired = pairs.now.size > 0
     basis = "other" if not paired else "same" if pairs.same.all() else "place"
@@ -79,17 +85,26 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN, exa
         flips.append(_flips(now, i, before, j, pairs))
     of_sizes, untold = compared(now, before, pairs)
     rows += of_sizes
-    tests = pd.DataFrame(rows, columns=["method", "label", "what", "n", "before", "now", "lost", "won", "p"])
+    tests = pd.DataFrame(
+        rows, columns=["method", "label", "what", "n", "before", "now", "lost", "won", "p"]
+    )
     each = tests.groupby("method", sort=False)["p"]
     size = each.transform("size") if basis == "same" else pd.Series(len(tests), index=tests.index)
     # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
     tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
-    tests["seen"] = [_seen(row, basis, k) for row, k in zip(tests.to_dict("records"), size, strict=True)]
+    tests["seen"] = [
+        _seen(row, basis, k) for row, k in zip(tests.to_dict("records"), size, strict=True)
+    ]
     allowed = [row.get("allowed", margin if paired else 0.0) for row in rows]
-    beyond = np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"]) > allowed
+    beyond = (
+        np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
+        > allowed
+    )
     tests["worse"] = (tests["p"] < _LEVEL) & beyond
     moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
-    untold += [f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")]
+    untold += [
+        f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
+    ]
     unseen = (*_unseen(tests, basis), *untold)
     said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be found in 8 of 10 such runs"
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
@@ -101,7 +116,9 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN, exa
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     """Make a run the baseline, and say what that changes."""
     now, there = read_book(folder), (Path(baseline) / "manifest.json").exists()
-    lines = [f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x {len(now.methods)} methods"]
+    lines = [
+        f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x {len(now.methods)} methods"
+    ]
     if there:
         try:
             before = read_book(baseline)
@@ -116,7 +133,11 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
 
 
 def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
-    found = [f"method {m} is in the baseline, not in the run" for m in before.methods if m not in now.methods]
+    found = [
+        f"method {m} is in the baseline, not in the run"
+        for m in before.methods
+        if m not in now.methods
+    ]
     missing = before.ids.size - pairs.before.size
     if missing and (pairs.one_grid or pairs.now.size):
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
@@ -124,10 +145,19 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
         moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
         changed = int((moved & pairs.same).sum())
         if changed:
-            found.append(f"the truth {label!r} of {changed} scenarios with the same records has changed")
+            found.append(
+                f"the truth {label!r} of {changed} scenarios with the same records has changed"
+            )
     for method in (m for m in before.methods if m in now.methods):
-        failed, was = now.failed[now.methods.index(method)], before.failed[before.methods.index(method)]
-        raised = int((failed[pairs.now] & ~was[pairs.before]).sum()) if pairs.now.size else int(failed.sum())
+        failed, was = (
+            now.failed[now.methods.index(method)],
+            before.failed[before.methods.index(method)],
+        )
+        raised = (
+            int((failed[pairs.now] & ~was[pairs.before]).sum())
+            if pairs.now.size
+            else int(failed.sum())
+        )
         if raised and (pairs.now.size or not was.any()):
             found.append(f"method {method} raised an error on {raised} scenarios where it had none")
     return found
@@ -170,7 +200,9 @@ def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
         return float("nan")
     if basis == "other":
         spread = np.sqrt(2 * max(row["before"] * (1 - row["before"]), 1 / (n + 2)) / n)
-        return float(min(_UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(_POWER)), 1.0))
+        return float(
+            min(_UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(_POWER)), 1.0)
+        )
     least = np.ceil(-np.log2(level))  # cases lost, none won, that an exact test takes for a drop
     return float(min(stats.gamma.ppf(_POWER, least) / n, 1.0))
 
@@ -179,8 +211,16 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
     """Name the methods whose loss nobody could have found: too few loops that they cover, and answers that changed."""
     for row in tests[(tests["what"] == "right") & (tests["label"] == "cycled")].to_dict("records"):
         changed = basis != "same" or row["lost"] > 0
-        if changed and not row["seen"] <= _REACH[basis] and not tests.loc[tests["method"] == row["method"], "worse"].any():
-            why = f"only a loss of {row['seen']:.3f} would have been found" if row["n"] else "it covers none"
+        if (
+            changed
+            and not row["seen"] <= _REACH[basis]
+            and not tests.loc[tests["method"] == row["method"], "worse"].any()
+        ):
+            why = (
+                f"only a loss of {row['seen']:.3f} would have been found"
+                if row["n"]
+                else "it covers none"
+            )
             yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {_REACH[basis]:g} is asked for"
 
 
@@ -188,7 +228,11 @@ def _answers(
     book: RunArrays, method: int, label: str, at: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     # a baseline keeps 24 bits of a score
-    truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
+    truth, verdict, score = (
+        book.truth[label],
+        book.verdict[method],
+        book.score[method].astype(np.float32),
+    )
     covered = book.applicable[method] != 0
     if at is not None:
         truth, verdict, score, covered = truth[at], verdict[at], score[at], covered[at]
@@ -200,20 +244,34 @@ def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
     covered = [before[3], before[3] if paired else now[3]]
     used = [cover & (side[0] >= 0) for cover, side in zip(covered, (before, now), strict=True)]
     sides = [tuple(x[use] for x in side[:3]) for use, side in zip(used, (before, now), strict=True)]
-    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = ((truth == 1, said, score) for truth, said, score in sides)
+    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = (
+        (truth == 1, said, score) for truth, said, score in sides
+    )
     for what, (positive, good) in _COUNTED.items():
         if positive is None:
             a, b = said_a == truth_a, said_b == truth_b
         else:
             codes = [CODES[word] for word in good]
-            a, b = np.isin(said_a[truth_a == positive], codes), np.isin(said_b[truth_b == positive], codes)
-        row: dict[str, Any] = {"what": what, "n": min(a.size, b.size), "before": _share(a), "now": _share(b)}
+            a, b = (
+                np.isin(said_a[truth_a == positive], codes),
+                np.isin(said_b[truth_b == positive], codes),
+            )
+        row: dict[str, Any] = {
+            "what": what,
+            "n": min(a.size, b.size),
+            "before": _share(a),
+            "now": _share(b),
+        }
         if paired:
             row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
             yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
         else:
             yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, _UNPAIRED)}
-    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, _UNPAIRED)
+    p = (
+        auc_drop(score_a, score_b, truth_a)
+        if paired
+        else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, _UNPAIRED)
+    )
     yield {
         "what": "AUC",
         "n": min(truth_a.size, truth_b.size),

@@ -20,7 +20,9 @@ class Check:
 
     paired: bool  # whether answers are compared loop by loop
     basis: str  # which test was used and why, in one sentence
-    problems: tuple[str, ...]  # what fails without any statistics: missing methods or scenarios, new errors, a changed truth
+    problems: tuple[
+        str, ...
+    ]  # what fails without any statistics: missing methods or scenarios, new errors, a changed truth
     # method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
     # called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of S
     # and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired only),
@@ -30,7 +32,9 @@ class Check:
     # disturbance
     flips: pd.DataFrame
     home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
-    unseen: tuple[str, ...] = ()  # methods of which nobody could tell whether they became worse, and why
+    unseen: tuple[
+        str, ...
+    ] = ()  # methods of which nobody could tell whether they became worse, and why
 
     @property
     def failed(self) -> bool:
@@ -56,7 +60,11 @@ class Check:
             lines += ["", moved.to_string(index=False, float_format="%.3f")]
         if len(self.flips):
             shown = _worst_first(self).head(SHOWN)
-            lines += ["", f"{len(self.flips)} verdicts changed" + _cut(self), shown.to_string(index=False)]
+            lines += [
+                "",
+                f"{len(self.flips)} verdicts changed" + _cut(self),
+                shown.to_string(index=False),
+            ]
             lines += ["", "simulate one again:", again(self, str(shown["scenario_id"].iloc[0]))]
         return "\n".join(lines)
 
@@ -76,7 +84,12 @@ class Check:
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
         tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
-        about = {"answer": self.answer, "failed": self.failed, "paired": self.paired, "basis": self.basis}
+        about = {
+            "answer": self.answer,
+            "failed": self.failed,
+            "paired": self.paired,
+            "basis": self.basis,
+        }
         return {**about, "reasons": self.reasons, **tables}
 
     def as_junit(self) -> str:
@@ -85,7 +98,12 @@ class Check:
         cases = [("run", list(self.problems))]
         for method, rows in self.tests.groupby("method", sort=True):
             wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
-            cases.append((str(method), [*wrong, *(said for said in self.unseen if said.startswith(f"{method}:"))]))
+            cases.append(
+                (
+                    str(method),
+                    [*wrong, *(said for said in self.unseen if said.startswith(f"{method}:"))],
+                )
+            )
         for name, wrong in cases:
             case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
             if wrong:
@@ -106,7 +124,11 @@ def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
     cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
     moved = f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to {row['now']:.3f}"
-    of = f"of {row['label']}" if row["what"] in (COVERAGE, MEDIAN_ERROR) else f"against {row['label']!r}"
+    of = (
+        f"of {row['label']}"
+        if row["what"] in (COVERAGE, MEDIAN_ERROR)
+        else f"against {row['label']!r}"
+    )
     return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
 
@@ -114,12 +136,18 @@ def _moved(check: Check) -> pd.DataFrame:
     tests = check.tests
     same = (tests["before"] == tests["now"]) | tests[["before", "now"]].isna().all(axis=1)
     changed = tests[~same]
-    return changed.drop(columns=[] if check.paired else ["lost", "won"]).sort_values("p", kind="stable").head(2 * SHOWN)
+    return (
+        changed.drop(columns=[] if check.paired else ["lost", "won"])
+        .sort_values("p", kind="stable")
+        .head(2 * SHOWN)
+    )
 
 
 def _worst_first(check: Check) -> pd.DataFrame:
     bad = set(check.tests.loc[check.tests["worse"], "method"])
-    order = check.flips.assign(_order=~check.flips["method"].isin(bad)).sort_values("_order", kind="stable")
+    order = check.flips.assign(_order=~check.flips["method"].isin(bad)).sort_values(
+        "_order", kind="stable"
+    )
     return order.drop(columns="_order")
 
 
@@ -132,4 +160,6 @@ def _table(frame: pd.DataFrame) -> list[str]:
         return f"{x:.3g}" if isinstance(x, float) else str(x).replace("|", "\\|")
 
     rows = [[cell(x) for x in row] for row in frame.itertuples(index=False)]
-    return ["| " + " | ".join(r) + " |" for r in [list(frame.columns), ["---"] * frame.shape[1], *rows]]
+    return [
+        "| " + " | ".join(r) + " |" for r in [list(frame.columns), ["---"] * frame.shape[1], *rows]
+    ]

@@ -44,33 +44,63 @@ class _Comparison:
 
     def as_text(self) -> str:
         """Return ranking, which methods differ from the best (or between two runs), and breakdowns, for a terminal."""
-        lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals", _text(self.ranking)]
+        lines = [
+            f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals",
+            _text(self.ranking),
+        ]
         if not np.isnan(self.critical_difference):
-            lines += [f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group bootstrap, 5 %)"]
+            lines += [
+                f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group bootstrap, 5 %)"
+            ]
         differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
         alike = len(self.pairs) - len(differ)
-        lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}), {alike} do not"]
+        lines += [
+            "",
+            f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}), {alike} do not",
+        ]
         ranked = self.ranking.dropna(subset=["mean_rank"])
         best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
-        shown = differ[differ["first"].eq(best) | differ["second"].eq(best) | ~differ["second"].isin(self.ranking["method"])]
+        shown = differ[
+            differ["first"].eq(best)
+            | differ["second"].eq(best)
+            | ~differ["second"].isin(self.ranking["method"])
+        ]
         lines += [_text(shown)] if len(shown) else []
         if len(self.breakdown):
             cell = self.breakdown.assign(
-                at=[f"{v} ({a:.2f})" for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])]
+                at=[
+                    f"{v} ({a:.2f})"
+                    for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])
+                ]
             )
-            wide = cell.pivot(index="method", columns="axis", values="at").reindex(self.ranking["method"])
-            lines += ["", f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the accuracy there"]
-            lines += [wide.dropna(how="all").rename_axis(columns=None).reset_index().to_string(index=False, na_rep="-")]
+            wide = cell.pivot(index="method", columns="axis", values="at").reindex(
+                self.ranking["method"]
+            )
+            lines += [
+                "",
+                f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the accuracy there",
+            ]
+            lines += [
+                wide.dropna(how="all")
+                .rename_axis(columns=None)
+                .reset_index()
+                .to_string(index=False, na_rep="-")
+            ]
         return "\n".join(lines)
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
         cd = None if np.isnan(self.critical_difference) else self.critical_difference
-        tables = {name: plain(getattr(self, name)) for name in ("ranking", "pairs", "by_axis", "breakdown")}
+        tables = {
+            name: plain(getattr(self, name))
+            for name in ("ranking", "pairs", "by_axis", "breakdown")
+        }
         return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
 
 
-def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> _Comparison:
+def compare(
+    folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False
+) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
     An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
@@ -105,28 +135,43 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
     return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
 
 
-def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False) -> _Comparison:
+def between_runs(
+    book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False
+) -> _Comparison:
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second` the other."""
     _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
     common = [m for m in book.methods if m in other.methods]
     if not at.size or not common:
         what = "scenario" if not at.size else "method"
-        raise RunError(f"the two runs have no {what} in common; compare runs of the same grid and seed")
+        raise RunError(
+            f"the two runs have no {what} in common; compare runs of the same grid and seed"
+        )
     use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
-    right, theirs = _right(book, truth, raw)[:, at][:, use], _right(other, truth, raw)[:, other_at][:, use]
+    right, theirs = (
+        _right(book, truth, raw)[:, at][:, use],
+        _right(other, truth, raw)[:, other_at][:, use],
+    )
     applies, apply = _applies(book)[:, at][:, use], _applies(other)[:, other_at][:, use]
     rows = []
     for method in common:
         i, j = book.methods.index(method), other.methods.index(method)
         mine, its = (found[k, applies[i] & apply[j]] for found, k in ((right, i), (theirs, j)))
-        rows.append((method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum())))
-    return _comparison(book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows)
+        rows.append(
+            (method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum()))
+        )
+    return _comparison(
+        book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows
+    )
 
 
 def _breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
     """Return, for every method and axis, the first value at which accuracy is below 0.8."""
     low = by_axis[by_axis["accuracy"] < _WORKING_ACCURACY]
-    return low.groupby(["method", "axis"], sort=False).head(1).sort_values(["method", "axis"], kind="stable", ignore_index=True)
+    return (
+        low.groupby(["method", "axis"], sort=False)
+        .head(1)
+        .sort_values(["method", "axis"], kind="stable", ignore_index=True)
+    )
 
 
 def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -153,14 +198,18 @@ def _comparison(
     rows: list[tuple],
 ) -> _Comparison:
     cases = right.shape[1]
-    accuracy = [(int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)]
+    accuracy = [
+        (int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)
+    ]
     ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
     ranking.insert(0, "method", book.methods)
     ranking["home"] = [home_of(method, book) for method in book.methods]
     pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
     pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
     pairs["differ"] = pairs["p"] < _LEVEL
-    by_axis = pd.DataFrame(_by_axis(book, truth, raw), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"])
+    by_axis = pd.DataFrame(
+        _by_axis(book, truth, raw), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"]
+    )
     ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
     return _Comparison(truth, cases, ranking, cd, pairs, by_axis, _breakdowns(by_axis))
 
@@ -172,7 +221,13 @@ def _by_axis(book: RunArrays, truth: str, raw: bool) -> Iterator[tuple]:
             for method, row, mine in zip(book.methods, right, known):
                 use = chosen & mine
                 if use.any():
-                    yield method, axis, value, int(use.sum()), *rate(int(row[use].sum()), int(use.sum()))
+                    yield (
+                        method,
+                        axis,
+                        value,
+                        int(use.sum()),
+                        *rate(int(row[use].sum()), int(use.sum())),
+                    )
 
 
 def _text(frame: pd.DataFrame) -> str:

@@ -17,15 +17,30 @@ if TYPE_CHECKING:
 def read(run: str | Path) -> pd.DataFrame:
     """Read a run of grid families as one row per scenario and method."""
 
-    columns = ["scenario_id", "group", "process", "valve", "disturbance", "cycled", "oscillating", "tags"]
+    columns = [
+        "scenario_id",
+        "group",
+        "process",
+        "valve",
+        "disturbance",
+        "cycled",
+        "oscillating",
+        "tags",
+    ]
     scenarios = read_table(run, "scenarios", columns).to_pandas()
     scenarios = scenarios[scenarios.cycled.isin(["yes", "no"])]
-    scenarios = scenarios.assign(cycled=scenarios.cycled == "yes", S=[json.loads(t).get("S") for t in scenarios.tags])
+    scenarios = scenarios.assign(
+        cycled=scenarios.cycled == "yes", S=[json.loads(t).get("S") for t in scenarios.tags]
+    )
     columns = ["scenario_id", "method", "verdict", "score", "indices", "S_lo", "S_hi"]
     verdicts = read_table(run, "verdicts", columns).to_pandas()
     given = zip(verdicts.indices, verdicts.score, strict=True)
-    verdicts = verdicts.assign(indices=[{**json.loads(i or "{}"), "score": score} for i, score in given])
-    return scenarios.drop(columns="tags").merge(verdicts.rename(columns={"verdict": "said"}), on="scenario_id")
+    verdicts = verdicts.assign(
+        indices=[{**json.loads(i or "{}"), "score": score} for i, score in given]
+    )
+    return scenarios.drop(columns="tags").merge(
+        verdicts.rename(columns={"verdict": "said"}), on="scenario_id"
+    )
 
 
 def rates(rows: pd.DataFrame) -> pd.DataFrame:

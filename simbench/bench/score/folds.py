@@ -17,7 +17,9 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
     return np.random.default_rng(0).permutation(unique.size)[place] % _FOLDS
 
 
-def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS) -> int:
+def found_at(
+    ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS
+) -> int:
     """Count positives above a threshold that lets so many false alarms through on the other folds."""
     found = 0
     for k in np.unique(fold):
@@ -28,7 +30,9 @@ def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: 
     return found
 
 
-def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def risk_coverage(
+    ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the risk of a method that is asked for its surest answers only, for every number of answers, and of every loop.
 
     The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
@@ -47,14 +51,19 @@ def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> 
         levels = np.unique(ranks[known])
         best = int(errors.argmin())
         share = np.r_[0, np.cumsum(ups + downs)] / known.sum()
-        place = 0.5 * (share[np.searchsorted(levels, ranks[here])] + share[np.searchsorted(levels, ranks[here], side="right")])
+        place = 0.5 * (
+            share[np.searchsorted(levels, ranks[here])]
+            + share[np.searchsorted(levels, ranks[here], side="right")]
+        )
         wrong[here] = (place > share[best]) != positive[here]
         sure[here] = np.abs(place - share[best])
     order = np.argsort(-sure, kind="stable")
     _, tied, size = np.unique(-sure[order], return_inverse=True, return_counts=True)
 
     def shared(values: np.ndarray) -> np.ndarray:
-        return (np.bincount(tied, values, size.size) / size)[tied]  # answers equally sure come in any order
+        return (np.bincount(tied, values, size.size) / size)[
+            tied
+        ]  # answers equally sure come in any order
 
     risk, place = shared(wrong[order]), np.arange(1, order.size + 1)
     # a loop counts by its own error, and by moving all that are less sure one place down
@@ -76,7 +85,11 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
             from sklearn.ensemble import HistGradientBoostingClassifier
             from threadpoolctl import threadpool_limits
 
-            with threadpool_limits(1):  # two threads on a busy machine wait for each other for minutes
-                model = HistGradientBoostingClassifier(random_state=0).fit(features[there], label[there])
+            with threadpool_limits(
+                1
+            ):  # two threads on a busy machine wait for each other for minutes
+                model = HistGradientBoostingClassifier(random_state=0).fit(
+                    features[there], label[there]
+                )
                 said[here] = model.predict_proba(features[here])[:, 1]
     return said

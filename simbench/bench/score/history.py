@@ -15,7 +15,16 @@ from simbench.files import write_table
 
 _HISTORY_FILE = "history.csv"
 _SCORES = ("accuracy_applicable", "found", "false_alarms")
-_HISTORY_COLUMNS = ("baseline", "commit", "records", "grid", "scenarios", "method", "rank", *_SCORES)
+_HISTORY_COLUMNS = (
+    "baseline",
+    "commit",
+    "records",
+    "grid",
+    "scenarios",
+    "method",
+    "rank",
+    *_SCORES,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +61,9 @@ def read_history(baseline: str | Path) -> History:
         raise RunError(f"{file} is no table: {error}") from None
     missing = [c for c in _HISTORY_COLUMNS if c not in table]
     if missing or table.empty:
-        raise RunError(f"{file} is no history: {f'it lacks {missing[0]}' if missing else 'it is empty'}")
+        raise RunError(
+            f"{file} is no history: {f'it lacks {missing[0]}' if missing else 'it is empty'}"
+        )
     return History(table)
 
 
@@ -62,14 +73,27 @@ def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> N
     rows = table[(table["truth"] == "cycled") & table["front_end"] & everything]
     rows = rows[rows["role"] != "yardstick"]
     file = baseline / _HISTORY_FILE
-    old = read_history(baseline).table if file.is_file() else pd.DataFrame(columns=list(_HISTORY_COLUMNS))
+    old = (
+        read_history(baseline).table
+        if file.is_file()
+        else pd.DataFrame(columns=list(_HISTORY_COLUMNS))
+    )
     number = int(old["baseline"].max()) + 1 if len(old) else 1
-    about = {"baseline": number, "commit": str(manifest.get("commit") or "")[:12], "records": manifest.get("records_hash")}
+    about = {
+        "baseline": number,
+        "commit": str(manifest.get("commit") or "")[:12],
+        "records": manifest.get("records_hash"),
+    }
     size = int(rows["n_all"].max()) if len(rows) else 0
-    new = rows[["method", "rank", *_SCORES]].assign(**about, grid=manifest["grid"], scenarios=size)[list(_HISTORY_COLUMNS)]
+    new = rows[["method", "rank", *_SCORES]].assign(**about, grid=manifest["grid"], scenarios=size)[
+        list(_HISTORY_COLUMNS)
+    ]
     new = new.round(dict.fromkeys(_SCORES, 4))
     told = ["records", "method", *_SCORES]
-    last, same = (part[told].reset_index(drop=True).astype(str) for part in (old[old["baseline"] == number - 1], new))
+    last, same = (
+        part[told].reset_index(drop=True).astype(str)
+        for part in (old[old["baseline"] == number - 1], new)
+    )
     if last.equals(same):
         return
     write_table(pd.concat([old, new], ignore_index=True) if len(old) else new, file)

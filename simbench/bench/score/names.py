@@ -21,8 +21,7 @@ def benchmark_text(manifest: dict[str, Any]) -> str:
 
 
 def kind_of(role: str, sees_mv: bool) -> int:
-    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
-    """
+    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests."""
     if role in ("oracle", ROLE_YARDSTICK):
         return 2
     return 3 if role == "nonlinearity" else int(sees_mv)

@@ -17,9 +17,14 @@ if TYPE_CHECKING:
 _COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
 _ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
 COVERAGE, MEDIAN_ERROR = "coverage", "median error"
-_ALLOWED = {COVERAGE: 0.03, MEDIAN_ERROR: 0.02}  # moves that are no regression; errors in shares of S
+_ALLOWED = {
+    COVERAGE: 0.03,
+    MEDIAN_ERROR: 0.02,
+}  # moves that are no regression; errors in shares of S
 _ALLOWED_APART = 0.05  # more of either between runs of other loops
-_KEPT = 0.8  # of the loops whose S or J a method gave before, that it must still give to be compared
+_KEPT = (
+    0.8  # of the loops whose S or J a method gave before, that it must still give to be compared
+)
 
 
 def estimates(book: RunArrays) -> pd.DataFrame:
@@ -38,7 +43,9 @@ def estimates(book: RunArrays) -> pd.DataFrame:
         lo, hi, truth = given[f"{name}_lo"], given[f"{name}_hi"], book.friction[loop, k]
         S = book.friction[loop, 0]
         stated = np.array([name in about[m] for m in method], dtype=bool) & (lo < hi)
-        part = pd.DataFrame({"loop": loop, "method": method, "family": book.axes["valve"][loop], "parameter": name})
+        part = pd.DataFrame(
+            {"loop": loop, "method": method, "family": book.axes["valve"][loop], "parameter": name}
+        )
         part["error"] = np.abs(0.5 * (lo + hi) - truth) / S
         part["width"] = np.where(stated, (hi - lo) / S, np.nan)
         part["held"] = np.where(stated, (lo <= truth) & (truth <= hi), np.nan)
@@ -50,14 +57,23 @@ def quantification(book: RunArrays) -> pd.DataFrame:
     """Return how well every method tells S and J of each family of valves; errors and widths in shares of S."""
     found = estimates(book).groupby(["method", "family", "parameter"], sort=False)
     table = found.agg(
-        n=("error", "size"), median_error=("error", "median"), coverage=("held", "mean"), width=("width", "median")
+        n=("error", "size"),
+        median_error=("error", "median"),
+        coverage=("held", "mean"),
+        width=("width", "median"),
     )
     order = {method: i for i, method in enumerate(book.methods)}
-    table = table.reset_index().assign(_place=lambda t: t.method.map(order), _S=lambda t: t.parameter == "J")
-    return table.sort_values(["_place", "_S", "family"], ignore_index=True).reindex(columns=list(_COLUMNS))
+    table = table.reset_index().assign(
+        _place=lambda t: t.method.map(order), _S=lambda t: t.parameter == "J"
+    )
+    return table.sort_values(["_place", "_S", "family"], ignore_index=True).reindex(
+        columns=list(_COLUMNS)
+    )
 
 
-def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict[str, Any]], list[str]]:
+def compared(
+    now: RunArrays, before: RunArrays, pairs: Pairs
+) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the tests of a gate, median error and coverage of S and J by method and family, and what cannot be told.
 
     `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
@@ -75,18 +91,24 @@ def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict
         two = ours.get(key, new[:0])
         if paired:
             both = one.merge(two, on="loop", suffixes=("_old", "_new"))
-            sides = [both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")]
+            sides = [
+                both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")
+            ]
         else:
             sides = [one, two]
         wanted = _KEPT * len(one) * (1.0 if paired else now.ids.size / before.ids.size)
         if len(sides[1]) < wanted:
-            untold.append(f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times, before {len(one)}")
+            untold.append(
+                f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times, before {len(one)}"
+            )
             continue
         for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
             a, b = (np.asarray(side[column], dtype=float) for side in sides)
             if np.isfinite(a).any():
                 test = _test(what, a, b, paired)
-                rows.append({"method": method, "label": f"{parameter} of {family}", "what": what, **test})
+                rows.append(
+                    {"method": method, "label": f"{parameter} of {family}", "what": what, **test}
+                )
     return rows, untold
 
 
@@ -107,5 +129,11 @@ def _test(what: str, before: np.ndarray, now: np.ndarray, paired: bool) -> dict[
         row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
         return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
     if what == MEDIAN_ERROR:
-        return {**row, "p": float(stats.mannwhitneyu(now - allowed, before, alternative="greater").pvalue)}
-    return {**row, "p": rate_drop(int(before.sum()), before.size, int(now.sum()), now.size, allowed)}
+        return {
+            **row,
+            "p": float(stats.mannwhitneyu(now - allowed, before, alternative="greater").pvalue),
+        }
+    return {
+        **row,
+        "p": rate_drop(int(before.sum()), before.size, int(now.sum()), now.size, allowed),
+    }

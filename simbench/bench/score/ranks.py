@@ -42,7 +42,9 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     shares = np.array([np.bincount(place, row) for row in centred])
     # one success and one failure added: few loops never show a rate exactly
     alone = [float(np.var(np.r_[row, 0.0, 1.0])) for row in earned]
-    spread = max(max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs)
+    spread = max(
+        max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs
+    )
     resolution = float(stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / n))
     accuracy = earned.mean(axis=1)
     better = accuracy[None, :] - accuracy[:, None] >= resolution

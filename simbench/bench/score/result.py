@@ -93,10 +93,13 @@ class Scores:
         return self.standing["cycled", self.first, ALL, OF_OSCILLATING].resolution
 
     def ranking(
-        self, truth: str = "cycled", mode: str | None = None, process: str = ALL, population: str = OF_OSCILLATING
+        self,
+        truth: str = "cycled",
+        mode: str | None = None,
+        process: str = ALL,
+        population: str = OF_OSCILLATING,
     ) -> pd.DataFrame:
-        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, reference rows, other tests.
-        """
+        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, reference rows, other tests."""
         t = self.table
         here = (t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)
         rows = t[here & (t.population == population)]
@@ -125,7 +128,9 @@ class Scores:
 
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
-        table = self.table.rename(columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"})
+        table = self.table.rename(
+            columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"}
+        )
         resolution = self.resolution
         return {
             "grid": self.manifest["grid"],
@@ -167,13 +172,34 @@ class Scores:
         """
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable
-        around = [[(value - rows.accuracy_applicable_lo).to_numpy(), (rows.accuracy_applicable_hi - value).to_numpy()]]
-        look = {"xerr": around, "xlim": (0, 1), "xlabel": "accuracy where applicable", "color": "0.7", "legend": False}
+        around = [
+            [
+                (value - rows.accuracy_applicable_lo).to_numpy(),
+                (rows.accuracy_applicable_hi - value).to_numpy(),
+            ]
+        ]
+        look = {
+            "xerr": around,
+            "xlim": (0, 1),
+            "xlabel": "accuracy where applicable",
+            "color": "0.7",
+            "legend": False,
+        }
         # a frame opens a figure of its own, a series draws over the last one
         return rows[["accuracy_applicable"]].plot.barh(**{**look, **options})
 
     def _repr_html_(self) -> str:
-        keys = ["rank", "method", "n", "applicable", "cost", "accuracy_applicable", "accuracy_decided", "no_decision", "found"]
+        keys = [
+            "rank",
+            "method",
+            "n",
+            "applicable",
+            "cost",
+            "accuracy_applicable",
+            "accuracy_decided",
+            "no_decision",
+            "found",
+        ]
         said = f"oscillating loops; methods closer than {self.resolution:.3f} in cost share a rank"
         return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
 

@@ -41,7 +41,14 @@ if TYPE_CHECKING:
 
 _PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
-_RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
+_RATES = (
+    "accuracy_applicable",
+    "accuracy_decided",
+    "no_decision",
+    "found",
+    "false_alarms",
+    "accuracy_all",
+)
 _LEFT_OUT = ("entrained", "unclear")
 _YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
 _COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
@@ -61,12 +68,16 @@ class _Answers(NamedTuple):
     home: str = "no"
 
 
-def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:
+def score_run(
+    folder: str | Path, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0
+) -> Scores:
     """Score a finished run."""
     return score_book(RunArrays.read(folder), raw, undecided, allow_failed)
 
 
-def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:
+def score_book(
+    book: RunArrays, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0
+) -> Scores:
     """Score a run that is in memory; see `score_run`.
 
     A method that raised an error on more than `allow_failed` of its records has no rank.
@@ -75,39 +86,70 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED,
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
     going = book.oscillating
-    populations = {ALL: np.ones(going.size, dtype=bool), OF_OSCILLATING: going, OF_NOT_OSCILLATING: ~going}
+    populations = {
+        ALL: np.ones(going.size, dtype=bool),
+        OF_OSCILLATING: going,
+        OF_NOT_OSCILLATING: ~going,
+    }
     # answers to an exam are scored as given
     for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
         # the order of the scores is all that counts, and found once
-        everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)]
+        everyone = [
+            a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)
+        ]
         left_out += _left_out(book, mode, everyone)
         for truth in TRUTHS:
-            for (process, name), (population, members) in product(_PROCESSES.items(), populations.items()):
+            for (process, name), (population, members) in product(
+                _PROCESSES.items(), populations.items()
+            ):
                 here = members if name is None else members & (book.axes["process"] == name)
-                place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process, "population": population}
+                place = {
+                    "truth": truth,
+                    "mode": mode,
+                    "front_end": mode == FRONT,
+                    "process": process,
+                    "population": population,
+                }
                 block = _block(book, truth, here, place, blind)
                 # where nothing oscillates no score tells loops apart
-                found = [_row(block, a, undecided, interval=population != OF_NOT_OSCILLATING) for a in everyone]
-                standing[truth, mode, process, population], ranked = _rank(block, everyone, found, undecided, failing)
+                found = [
+                    _row(block, a, undecided, interval=population != OF_NOT_OSCILLATING)
+                    for a in everyone
+                ]
+                standing[truth, mode, process, population], ranked = _rank(
+                    block, everyone, found, undecided, failing
+                )
                 rows += found
                 if (mode, process, population) == (first, ALL, OF_OSCILLATING):
                     stable[truth] = _stability(block, ranked, undecided, book)
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
-                place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
+                place = {
+                    "axis": axis,
+                    "value": value,
+                    "truth": "cycled",
+                    "mode": mode,
+                    "front_end": mode == FRONT,
+                }
                 block = _block(book, "cycled", chosen, place, blind)
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     other = _disagreement(book), _frame(left_out, {}), quantification(book)
     counts = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
-    return Scores(*frames, *other, standing, book.manifest, counts, stable, failing, first, undecided)
+    return Scores(
+        *frames, *other, standing, book.manifest, counts, stable, failing, first, undecided
+    )
 
 
 def _failing(book: RunArrays, allowed: float) -> dict[str, int]:
     """Return on how many simulated records each method raised an error that raised more than is allowed."""
     simulated = book.hashes != b""
     counts = (book.failed & simulated).sum(axis=1)
-    return {m: int(k) for m, k in zip(book.methods, counts, strict=True) if k > allowed * simulated.sum()}
+    return {
+        m: int(k)
+        for m, k in zip(book.methods, counts, strict=True)
+        if k > allowed * simulated.sum()
+    }
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
@@ -115,12 +157,16 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
 
     there = [r for r in rows if r["n"]]
     # where no loop has a truth, the table has its columns all the same
-    return pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
+    return (
+        pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
+    )
 
 
 def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
-    verdicts, scores = (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
+    verdicts, scores = (
+        (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
+    )
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
@@ -131,12 +177,18 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
     nothing = np.zeros(book.ids.size)
     for name, code in _YARDSTICKS.items():
         said = np.full(book.ids.size, code)
-        yield _Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
+        yield _Answers(
+            name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing
+        )
 
 
 def home_of(method: str, book: RunArrays) -> str:
     """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
-    known = [name for name in book.manifest["methods"][method].get("fitted_on", ()) if name in grid_names()]
+    known = [
+        name
+        for name in book.manifest["methods"][method].get("fitted_on", ())
+        if name in grid_names()
+    ]
     if book.manifest["grid"] in known:
         return "fitted here"
     return "siblings" if any(_blocks(name) & set(book.axes["block"]) for name in known) else "no"
@@ -160,11 +212,16 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
     if book not in _classified:
         (chance, verdicts), nothing = no_waveform(book), np.zeros(book.ids.size)
         _classified[book] = _Answers(
-            NO_WAVEFORM, ROLE_YARDSTICK, False, verdicts, chance, nothing == 0, nothing != 0, nothing
+            NO_WAVEFORM,
+            ROLE_YARDSTICK,
+            False,
+            verdicts,
+            chance,
+            nothing == 0,
+            nothing != 0,
+            nothing,
         )
     return _classified[book]
-
-
 
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -193,25 +250,47 @@ class _Block(NamedTuple):
     blind: np.ndarray
 
 
-def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers) -> _Block:
+def _block(
+    book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers
+) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
-    positive, groups = book.truth[truth][use] == 1, np.unique(book.groups[use], return_inverse=True)[1]
-    return _Block(place, int(chosen.sum()), use, positive, groups, folds_of(groups), blind.said[use])
+    positive, groups = (
+        book.truth[truth][use] == 1,
+        np.unique(book.groups[use], return_inverse=True)[1],
+    )
+    return _Block(
+        place, int(chosen.sum()), use, positive, groups, folds_of(groups), blind.said[use]
+    )
 
 
 def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict[str, Any]:
     use, applies, positive = block.use, a.applies[block.use], block.positive
     here, groups, folds, blind = use, block.groups, block.folds, block.blind
     if not applies.all():
-        here, positive, groups, folds, blind = (x[applies] for x in (use, positive, groups, folds, blind))
+        here, positive, groups, folds, blind = (
+            x[applies] for x in (use, positive, groups, folds, blind)
+        )
     said = a.said[here]
     n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
     yes = said == CODES[STICTION]
     found = int((yes & positive).sum())
     # where a method does not apply it does not decide: nothing right is added
-    of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (int(yes.sum()) - found, m - p), (right, n))
-    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv, "home": a.home}
+    of = (
+        (right, m),
+        (right, m - undecided),
+        (undecided, m),
+        (found, p),
+        (int(yes.sum()) - found, m - p),
+        (right, n),
+    )
+    row: dict[str, Any] = {
+        "method": a.method,
+        **block.place,
+        "role": a.role,
+        "sees_mv": a.sees_mv,
+        "home": a.home,
+    }
     row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
     for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
@@ -222,7 +301,11 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
     score = a.score[here]
     if interval:
         over = _mean_of_groups(_earned(blind, positive, cost) - earned, groups, -1.0)
-        row["cost_over_no_waveform"], row["cost_over_no_waveform_lo"], row["cost_over_no_waveform_hi"] = over
+        (
+            row["cost_over_no_waveform"],
+            row["cost_over_no_waveform_lo"],
+            row["cost_over_no_waveform_hi"],
+        ) = over
         ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
         row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
         ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
@@ -244,7 +327,9 @@ def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
     return np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
 
 
-def _mean_of_groups(values: np.ndarray, groups: np.ndarray, least: float = 0.0) -> tuple[float, float, float]:
+def _mean_of_groups(
+    values: np.ndarray, groups: np.ndarray, least: float = 0.0
+) -> tuple[float, float, float]:
     """Return a mean of values from `least` to 1 with its 95 % interval; values of one group hang together."""
     if not values.size:
         return math.nan, least, 1.0
@@ -266,7 +351,13 @@ def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict
         kinds = {word: (book.truth["cycled_word"] == word) & a.applies for word in _LEFT_OUT}
         for of, chosen in {**kinds, "does not apply": known & ~a.applies}.items():
             n = int(chosen.sum())
-            row: dict[str, Any] = {"method": a.method, "mode": mode, "role": a.role, "of": of, "n": n}
+            row: dict[str, Any] = {
+                "method": a.method,
+                "mode": mode,
+                "role": a.role,
+                "of": of,
+                "n": n,
+            }
             for word, code in CODES.items():
                 said = int((a.said[chosen] == code).sum())
                 row[word] = said / n if n else math.nan
@@ -276,7 +367,11 @@ def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict
 
 
 def _rank(
-    block: _Block, everyone: list[_Answers], rows: list[dict[str, Any]], cost: float, failing: dict[str, int]
+    block: _Block,
+    everyone: list[_Answers],
+    rows: list[dict[str, Any]],
+    cost: float,
+    failing: dict[str, int],
 ) -> tuple[Ranks, list[_Answers]]:
     """Write a rank into each row of a block, and return what it can resolve with the methods ranked together.
 
@@ -287,10 +382,17 @@ def _rank(
     for row in rows:
         row["rank"] = math.nan
     for kind in (0, 1):
-        mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind and a.method not in failing]
+        mine = [
+            k
+            for k, a in enumerate(everyone)
+            if kind_of(a.role, a.sees_mv) == kind and a.method not in failing
+        ]
         # a rank compares methods on the same loops
         members = [k for k in mine if enough and rows[k]["applicable"] >= _COVERED * rows[k]["n"]]
-        earned = [_earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use] for k in members]
+        earned = [
+            _earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use]
+            for k in members
+        ]
         ranks = rank_methods(np.reshape(earned, (len(members), use.size)), block.groups)
         for k, rank in zip(members, ranks.rank, strict=True):
             rows[k]["rank"] = int(rank)
@@ -298,7 +400,9 @@ def _rank(
     return standing[0] if standing[0][1] else standing[1]
 
 
-def _stability(block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays) -> RankStability:
+def _stability(
+    block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays
+) -> RankStability:
     """Return how stable the order of the ranked methods is, with halves drawn from the run's seed."""
     use = block.use
     earned = {a.method: _earned(a.said[use], block.positive, cost) * a.applies[use] for a in ranked}

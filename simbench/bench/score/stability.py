@@ -27,7 +27,12 @@ class RankStability:
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON types."""
-        return {"winner": self.winner, "wins": self.wins, "halves": HALVES, "pairs": list(self.pairs)}
+        return {
+            "winner": self.winner,
+            "wins": self.wins,
+            "halves": HALVES,
+            "pairs": list(self.pairs),
+        }
 
 
 def stability(
@@ -46,12 +51,17 @@ def stability(
     for _ in range(HALVES):
         half = rng.permutation(sums.shape[1])[: max(sums.shape[1] // 2, 1)]
         total = sums[:, half].sum(axis=1)
-        wins += bool(total[0] >= total.max() - 1e-9)  # sums of the same loops: equal but for rounding
+        wins += bool(
+            total[0] >= total.max() - 1e-9
+        )  # sums of the same loops: equal but for rounding
     rows = []
     for first, second in pairwise(order):
         one, other = right[first], right[second]
         rows.append((first, second, int((one & ~other).sum()), int((~one & other).sum())))
     p = holm([mcnemar(a, b) for *_, a, b in rows])
     names = ("first", "second", "only_first", "only_second")
-    pairs = ({**dict(zip(names, row, strict=True)), "p": float(q), "separated": bool(q < _LEVEL)} for row, q in zip(rows, p))
+    pairs = (
+        {**dict(zip(names, row, strict=True)), "p": float(q), "separated": bool(q < _LEVEL)}
+        for row, q in zip(rows, p)
+    )
     return RankStability(order[0], wins, tuple(pairs))

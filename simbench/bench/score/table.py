@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _LINES, _WIDTH = 40, 100  # of the default output
-_BESIDES = 3  # lines that a command prints around the table: what failed, a blank line, the run's folder
+_BESIDES = (
+    3  # lines that a command prints around the table: what failed, a blank line, the run's folder
+)
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
 _KINDS = (
@@ -45,7 +47,10 @@ _TRUTHS = {
     "predicted": "Table 11.3 predicts a limit cycle",
     "sticky": "the valve has friction",
 }
-_DETECTION = {FRONT: "with the common oscillation detection", RAW: "without the common oscillation detection"}
+_DETECTION = {
+    FRONT: "with the common oscillation detection",
+    RAW: "without the common oscillation detection",
+}
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this grid, + on a related grid. "
     "no_waveform: a classifier that knows everything but the waveform."
@@ -55,7 +60,11 @@ _LEGEND = (
 def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and three sentences."""
     title, rows = _title(scores), scores.ranking(truth)
-    tail = [*_wrapped(_LEGEND.format(undecided=scores.undecided)), "", *_sentences(scores, truth, where)]
+    tail = [
+        *_wrapped(_LEGEND.format(undecided=scores.undecided)),
+        "",
+        *_sentences(scores, truth, where),
+    ]
     if rows.empty:
         return [*title, "", *_sentences(scores, truth, where)]
     first = rows.iloc[0]
@@ -76,7 +85,14 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
             title = f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
             lines += ["", title, *(_ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])]
             lines.append(_resolution(scores, truth, process))
-    lines += ["", *_still(scores, truth), "", *_neighbours(scores, truth), "", *_over_no_waveform(scores, truth)]
+    lines += [
+        "",
+        *_still(scores, truth),
+        "",
+        *_neighbours(scores, truth),
+        "",
+        *_over_no_waveform(scores, truth),
+    ]
     for mode in (scores.first, RAW if scores.first == FRONT else FRONT):
         lines += ["", *_details(scores, truth, mode)]
     lines += ["", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
@@ -88,8 +104,12 @@ def _title(scores: Any) -> list[str]:
     m, counts = scores.manifest, scores.counts
     about = f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed {m.get('seed')}{benchmark_text(m)}"
     lines = _wrapped(about)
-    words = scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
-    said = ", ".join(f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear"))
+    words = (
+        scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
+    )
+    said = ", ".join(
+        f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear")
+    )
     lines += _wrapped(
         f"{counts[OF_OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}."
     )
@@ -101,9 +121,15 @@ def _title(scores: Any) -> list[str]:
 
 def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     """Return which differences are resolved, how often the winner wins, and where the report is."""
-    standing, stable = scores.standing[truth, scores.first, ALL, OF_OSCILLATING], scores.stability[truth]
+    standing, stable = (
+        scores.standing[truth, scores.first, ALL, OF_OSCILLATING],
+        scores.stability[truth],
+    )
     rows = scores.ranking(truth)
-    said = [f"Not ranked, too many errors: {m} failed on {k} records." for m, k in scores.failing.items()]
+    said = [
+        f"Not ranked, too many errors: {m} failed on {k} records."
+        for m, k in scores.failing.items()
+    ]
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {_why_not(scores, rows)}.")
     elif stable.winner is None:
@@ -114,7 +140,9 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
             f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank; an exact test separates "
             f"{apart} of {len(stable.pairs)} adjacent pairs (McNemar, Holm)."
         )
-        said.append(f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the loops.")
+        said.append(
+            f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the loops."
+        )
     return [line for sentence in (*said, where) for line in _wrapped(sentence)]
 
 
@@ -138,11 +166,15 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         group = (r.kind, r.partial, n if r.partial else None)
         if group != before and (group[0] or r.partial):
             body.append(("title", _group(r, scores)))
-        body.append(("always" if r.method.startswith("always ") else "fixed" if r.kind == 2 else "row", r))
+        body.append(
+            ("always" if r.method.startswith("always ") else "fixed" if r.kind == 2 else "row", r)
+        )
         before = group
     if len(body) > room:
         body = [(kind, r) for kind, r in body if kind != "always"]
-    spare = [k for k, (kind, _) in enumerate(body) if kind == "row"][::-1][: max(len(body) + 1 - room, 0)]
+    spare = [k for k, (kind, _) in enumerate(body) if kind == "row"][::-1][
+        : max(len(body) + 1 - room, 0)
+    ]
     dropped = set(spare) if len(body) > room else set()
     lines = _cells([r for k, (kind, r) in enumerate(body) if kind != "title" and k not in dropped])
     out, cells = [lines[0]], iter(lines[1:])
@@ -172,7 +204,12 @@ def _cells(rows: Sequence[Any]) -> list[str]:
                     ("" if r.kind > 1 else "-") if rank else f"{r.rank:.0f}",
                     r.method + HOME_MARKS[r.home],
                     _interval(r.cost, r.cost_lo, r.cost_hi, few),
-                    shown(r.accuracy_applicable, r.accuracy_applicable_lo, r.accuracy_applicable_hi, few),
+                    shown(
+                        r.accuracy_applicable,
+                        r.accuracy_applicable_lo,
+                        r.accuracy_applicable_hi,
+                        few,
+                    ),
                     _rate(r.found, few),
                     _rate(r.false_alarms, few),
                     shown(r.no_decision, r.no_decision_lo, r.no_decision_hi, few),
@@ -194,15 +231,30 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
 
 def _still(scores: Any, truth: str) -> list[str]:
     """Return the second table: false alarms and no decision on loops that do not oscillate."""
-    rows, raw = (scores.ranking(truth, mode, population=OF_NOT_OSCILLATING) for mode in (FRONT, RAW))
+    rows, raw = (
+        scores.ranking(truth, mode, population=OF_NOT_OSCILLATING) for mode in (FRONT, RAW)
+    )
     if rows.empty or rows.iloc[0].n < LEAST:
-        return [f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few for a table"]
+        return [
+            f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few for a table"
+        ]
     first, without = rows.iloc[0], raw.set_index("method")
-    lines = [("method", "n", "false positives", "no decision", "without detection: false positives", "no decision")]
+    lines = [
+        (
+            "method",
+            "n",
+            "false positives",
+            "no decision",
+            "without detection: false positives",
+            "no decision",
+        )
+    ]
     for r in rows[rows.role != ROLE_YARDSTICK].itertuples():
         few, other = r.applicable < LEAST, without.loc[r.method]
         rates = (r.false_alarms, r.no_decision, other.false_alarms, other.no_decision)
-        lines.append((r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates)))
+        lines.append(
+            (r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates))
+        )
     title = f"loops that do not oscillate ({first.n}, {first.positives} positive), {_DETECTION[FRONT]} and without"
     return [title, *columns(lines)]
 
@@ -211,7 +263,15 @@ def _neighbours(scores: Any, truth: str) -> list[str]:
     lines = [("adjacent pair", "", "only first right", "only second right", "p", "separated")]
     for pair in scores.stability[truth].pairs:
         counts = (str(pair["only_first"]), str(pair["only_second"]))
-        lines.append((pair["first"], pair["second"], *counts, f"{pair['p']:.2g}", "yes" if pair["separated"] else "no"))
+        lines.append(
+            (
+                pair["first"],
+                pair["second"],
+                *counts,
+                f"{pair['p']:.2g}",
+                "yes" if pair["separated"] else "no",
+            )
+        )
     title = "adjacent methods on oscillating loops: loops that only one of them judged right (exact McNemar test, Holm)"
     return [title, *columns(lines)] if len(lines) > 1 else ["no two methods are ranked"]
 
@@ -223,10 +283,19 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     for r in rows.itertuples():
         lo, hi = r.cost_over_no_waveform_lo, r.cost_over_no_waveform_hi
         answer = "yes" if hi < 0 else "no" if lo > 0 else "cannot tell"
-        cells = (str(r.applicable), f"{r.cost_over_no_waveform:+.2f}", f"{lo:+.2f} to {hi:+.2f}", answer)
+        cells = (
+            str(r.applicable),
+            f"{r.cost_over_no_waveform:+.2f}",
+            f"{lo:+.2f} to {hi:+.2f}",
+            answer,
+        )
         lines.append((r.method + HOME_MARKS[r.home], *cells))
     title = f"cost less that of {NO_WAVEFORM} on the same oscillating loops"
-    return [title, *columns(lines)] if len(lines) > 1 else ["too few loops oscillate for a comparison with no_waveform"]
+    return (
+        [title, *columns(lines)]
+        if len(lines) > 1
+        else ["too few loops oscillate for a comparison with no_waveform"]
+    )
 
 
 def _details(scores: Any, truth: str, mode: str) -> list[str]:
@@ -234,14 +303,44 @@ def _details(scores: Any, truth: str, mode: str) -> list[str]:
     rows = scores.ranking(truth, mode, population=ALL)
     if rows.empty:
         return [f"no loop has a clear label against {truth!r}"]
-    lines = [("rank", "method", "n", "cost", "accuracy", "no decision", "sens. at 5 %", "AUC", "risk", "of all")]
+    lines = [
+        (
+            "rank",
+            "method",
+            "n",
+            "cost",
+            "accuracy",
+            "no decision",
+            "sens. at 5 %",
+            "AUC",
+            "risk",
+            "of all",
+        )
+    ]
     for r in rows.itertuples():
         few, none = r.applicable < LEAST, math.isnan(r.rank)
-        rates = (r.cost, r.accuracy_applicable, r.no_decision, r.found_at_5, r.auc, r.risk_coverage, r.accuracy_all)
+        rates = (
+            r.cost,
+            r.accuracy_applicable,
+            r.no_decision,
+            r.found_at_5,
+            r.auc,
+            r.risk_coverage,
+            r.accuracy_all,
+        )
         rank = ("" if r.kind > 1 else "-") if none else f"{r.rank:.0f}"
-        lines.append((rank, r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates)))
+        lines.append(
+            (
+                rank,
+                r.method + HOME_MARKS[r.home],
+                str(r.applicable),
+                *(_rate(x, few) for x in rates),
+            )
+        )
     first = rows.iloc[0]
-    title = f"all loops, truth {truth!r} ({first.n}, {first.positives} positive), {_DETECTION[mode]}"
+    title = (
+        f"all loops, truth {truth!r} ({first.n}, {first.positives} positive), {_DETECTION[mode]}"
+    )
     legend = (
         "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area under the risk-coverage "
         "curve; of all: accuracy, not-applicable counted as wrong"
@@ -256,7 +355,11 @@ def _marked(scores: Any) -> dict[str, str]:
 
 def _left_out(scores: Any) -> list[str]:
     rows, names = scores.left_out, _marked(scores)
-    rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
+    rows = (
+        rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)]
+        if len(rows)
+        else rows
+    )
     lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
     for r in rows.itertuples():
         few = r.n < LEAST
@@ -269,22 +372,49 @@ def _left_out(scores: Any) -> list[str]:
 
 def _dead_band(scores: Any) -> list[str]:
     rows = scores.by_axis
-    rows = rows[(rows.axis == "S_over_2J") & (rows["mode"] == scores.first) & (rows.value == "inf") & (rows.positives > 0)]
+    rows = rows[
+        (rows.axis == "S_over_2J")
+        & (rows["mode"] == scores.first)
+        & (rows.value == "inf")
+        & (rows.positives > 0)
+    ]
     rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.applicable > 0)]
     if rows.empty:
         return ["no dead-band cell cycles here"]
-    found = ", ".join(f"{r.method}{HOME_MARKS[r.home]} {_rate(r.found)}" for r in rows.itertuples() if not math.isnan(r.found))
-    return _wrapped(f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}")
+    found = ", ".join(
+        f"{r.method}{HOME_MARKS[r.home]} {_rate(r.found)}"
+        for r in rows.itertuples()
+        if not math.isnan(r.found)
+    )
+    return _wrapped(
+        f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}"
+    )
 
 
 def _quantified(scores: Any) -> list[str]:
     """Return S and J side by side, one row for a method on a family of valves."""
     t, names = scores.quantification, _marked(scores)
-    lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
+    lines = [
+        (
+            "method",
+            "family",
+            *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")),
+        )
+    ]
     for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
         method, family = tuple(key)  # type: ignore[arg-type]
-        found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
-        lines.append((names.get(method, method), family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+        found = {
+            r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width)))
+            for r in rows.itertuples()
+        }
+        lines.append(
+            (
+                names.get(method, method),
+                family,
+                *found.get("S", ("-",) * 4),
+                *found.get("J", ("-",) * 4),
+            )
+        )
     if len(lines) == 1:
         return [f"no method gives S or J of {LEAST} sticky loops of a family"]
     text = (
@@ -295,7 +425,13 @@ def _quantified(scores: Any) -> list[str]:
 
 
 def _rate(x: float, few: bool = False) -> str:
-    return "-" if few or math.isnan(x) else f"{x:.2f}".replace("0.", ".", 1) if x < 0.995 else f"{x:.2f}"
+    return (
+        "-"
+        if few or math.isnan(x)
+        else f"{x:.2f}".replace("0.", ".", 1)
+        if x < 0.995
+        else f"{x:.2f}"
+    )
 
 
 def _interval(value: float, lo: float, hi: float, few: bool = False) -> str:
@@ -311,4 +447,6 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _plain(frame: pd.DataFrame) -> list[str]:
-    return columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
+    return columns(
+        [tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))]
+    )

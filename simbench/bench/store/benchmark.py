@@ -15,11 +15,30 @@ from scenarios.spec import content_hash
 from simbench.bench.store.checksums import RunError
 
 BENCHMARK = "benchmark"
-PARTS = {"grid": "the grid file", "scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
-_PACKAGES = ("scenarios", "simbench/loop", "simbench/theory", "simbench/bench/scenario", "simbench/bench/score")
+PARTS = {
+    "grid": "the grid file",
+    "scenarios": "the scenarios",
+    "evaluator": "the evaluator's rules",
+}
+_PACKAGES = (
+    "scenarios",
+    "simbench/loop",
+    "simbench/theory",
+    "simbench/bench/scenario",
+    "simbench/bench/score",
+)
 _FILES = ("simbench/bench/statistics.py", "detectors/signal/oscillation.py")
 # they print, compare or transport, and decide no truth and no score
-_LEFT_OUT = ("baseline", "check", "check_result", "compare", "history", "hosted", "pairing", "result")
+_LEFT_OUT = (
+    "baseline",
+    "check",
+    "check_result",
+    "compare",
+    "history",
+    "hosted",
+    "pairing",
+    "result",
+)
 
 
 def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
@@ -50,7 +69,12 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
     name = f"{grid.name}-{grid.content.version}"
     if grid.name in grid_names() and load_grid(grid.name).cells_hash != grid.cells_hash:
         name += " changed"
-    return {"name": name, "version": grid.content.version, "hash": content_hash(parts), "parts": parts}
+    return {
+        "name": name,
+        "version": grid.content.version,
+        "hash": content_hash(parts),
+        "parts": parts,
+    }
 
 
 def grid_of(manifest: Mapping[str, Any]) -> Grid:
@@ -69,19 +93,30 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> 
             raise RunError(f"{older}; run it again")
     first, second = versions
     if first["hash"] != second["hash"]:
-        differ = [says for part, says in PARTS.items() if first["parts"][part] != second["parts"][part]]
+        differ = [
+            says for part, says in PARTS.items() if first["parts"][part] != second["parts"][part]
+        ]
         names = " and ".join(f"{v['name']} ({v['hash']})" for v in versions)
-        raise RunError(f"runs of different benchmark versions are not compared: {names} differ in {', '.join(differ)}")
+        raise RunError(
+            f"runs of different benchmark versions are not compared: {names} differ in {', '.join(differ)}"
+        )
 
 
 @cache
 def evaluator_hash() -> str:
     """Return 16 hex digits of the source of everything that decides truth and score, as Python reads it."""
     root = Path(__file__).resolve().parents[3]
-    files = [file for package in _PACKAGES for file in sorted((root / package).rglob("*.py")) if file.stem not in _LEFT_OUT]
+    files = [
+        file
+        for package in _PACKAGES
+        for file in sorted((root / package).rglob("*.py"))
+        if file.stem not in _LEFT_OUT
+    ]
     digest = hashlib.sha256()
     for file in (*files, *(root / name for name in _FILES)):
-        digest.update(f"{file.relative_to(root).as_posix()}\n{_as_read(file.read_text(encoding='utf-8'))}\n".encode())
+        digest.update(
+            f"{file.relative_to(root).as_posix()}\n{_as_read(file.read_text(encoding='utf-8'))}\n".encode()
+        )
     return digest.hexdigest()[:16]
 
 
@@ -93,6 +128,8 @@ def _as_read(source: str) -> str:
     """
     tree = ast.parse(source)
     for node in ast.walk(tree):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)) and ast.get_docstring(node):
+        if isinstance(
+            node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+        ) and ast.get_docstring(node):
             node.body = node.body[1:]
     return ast.unparse(tree)

@@ -41,7 +41,9 @@ def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any
     """Return JSON content without its checksum; raise RunError when it is not what was written."""
     plain = {k: v for k, v in content.items() if k != _CHECKSUM}
     if _CHECKSUM not in content:
-        raise RunError(f"{where} carries no checksum, which is needed: it was written by an older simbench; run it again")
+        raise RunError(
+            f"{where} carries no checksum, which is needed: it was written by an older simbench; run it again"
+        )
     if (mark := _of(plain)) != (told := content[_CHECKSUM]):
         why = f"its checksum is {mark}, {str(told)[:16]!r} is needed"
         raise RunError(f"{where} was changed after the run: {why}; run it again, or restore it")
@@ -50,7 +52,9 @@ def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any
 
 def unreadable(file: str, error: OSError) -> RunError:
     """Return the sentence about a file of a run that is there and cannot be read."""
-    return RunError(f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there: restore it")
+    return RunError(
+        f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there: restore it"
+    )
 
 
 def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
@@ -67,9 +71,13 @@ def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tu
     files = [partition(i) for i in range(len(marks))]
     there = place.names(table)
     for lacking in sorted(set(files) - set(there))[:1]:
-        raise RunError(f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run it again")
+        raise RunError(
+            f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run it again"
+        )
     for other in sorted(set(there) - set(files))[:1] if manifest.get("complete") else ():
-        raise RunError(f"{place} is damaged: {table}/{other} is not needed there; remove it, or run it again")
+        raise RunError(
+            f"{place} is damaged: {table}/{other} is not needed there; remove it, or run it again"
+        )
     return [(f"{table}/{name}", mark) for name, mark in zip(files, marks, strict=True)]
 
 
@@ -83,7 +91,9 @@ def verified(place: Place, name: str, mark: str) -> bytes:
     try:
         content = place.read(name)
     except FileNotFoundError:
-        raise RunError(f"{place} is damaged: {name} is missing, which is needed; restore it, or run it again") from None
+        raise RunError(
+            f"{place} is damaged: {name} is missing, which is needed; restore it, or run it again"
+        ) from None
     except OSError as error:
         raise unreadable(f"{place}/{name}", error) from None
     if (found := digest(content)) != mark:

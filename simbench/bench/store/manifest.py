@@ -11,13 +11,29 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.store.checksums import RunError, digest, unreadable, with_checksum, without_checksum
+from simbench.bench.store.checksums import (
+    RunError,
+    digest,
+    unreadable,
+    with_checksum,
+    without_checksum,
+)
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import FORMAT
 
 MANIFEST = "manifest.json"
 # what must be the same before old and new pieces may stand in one table
-_BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
+_BINDING = (
+    "format",
+    "grid_hash",
+    "methods",
+    "front_end",
+    "thresholds",
+    "plugins",
+    "until_width",
+    "code",
+    "versions",
+)
 _LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
 # files of this room that decide what the tables hold
@@ -31,7 +47,10 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
         **settings,
         "code": code_hash(),
         "commit": _commit(),
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in _LIBRARIES}},
+        "versions": {
+            "python": platform.python_version(),
+            **{name: _version(name) for name in _LIBRARIES},
+        },
         "machine": f"{platform.system()} {platform.machine()}",
         "complete": False,
     }
@@ -47,12 +66,20 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        where = f", line {error.lineno}, column {error.colno}," if isinstance(error, json.JSONDecodeError) else ""
-        raise RunError(f"{file}{where} is damaged; it must be JSON with a format version: restore it") from None
+        where = (
+            f", line {error.lineno}, column {error.colno},"
+            if isinstance(error, json.JSONDecodeError)
+            else ""
+        )
+        raise RunError(
+            f"{file}{where} is damaged; it must be JSON with a format version: restore it"
+        ) from None
     except OSError as error:
         raise unreadable(file, error) from None
     if found != FORMAT:
-        raise RunError(f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again")
+        raise RunError(
+            f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again"
+        )
     return without_checksum(manifest, file)
 
 
@@ -78,7 +105,9 @@ def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
     old = read_manifest(where)
     for key in _BINDING:
         if old.get(key) != manifest[key]:
-            raise RunError(f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}")
+            raise RunError(
+                f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}"
+            )
 
 
 @cache
@@ -90,7 +119,13 @@ def code_hash() -> str:
 
     digest = hashlib.sha256()
     ours = Path(simbench.__path__[0])
-    rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0]), ours / "loop", ours / "theory", ours / "gap" / "effects"]
+    rooms = [
+        Path(detectors.__path__[0]),
+        Path(scenarios.__path__[0]),
+        ours / "loop",
+        ours / "theory",
+        ours / "gap" / "effects",
+    ]
     files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
     for file in files + [f for f in sorted((ours / "bench").rglob("*.py")) if f.stem in _DECISIVE]:
         digest.update(file.name.encode())
@@ -101,8 +136,14 @@ def code_hash() -> str:
 def _difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
         gone, come = [k for k in old if k not in new], [k for k in new if k not in old]
-        said = [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
-        said += [f"this command asks for {', '.join(come)}, which the run does not have"] if come else []
+        said = (
+            [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
+        )
+        said += (
+            [f"this command asks for {', '.join(come)}, which the run does not have"]
+            if come
+            else []
+        )
         said += [_changed(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]]
         verb = "differ" if key.endswith("s") else "differs"
         return f"{key} {verb}: {'; '.join(said[:3])}"
@@ -135,6 +176,10 @@ def _commit() -> str | None:
         if not head.startswith("ref: "):
             return head
         shared = git / "commondir"
-        return ((git / shared.read_text().strip() if shared.exists() else git) / head[5:]).read_text().strip()
+        return (
+            ((git / shared.read_text().strip() if shared.exists() else git) / head[5:])
+            .read_text()
+            .strip()
+        )
     except OSError:
         return None

@@ -44,7 +44,11 @@ class Place:
     def names(self, sub: str = "") -> list[str]:
         """Return the names in a folder, sorted, those that begin with a dot left out; none when there is no folder."""
         folder = self._folder / sub
-        return sorted(f.name for f in folder.iterdir() if not f.name.startswith(".")) if folder.is_dir() else []
+        return (
+            sorted(f.name for f in folder.iterdir() if not f.name.startswith("."))
+            if folder.is_dir()
+            else []
+        )
 
     def refuse_unkept(self) -> None:
         """Raise FileError where what is written cannot be listed and read back; a folder of this machine can."""
@@ -63,13 +67,21 @@ class _RemotePlace(Place):
 
         self.url = f"{scheme}://{path.rstrip('/')}"
         if scheme not in available_protocols():
-            raise FileError(f"{self} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}")
+            raise FileError(
+                f"{self} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}"
+            )
         try:
             self._files, self._root = fsspec.core.url_to_fs(self.url)
         except Exception as error:  # each scheme's own library has its own errors
             # one that only stands in front of another
-            said = "it is no place by itself" if isinstance(error, (TypeError, AttributeError)) else _said(error)
-            raise FileError(f"{self} cannot be reached: {said}; a place that can be written is needed") from None
+            said = (
+                "it is no place by itself"
+                if isinstance(error, (TypeError, AttributeError))
+                else _said(error)
+            )
+            raise FileError(
+                f"{self} cannot be reached: {said}; a place that can be written is needed"
+            ) from None
 
     def __str__(self) -> str:
         return masked(self.url)
@@ -125,7 +137,9 @@ class _RemotePlace(Place):
             why = "what is written there reads back otherwise"
         except OSError as error:
             why = str(error)
-        raise FileError(f"{self} keeps no run ({why}); a place that can be written, listed and read is needed")
+        raise FileError(
+            f"{self} keeps no run ({why}); a place that can be written, listed and read is needed"
+        )
 
     def remove(self, sub: str) -> None:
         """Remove a folder and all in it, if it is there."""

@@ -16,7 +16,13 @@ import pyarrow.parquet as pq
 from detectors.errors import nearest
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from scenarios.spec import Loop, Scenario
-from simbench.bench.store.checksums import RunError, check_tables, refuse_unfinished, table_files, verified
+from simbench.bench.store.checksums import (
+    RunError,
+    check_tables,
+    refuse_unfinished,
+    table_files,
+    verified,
+)
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA
@@ -27,11 +33,16 @@ _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "t
 _NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
 ID = np.dtype("S16")
 _ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
-LEVELS = np.dtype([("loop", np.int64), ("method", np.int64), *((end, np.float32) for end in _ENDS)])  # as baselines keep them
+LEVELS = np.dtype(
+    [("loop", np.int64), ("method", np.int64), *((end, np.float32) for end in _ENDS)]
+)  # as baselines keep them
 
 
 def parts(
-    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, manifest: Mapping[str, Any] | None = None
+    folder: str | Path | Place,
+    kind: str,
+    columns: Sequence[str] | None = None,
+    manifest: Mapping[str, Any] | None = None,
 ) -> Iterator[pa.Table]:
     """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory."""
     place = place_of(folder)
@@ -42,11 +53,16 @@ def parts(
         source = pq.ParquetFile(pa.BufferReader(verified(place, name, mark)))
         for i in range(source.num_row_groups):
             # small parts: threads cost more than they save
-            yield source.read_row_group(i, columns=None if columns is None else list(columns), use_threads=False)
+            yield source.read_row_group(
+                i, columns=None if columns is None else list(columns), use_threads=False
+            )
 
 
 def read_table(
-    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, only: pc.Expression | None = None
+    folder: str | Path | Place,
+    kind: str,
+    columns: Sequence[str] | None = None,
+    only: pc.Expression | None = None,
 ) -> pa.Table:
     """Return the rows of a table of a run or baseline for which an expression is true; parameters and errors as `parts`."""
     found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
@@ -64,12 +80,22 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
         known += part.column("scenario_id").to_pylist()
         found += part.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not found:
-        close = nearest(scenario_id, known) if len(known) < 50 else f"it has {len(known)} others, see scenarios.parquet"
+        close = (
+            nearest(scenario_id, known)
+            if len(known) < 50
+            else f"it has {len(known)} others, see scenarios.parquet"
+        )
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
     row = found[0]
-    scenario = Scenario(loop=Loop.from_table(json.loads(row["loop"])), seed=row["seed"], tags=json.loads(row["tags"]))
+    scenario = Scenario(
+        loop=Loop.from_table(json.loads(row["loop"])),
+        seed=row["seed"],
+        tags=json.loads(row["tags"]),
+    )
     if scenario.id != scenario_id:
-        raise RunError(f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is {scenario.id!r})")
+        raise RunError(
+            f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is {scenario.id!r})"
+        )
     return scenario
 
 
@@ -81,11 +107,15 @@ class RunArrays:
     ids: np.ndarray  # (n,) scenario ids
     hashes: np.ndarray  # (n,) of the records
     places: np.ndarray  # (n,) cell, repeat and member: where in its grid a scenario stands
-    axes: dict[str, np.ndarray]  # (n,) grid axes and other tags: numbers (NaN where there is none) or words
+    axes: dict[
+        str, np.ndarray
+    ]  # (n,) grid axes and other tags: numbers (NaN where there is none) or words
     # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray  # (n,) what the common front end said
-    groups: np.ndarray  # (n,) cell and repeat: the loops of one group are alike in what the cell sets
+    groups: (
+        np.ndarray
+    )  # (n,) cell and repeat: the loops of one group are alike in what the cell sets
     design: np.ndarray  # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names it
     methods: tuple[str, ...]  # method ids
     # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front end
@@ -109,17 +139,36 @@ class RunArrays:
         manifest = read_manifest(place) if manifest is None else manifest
         refuse_unfinished(place, manifest)
         grid = _scenario_columns(place, manifest)
-        return cls(manifest, **grid, methods=tuple(manifest["methods"]), **_verdict_columns(place, manifest, grid["ids"]))
+        return cls(
+            manifest,
+            **grid,
+            methods=tuple(manifest["methods"]),
+            **_verdict_columns(place, manifest, grid["ids"]),
+        )
 
 
 def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, Any]:
     n = manifest["counts"]["scenarios"]
     ids, hashes, cycled = np.empty(n, dtype=ID), np.empty(n, dtype=ID), np.empty(n, dtype=object)
-    axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in _WORDS else float) for a in (*_WORDS, *_NUMBERS)}
+    axes: dict[str, np.ndarray] = {
+        a: np.empty(n, dtype=object if a in _WORDS else float) for a in (*_WORDS, *_NUMBERS)
+    }
     truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
     oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
     groups, friction, design = np.empty(n, dtype=np.int64), np.full((n, 2), np.nan), []
-    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", "no_waveform", "S", "J"]
+    columns = [
+        "scenario_id",
+        "record_hash",
+        "cell",
+        "repeat",
+        "group",
+        *axes,
+        *TRUTHS,
+        "oscillating",
+        "no_waveform",
+        "S",
+        "J",
+    ]
     for rows, part in _sliced(place, manifest, "scenarios", columns, n):
         ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
         for name in _WORDS:
@@ -129,33 +178,56 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
         for name in ("sticky", "predicted"):
             truth[name][rows] = _flags(part.column(name))
         of = (part.column(c).cast(pa.string()) for c in ("cell", "repeat", "member"))
-        joined = pc.binary_join_element_wise(*of, "/", null_handling="replace", null_replacement="None")
+        joined = pc.binary_join_element_wise(
+            *of, "/", null_handling="replace", null_replacement="None"
+        )
         places.append(np.array(joined.to_pylist(), dtype="S"))
         cycled[rows] = _words(part.column("cycled"))
         oscillating[rows] = _flags(part.column("oscillating")) == 1
         groups[rows] = part.column("group").to_numpy()
         design.append(_lists(part))
         if "S" in part.column_names:  # baselines written before have none
-            friction[rows] = np.column_stack([part.column(name).to_numpy(zero_copy_only=False) for name in ("S", "J")])
+            friction[rows] = np.column_stack(
+                [part.column(name).to_numpy(zero_copy_only=False) for name in ("S", "J")]
+            )
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
     marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
     found = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups}
     width = max((block.shape[1] for block in design), default=1)
-    found["design"] = np.concatenate([np.zeros((0, width)), *(np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)])
+    found["design"] = np.concatenate(
+        [np.zeros((0, width)), *(np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)]
+    )
     return {**marks, **found, "friction": friction}
 
 
-def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray) -> dict[str, np.ndarray]:
+def _verdict_columns(
+    place: Place, manifest: Mapping[str, Any], ids: np.ndarray
+) -> dict[str, np.ndarray]:
     methods, n = list(manifest["methods"]), ids.size
-    kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
+    kinds = {
+        "verdict": np.int8,
+        "verdict_raw": np.int8,
+        "score": float,
+        "score_raw": float,
+        "applicable": np.int8,
+    }
     out = {name: np.empty((len(methods), n), dtype=kind) for name, kind in kinds.items()}
-    out.update(failed=np.empty((len(methods), n), dtype=bool), runtime=np.empty((len(methods), n), dtype=np.float32))
-    columns, levels = ["scenario_id", "method", *kinds, "error", "runtime_s", *_ENDS], [np.empty(0, LEVELS)]
+    out.update(
+        failed=np.empty((len(methods), n), dtype=bool),
+        runtime=np.empty((len(methods), n), dtype=np.float32),
+    )
+    columns, levels = (
+        ["scenario_id", "method", *kinds, "error", "runtime_s", *_ENDS],
+        [np.empty(0, LEVELS)],
+    )
     for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
         _check_order(part, ids[rows], methods, place)
         found = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
-        found |= {name: part.column(name).to_numpy(zero_copy_only=False) for name in ("score", "score_raw")}
+        found |= {
+            name: part.column(name).to_numpy(zero_copy_only=False)
+            for name in ("score", "score_raw")
+        }
         found["applicable"] = _flags(part.column("applicable"))
         found["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
         found["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
@@ -167,7 +239,9 @@ def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray)
 
 def _levels(part: pa.Table, start: int, methods: int) -> np.ndarray:
     """Return the rows of a part in which a method gave S or J."""
-    ends = np.column_stack([part.column(end).cast(pa.float64()).to_numpy(zero_copy_only=False) for end in _ENDS])
+    ends = np.column_stack(
+        [part.column(end).cast(pa.float64()).to_numpy(zero_copy_only=False) for end in _ENDS]
+    )
     given = np.flatnonzero(~np.isnan(ends).all(axis=1))
     found = np.empty(given.size, LEVELS)
     found["loop"], found["method"] = start + given // methods, given % methods
@@ -177,7 +251,12 @@ def _levels(part: pa.Table, start: int, methods: int) -> np.ndarray:
 
 
 def _sliced(
-    place: Place, manifest: Mapping[str, Any], kind: str, columns: Sequence[str], n: int, each: int = 1
+    place: Place,
+    manifest: Mapping[str, Any],
+    kind: str,
+    columns: Sequence[str],
+    n: int,
+    each: int = 1,
 ) -> Iterator[tuple[slice, pa.Table]]:
     """Yield a table's parts, each with the scenarios it holds; raise RunError unless all n of them come."""
     start = 0
@@ -190,12 +269,16 @@ def _sliced(
     else:
         if start == n:
             return
-    raise RunError(f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios; run it again")
+    raise RunError(
+        f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios; run it again"
+    )
 
 
 def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place: Place) -> None:
     names, codes = _coded(part.column("method"))
-    order = np.array([methods.index(name) if name in methods else -1 for name in names])[codes].reshape(-1, len(methods))
+    order = np.array([methods.index(name) if name in methods else -1 for name in names])[
+        codes
+    ].reshape(-1, len(methods))
     found = _ids(part.column("scenario_id")).reshape(-1, len(methods))
     if not (order == np.arange(len(methods))).all() or not (found == ids[:, None]).all():
         raise RunError(f"{place} is damaged: verdicts and scenarios do not match; run it again")
@@ -203,10 +286,15 @@ def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place:
 
 def _lists(part: pa.Table) -> np.ndarray:
     """Return the lists of numbers of a part's scenarios as rows; zeros where there is none."""
-    if "no_waveform" not in part.column_names or not part.num_rows:  # baselines written before have none
+    if (
+        "no_waveform" not in part.column_names or not part.num_rows
+    ):  # baselines written before have none
         return np.zeros((part.num_rows, 1))
     column = part.column("no_waveform").combine_chunks()
-    there, values = column.is_valid().to_numpy(zero_copy_only=False), column.flatten().to_numpy(zero_copy_only=False)
+    there, values = (
+        column.is_valid().to_numpy(zero_copy_only=False),
+        column.flatten().to_numpy(zero_copy_only=False),
+    )
     rows = np.zeros((part.num_rows, max(values.size // max(int(there.sum()), 1), 1)))
     if there.any():
         rows[there] = values.reshape(int(there.sum()), -1)

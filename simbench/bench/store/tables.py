@@ -12,7 +12,15 @@ import pyarrow.parquet as pq
 FORMAT = 1
 _TEXT = pa.string()
 _NUMBER = pa.float64()
-AXES = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
+AXES = (
+    "Td_over_T",
+    "Td_over_Ti",
+    "S_over_2J",
+    "noise_ratio",
+    "disturbance",
+    "tuning",
+    "samples_per_period",
+)
 _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
 _COUNTS = ("cell", "repeat")
 TAG_KEYS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
@@ -21,7 +29,10 @@ SCENARIOS = pa.schema(
     [
         ("scenario_id", _TEXT),
         ("group", pa.int64()),
-        *((name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER) for name in TAG_KEYS),
+        *(
+            (name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER)
+            for name in TAG_KEYS
+        ),
         ("seed", pa.int64()),
         ("sticky", pa.bool_()),
         ("S", _NUMBER),  # mapped, % of travel
@@ -81,7 +92,11 @@ def encode(columns: dict[str, list[Any]], schema: pa.Schema, number: int) -> byt
 def as_parquet(table: pa.Table, number: int) -> bytes:
     """Return a table as `encode` does columns."""
     out = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata({"format": str(FORMAT), "piece": str(number)}), out, compression="zstd")
+    pq.write_table(
+        table.replace_schema_metadata({"format": str(FORMAT), "piece": str(number)}),
+        out,
+        compression="zstd",
+    )
     return out.getvalue()
 
 

@@ -10,7 +10,9 @@ from detectors.signal.lattice import hides_nothing, lattice, resolution, written
 from simbench.gap.situation import Situation
 
 
-def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def as_archived(
+    situation: Situation, op: np.ndarray, pv: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return OP and PV of a simulated loop with what the archive did to the recorded ones."""
     late = situation.law.late
     if late:
@@ -45,6 +47,8 @@ def _mean_like(real: np.ndarray, seen: np.ndarray, pv: np.ndarray) -> np.ndarray
     def near(x: np.ndarray) -> np.ndarray:
         return np.column_stack([np.append(x[0], x[:-1]), x, np.append(x[1:], x[-1])])
 
-    weights = np.linalg.lstsq(near(seen - seen.mean())[2:-2], (real - real.mean())[2:-2], rcond=None)[0]
+    weights = np.linalg.lstsq(
+        near(seen - seen.mean())[2:-2], (real - real.mean())[2:-2], rcond=None
+    )[0]
     weights = np.maximum(weights, 0.0)
     return near(pv) @ (weights / (weights.sum() or 1.0))

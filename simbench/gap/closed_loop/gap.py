@@ -9,7 +9,14 @@ import numpy as np
 from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.summary_features import CAP, chance_of, distance, features, floor_of, seed_spread
+from simbench.gap.closed_loop.summary_features import (
+    CAP,
+    chance_of,
+    distance,
+    features,
+    floor_of,
+    seed_spread,
+)
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
@@ -30,7 +37,12 @@ class Runs:
 
 
 def simulate_runs(
-    situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = _SEEDS, part: slice | None = None
+    situation: Situation,
+    loop: Loop,
+    seed: int,
+    kick: float = 0.0,
+    seeds: int = _SEEDS,
+    part: slice | None = None,
 ) -> Runs | None:
     """Simulate the record's whole length with several seeds and keep the features of a part, the held-out one if not said.
 
@@ -75,10 +87,14 @@ class Shrinkage:
     per_feature: dict[str, tuple[float, float]]
 
 
-def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs, seed: int = 0) -> Shrinkage:
+def measure(
+    situation: Situation, before: Runs, recalibrated: Runs, after: Runs, seed: int = 0
+) -> Shrinkage:
     """Compare three sets of runs with the record on the held-out part."""
     start = held_out(situation)
-    named = features(situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:])
+    named = features(
+        situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:]
+    )
     real = np.array(list(named.values()))
     runs = [a.features for a in (before, recalibrated, after)]
 
@@ -88,7 +104,10 @@ def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs,
     f = floor_of(runs[2], spread)
     resolvable = b >= _RESOLVABLE * f
     per = {
-        name: (float(abs(real[i] - runs[0][:, i].mean()) / spread[i]), float(abs(real[i] - runs[2][:, i].mean()) / spread[i]))
+        name: (
+            float(abs(real[i] - runs[0][:, i].mean()) / spread[i]),
+            float(abs(real[i] - runs[2][:, i].mean()) / spread[i]),
+        )
         for i, name in enumerate(named)
     }
     if not resolvable:
@@ -102,7 +121,9 @@ def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs,
         before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (runs[0], runs[2])))
         keep = rng.integers(0, real.size, real.size)
         ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
-        far = np.minimum(np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP)[:, keep]
+        far = np.minimum(
+            np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP
+        )[:, keep]
         before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
         draws.append(closed(before_d, after_d, f))
     value = closed(b, a, f)

@@ -9,12 +9,21 @@ import numpy as np
 from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.summary_features import Features, distance, features, floor_of, seed_spread
+from simbench.gap.closed_loop.summary_features import (
+    Features,
+    distance,
+    features,
+    floor_of,
+    seed_spread,
+)
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
 _RUNS = 12
-_SHARE, _BEGINS = 0.35, (0.05, 0.3, 0.65)  # length and begins of the stretches compared, shares of the record
+_SHARE, _BEGINS = (
+    0.35,
+    (0.05, 0.3, 0.65),
+)  # length and begins of the stretches compared, shares of the record
 _SAID = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 _WORDS = {
@@ -47,7 +56,10 @@ class Lacking:
     @property
     def sentence(self) -> str:
         """The plainest differences in words."""
-        return ", ".join(f"{words} ({abs(size):.0f} standard deviations)" for words, size, _ in self.features[:_SAID])
+        return ", ".join(
+            f"{words} ({abs(size):.0f} standard deviations)"
+            for words, size, _ in self.features[:_SAID]
+        )
 
 
 def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:

@@ -35,7 +35,9 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
         op0 = at.op0 + d_op
         if bias_only:  # without integral action PV has a level of its own
             op0 += loop.controller.sign * loop.controller.Kc * d_pv
-            loop = loop.with_("operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0))
+            loop = loop.with_(
+                "operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0)
+            )
         loop = loop.with_("operating_point.op0", float(np.clip(op0, *_WITHIN)))
     return best
 

@@ -14,7 +14,9 @@ from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, val
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
 
-_COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
+_COLOURED = (
+    0.15  # correlation of the noise from sample to sample, below which it is as good as white
+)
 
 
 def fixed_loop(
@@ -32,7 +34,10 @@ def fixed_loop(
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
-        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": delay_of(fit.spec, fit.theta) * Ts}
+        own = {
+            "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
+            "Td": delay_of(fit.spec, fit.theta) * Ts,
+        }
         own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
         own = {name: value for name, value in own.items() if name not in stated}
@@ -41,10 +46,15 @@ def fixed_loop(
         else:
             like = first_order_like(base.plant)
             slower = own["T"] / like.T if like.T and "T" in own else 1.0
-            table["plant"] = stretched(base.plant, own.get("K", like.K) / like.K, slower, own.get("Td", base.plant.Td))
+            table["plant"] = stretched(
+                base.plant, own.get("K", like.K) / like.K, slower, own.get("Td", base.plant.Td)
+            )
     sp = situation.sp
     changes = np.flatnonzero(np.diff(sp)) + 1
-    table["setpoint"] = {"value": float(sp[0]), "steps": [[float(k * Ts), float(sp[k])] for k in changes]}
+    table["setpoint"] = {
+        "value": float(sp[0]),
+        "steps": [[float(k * Ts), float(sp[k])] for k in changes],
+    }
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
     if not situation.trusted:
         table["noise"] = {"std": fit.theta["noise_std"]}
@@ -52,13 +62,23 @@ def fixed_loop(
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
     K = abs(input_gain(source, d))
     table["disturbance"] = [
-        {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
+        {
+            "type": "coloured",
+            "amplitude": std / K,
+            "period": period * Ts,
+            **({"lag": lag * Ts} if lag > 0.0 else {}),
+        }
         for std, period, lag in load_parts(_load(source))
     ]
     if source.theta["colour"] > _COLOURED and "noise_std" not in source.spec.free:
         # noise that remembers is a load on PV itself
         remembers = -Ts / float(np.log(source.theta["colour"]))
-        coloured = {"type": "coloured", "amplitude": source.theta["noise_std"], "period": remembers, "at": "output"}
+        coloured = {
+            "type": "coloured",
+            "amplitude": source.theta["noise_std"],
+            "period": remembers,
+            "at": "output",
+        }
         table["disturbance"].append(coloured)
         table["noise"] = {**table.get("noise", {}), "std": 0.0}
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
@@ -66,7 +86,10 @@ def fixed_loop(
     # on an integrating plant a ramp of the measurement is a load
     gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
     led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
-    table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
+    table["operating_point"] = {
+        "op0": _clip(_rest(situation, fit) + led, 1.0, 99.0),
+        "pv0": float(sp[0]),
+    }
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     if jumps and source.spec.jumps and source.spec.lasting:
         table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})

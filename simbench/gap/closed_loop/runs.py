@@ -31,19 +31,25 @@ class ClosedLoops:
         f = self.found
         fit = self.fit_of(effects)
         own = {e: f.parameters[e] for e in effects if e in f.parameters}
-        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit, jumps=load_may_jump(effects))
+        return fixed_loop(
+            f.situation, fit, own, plant="fitted", load=load or fit, jumps=load_may_jump(effects)
+        )
 
     def corrected(self, effects: Sequence[str]) -> Loop:
         """Return the baseline with some effects in it, at the level of the record."""
         key = tuple(effects)
         if key not in self.levelled:
-            self.levelled[key] = level(self.found.situation, self.loop(effects), self._kick(effects), self.seed)
+            self.levelled[key] = level(
+                self.found.situation, self.loop(effects), self._kick(effects), self.seed
+            )
         return self.levelled[key]
 
     def _kick(self, effects: Sequence[str]) -> float:
         """Return the offset of OP (%) that starts a cycle under these effects."""
         known = self.found.parameters
-        return max((recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0)
+        return max(
+            (recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0
+        )
 
     def fit_of(self, effects: Sequence[str]) -> Fit:
         """Return the fit behind some effects."""
@@ -59,7 +65,9 @@ class ClosedLoops:
         return self.shared[key]
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, self._kick(effects))
+        return simulate_runs(
+            self.found.situation, self.loop(effects, load), self.seed, self._kick(effects)
+        )
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
         """Return gap before, recalibrated, after and floor for some effects."""
@@ -74,7 +82,9 @@ class ClosedLoops:
             again = self._runs(("tuned", id(fit), jumps), tuned) or before
             after = self._after(effects, fit) if key else again
             if before is None:
-                raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
+                raise RecordError(
+                    "the baseline cannot be simulated with this record's set point: it runs away"
+                )
             self.kept[key] = (before, again or before, after or before)
             self.done[key] = measure(s, *self.kept[key], seed=self.seed)
         return self.done[key]
@@ -83,14 +93,20 @@ class ClosedLoops:
     def lacking(self) -> Lacking | None:
         """What the record has and the recalibrated loop has not; None where that cannot be simulated."""
         f = self.found
-        return lacking(f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed)
+        return lacking(
+            f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed
+        )
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
         """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
         self.shrink(named)
         before, again, _ = self.kept[tuple(named)]
         after = self._after(effects, self.fit_of(named))
-        return None if after is None else measure(self.found.situation, before, again, after, seed=self.seed)
+        return (
+            None
+            if after is None
+            else measure(self.found.situation, before, again, after, seed=self.seed)
+        )
 
 
 def load_may_jump(effects: Sequence[str]) -> bool:

@@ -36,7 +36,9 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
         edges = np.unique(np.geomspace(2, power.shape[-1], _BANDS + 1).astype(int))
         for i, (a, b) in enumerate(pairwise(edges)):
             out[f"{name} band {i + 1}"] = np.log(power[..., a:b].sum(axis=-1) / n + 1e-12)
-        top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (power[..., 2:].sum(axis=-1) + 1e-12)
+        top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (
+            power[..., 2:].sum(axis=-1) + 1e-12
+        )
         out[f"{name} sharpness"] = np.log(0.001 + top)
         for lag in _LAGS:
             out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2

@@ -10,7 +10,13 @@ from simbench.gap.controller.pid_law import examine_pid
 
 
 def examine_controller(
-    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, loop: Loop, trusted: bool = True, noise: float = 0.0
+    op: np.ndarray,
+    pv: np.ndarray,
+    sp: np.ndarray | None,
+    Ts: float,
+    loop: Loop,
+    trusted: bool = True,
+    noise: float = 0.0,
 ) -> Law:
     """Judge a loop's controller from SP, PV and OP, by PI's regression or a PID's own settings."""
     c = loop.controller

@@ -10,15 +10,35 @@ import numpy as np
 from detectors.signal.holds import stuck
 from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
-from simbench.gap.controller.recovered_pv import FAITHFUL, MEAN_OVER, ROUNDED, beside_a_mean, hidden_law, recover_pv
-from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, leak, spread, with_derivative
+from simbench.gap.controller.recovered_pv import (
+    FAITHFUL,
+    MEAN_OVER,
+    ROUNDED,
+    beside_a_mean,
+    hidden_law,
+    recover_pv,
+)
+from simbench.gap.controller.regression import (
+    FORMS,
+    LawFit,
+    about_zero,
+    by_steps,
+    by_sums,
+    leak,
+    spread,
+    with_derivative,
+)
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 _EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
-_DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+_DIGITS = (
+    2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+)
 _CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
-_BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
+_BLURRED = (
+    0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
+)
 _HALF = 0.5  # ... unless that is half of all that OP does
 _RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 _STANDS = 0.01  # the same in standstills longer than chance brings
@@ -27,7 +47,9 @@ _FEW = 6  # samples kept by an archive from which it can be compared with what O
 _NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 _LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
-_THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
+_THINNED = (
+    0.25  # share of PV on straight lines from which the archive is known to have been thinned
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +99,9 @@ def examine_law(
     tries = [law]
     for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
         other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted, noise)
-        recovered_pv = None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
+        recovered_pv = (
+            None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
+        )
         tries.append(replace(other, recovered_pv=recovered_pv, late=1))
     if sp is not None:
         shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
@@ -97,11 +121,30 @@ def examine_law(
 
 
 def _examine(
-    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool, noise: float
+    op: np.ndarray,
+    pv: np.ndarray,
+    sp: np.ndarray | None,
+    Ts: float,
+    Kc: float,
+    Ti: float | None,
+    trusted: bool,
+    noise: float,
 ) -> Law:
     """Judge the controller under one alignment of the signals: where is OP free, what stands still, which law, is it one?"""
     e = (pv.mean() if sp is None else sp) - pv
-    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti, written(op, pv), written(pv, op), noise)
+    asked = _Asked(
+        op,
+        pv,
+        sp,
+        e,
+        Ts,
+        Kc,
+        Kc * Ts / Ti if Ti else 0.0,
+        Ti,
+        written(op, pv),
+        written(pv, op),
+        noise,
+    )
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
@@ -115,9 +158,15 @@ def _examine(
     )  # fmt: skip
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
-        return replace(law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int))
-    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, max(asked.op_is.unit, asked.op_is.step)):
-        return replace(law, foreign="OP stands still where the law would move it: the controller skips scans")
+        return replace(
+            law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int)
+        )
+    if fitted.plain and skips_scans(
+        op, fitted.e, free.inside, fitted.size, max(asked.op_is.unit, asked.op_is.step)
+    ):
+        return replace(
+            law, foreign="OP stands still where the law would move it: the controller skips scans"
+        )
     if fitted.exact:
         return _known(law, asked, free, fitted)
     if fitted.fit.base < fitted.tolerance:
@@ -201,14 +250,18 @@ def _free(asked: _Asked) -> _Free:
     # a controller that holds its integral at a limit leaves it by a step of its own
     rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
-    tight = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
+    tight = {
+        k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)
+    }
     rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
     return _Free(inside, rows, tight, size, rounding)
 
 
 def _shown(asked: _Asked) -> _Shown:
     pv, grid = asked.pv, asked.pv_is.coarse
-    line = on_line(pv, asked.pv_is.unit, asked.noise) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+    line = (
+        on_line(pv, asked.pv_is.unit, asked.noise) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+    )
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
     return _Shown(grid, line, exact, bool(line.mean() > _THINNED) or grid > 0.0)
@@ -223,7 +276,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         off = du - bare.a * e[1:] - bare.b * e[:-1]
         # a law that meets OP's moves far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
         off = off[rows & (du != 0.0)] - np.median(off[rows])
-        coarse = float(np.quantile(np.abs(off), 0.9)) > _FINER * asked.op_is.step if off.size else True
+        coarse = (
+            float(np.quantile(np.abs(off), 0.9)) > _FINER * asked.op_is.step if off.size else True
+        )
     fit, gap = None, error_gap(op, e, rows)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
@@ -237,7 +292,10 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
             size = about_zero(du[rows])
         # beyond the band the error counts in full, or (in some controllers) only by what exceeds it
         full = np.where(np.abs(e) <= gap / 2, 0.0, e)
-        fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in (full, full - np.sign(full) * gap / 2)]
+        fits = [
+            (by_steps(du, x, rows, Kc, Ki, size, no_sp), x)
+            for x in (full, full - np.sign(full) * gap / 2)
+        ]
         fit, e = min(fits, key=lambda f: f[0].residual)
     if coarse:
         fit = by_sums(op, e, free.inside, Kc, Ki, asked.op_is.step)
@@ -260,7 +318,9 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
         law = replace(law, recovered_pv=seen)
         obeys = free.rows & ~np.isin(np.arange(1, asked.op.size), fit.strays)
         if Ti and leak(asked.op, fitted.e, obeys, asked.Kc, asked.Ki, free.size) > _LEAKS:
-            law = replace(law, foreign="OP leans back to one level beside the law: the integral leaks")
+            law = replace(
+                law, foreign="OP leans back to one level beside the law: the integral leaks"
+            )
     # a baseline that explains OP as well is the simpler truth
     if (fit.base < fitted.tolerance and fitted.coarse) or fit.base < 1.5 * fit.residual:
         law = replace(law, Kc=asked.Kc, Ti=Ti or np.inf)
@@ -280,12 +340,20 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
     if mean is not None:
         return mean
-    law = replace(law, reason="the recorded PV is not the PV the controller saw, or it was archived at another rate")
+    law = replace(
+        law,
+        reason="the recorded PV is not the PV the controller saw, or it was archived at another rate",
+    )
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
     if third < law.residual / 3 and third < 0.15:
-        return replace(law, foreign="a third term explains OP five times better: the controller is no PI")
+        return replace(
+            law, foreign="a third term explains OP five times better: the controller is no PI"
+        )
     if fitted.collapsed and not fitted.gap:
-        return replace(law, foreign="OP stands still in most samples: the controller skips scans, or a dead-band holds it")
+        return replace(
+            law,
+            foreign="OP stands still in most samples: the controller skips scans, or a dead-band holds it",
+        )
     if not fitted.plain:
         return law
     a, b = Kc + Ki, -Kc
@@ -299,7 +367,9 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     off = asked.pv - candidate
     kept = bool(shown.rough and shown.exact.sum() >= _FEW)
     if kept:
-        faithful = ROUNDED * shown.grid if shown.grid > 0.0 else FAITHFUL * float(np.std(off[shown.line]))
+        faithful = (
+            ROUNDED * shown.grid if shown.grid > 0.0 else FAITHFUL * float(np.std(off[shown.line]))
+        )
         kept = float(np.std(off[shown.exact])) < faithful
     if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
         law = replace(law, recovered_pv=candidate, residual=fitted.fit.base)
@@ -314,7 +384,9 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
-    if asked.op_is.step == 0.0 and (rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _STANDS):
+    if asked.op_is.step == 0.0 and (
+        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _STANDS
+    ):
         return None
     Kc, Ki = asked.Kc, asked.Ki
     tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]
@@ -334,7 +406,14 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
     if not np.isfinite(rest):
         return None
-    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=Kc, Ti=asked.Ti or np.inf)
+    law = replace(
+        law,
+        residual=fitted.fit.base,
+        recovered_pv=seen,
+        averaged=True,
+        Kc=Kc,
+        Ti=asked.Ti or np.inf,
+    )
     if i < stated:
         return law
     kc, ti = _nearest_form(*tunings[i], asked)
@@ -378,7 +457,9 @@ def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
         if kc * Kc <= 0:
             continue
         ti = kc * Ts / integral if integral * Kc > 1e-9 * Kc * Kc else np.inf
-        distance = abs(np.log(kc / Kc)) + (abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0))
+        distance = abs(np.log(kc / Kc)) + (
+            abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0)
+        )
         if distance < best[0] and (share == FORMS[0] or distance < 2 * _RETUNED):
             best = (distance, kc, ti)
     return best[1], best[2]

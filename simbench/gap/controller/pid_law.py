@@ -14,7 +14,14 @@ _EXACT = 0.03  # of dOP, below which the settings are those of the record
 _DIGITS = 2.5  # digits of OP and PV, as far as they reach dOP, that they may leave
 
 
-def examine_pid(op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, settings: Controller, pv0: float) -> Law:
+def examine_pid(
+    op: np.ndarray,
+    pv: np.ndarray,
+    sp: np.ndarray | None,
+    Ts: float,
+    settings: Controller,
+    pv0: float,
+) -> Law:
     """Judge a PID from SP, PV and OP: positional and velocity form move OP alike between its limits."""
     Ti = settings.Ti or np.inf
     p = pid_numbers(settings, settings.sign * settings.Kc, Ti, Ts, pv0, -np.inf, np.inf)
@@ -23,7 +30,10 @@ def examine_pid(op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float
     seen = (pv, np.append(op[0], op[:-1]), r + p.pv0)[int(p.on)]
     gain = np.interp(seen, p.at, p.factor)
     rate = np.append(0.0, np.diff(e - (1.0 - p.c) * r))
-    moves = np.diff(gain * p.Kc * (e - (1.0 - p.b) * r) + lfilter([1.0], [1.0, -p.fade], gain * p.Kc * p.kd * rate))
+    moves = np.diff(
+        gain * p.Kc * (e - (1.0 - p.b) * r)
+        + lfilter([1.0], [1.0, -p.fade], gain * p.Kc * p.kd * rate)
+    )
     free = np.diff(op) != 0.0
     left = np.abs(np.diff(op) - moves - (gain * p.Ki * e)[1:])[free]
     size = float(np.median(np.abs(np.diff(op)[free]))) if free.any() else 0.0

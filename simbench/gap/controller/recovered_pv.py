@@ -31,7 +31,13 @@ class _Hidden:
 
 
 def recover_pv(
-    op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
+    op: np.ndarray,
+    e: np.ndarray,
+    pv: np.ndarray,
+    inside: np.ndarray,
+    a: float,
+    b: float,
+    memoryless: bool,
 ) -> np.ndarray | None:
     """Return the PV that makes the controller write this OP."""
     if a == 0.0:  # OP tells nothing of the error
@@ -78,7 +84,14 @@ def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
 
 
-def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)) -> _Hidden:
+def hidden_law(
+    op: np.ndarray,
+    e: np.ndarray,
+    Kc: float,
+    Ki: float,
+    exact: np.ndarray,
+    over: tuple[int, ...] = (0,),
+) -> _Hidden:
     """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
 
     A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.

@@ -31,7 +31,13 @@ def about_zero(x: np.ndarray) -> float:
 
 
 def by_steps(
-    du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool
+    du: np.ndarray,
+    e: np.ndarray,
+    rows: np.ndarray,
+    Kc: float,
+    Ki: float,
+    size: float,
+    with_sp_offset: bool,
 ) -> LawFit:
     """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; the baseline's residual is that of its best form."""
     X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
@@ -59,7 +65,9 @@ def by_steps(
     return LawFit(float(beta[0]), float(beta[1]), left, about_zero(base) / size, strays)
 
 
-def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float) -> LawFit:
+def by_sums(
+    op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float
+) -> LawFit:
     """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
 
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up as well, to a line over
@@ -67,7 +75,9 @@ def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: fl
     """
     stay = np.cumsum(~inside)
     since = np.arange(op.size) - np.maximum.accumulate(np.where(inside, 0, np.arange(op.size)))
-    part = np.unique(np.column_stack([stay, since // _ADDED]), axis=0, return_inverse=True)[1].reshape(-1)
+    part = np.unique(np.column_stack([stay, since // _ADDED]), axis=0, return_inverse=True)[
+        1
+    ].reshape(-1)
     rows = inside & (np.bincount(part, inside)[part] >= 5)
     part, k = part[rows], np.flatnonzero(rows).astype(float)
 
@@ -91,18 +101,25 @@ def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: fl
     return LawFit(float(beta[0] + beta[1]), float(-beta[0]), left, base, np.empty(0, dtype=int))
 
 
-def leak(op: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float) -> float:
+def leak(
+    op: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float
+) -> float:
     """Return the nats that OP itself adds to the law of its changes, of the stated law and the fitted one the lesser.
 
     A wrong tuning leans on OP under the stated law, the digits of a coarse error under the fitted one; a leak under both.
     """
     k = np.flatnonzero(rows[1:]) + 2
     du, now, before, level = op[k] - op[k - 1], e[k], e[k - 1], op[k - 2] - op.mean()
-    stated = min((du - (Kc + s * Ki) * now - ((1.0 - s) * Ki - Kc) * before for s in FORMS), key=about_zero)
+    stated = min(
+        (du - (Kc + s * Ki) * now - ((1.0 - s) * Ki - Kc) * before for s in FORMS), key=about_zero
+    )
 
     def nats(y: np.ndarray, *terms: np.ndarray) -> float:
         X = np.column_stack([*terms, np.ones(k.size), level])
-        left = [float(np.mean((y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]) ** 2)) for Z in (X[:, :-1], X)]
+        left = [
+            float(np.mean((y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]) ** 2))
+            for Z in (X[:, :-1], X)
+        ]
         # what is left of an exact law is the machine's rounding
         return 0.5 * k.size * float(np.log(np.divide(*(np.array(left) + (1e-3 * size) ** 2))))
 

@@ -7,12 +7,18 @@ import numpy as np
 from simbench.gap.controller.regression import about_zero, by_steps
 
 _OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
-_LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
-_RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+_LEANT = (
+    3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
+)
+_RESTS = (
+    6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+)
 _OFTEN = 0.01  # share of samples in which OP stands still off its extremes, from which it does so at them by chance too
 _SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
 _TOLD = 0.4  # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no chance does
-_STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
+_STILL = (
+    0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
+)
 
 
 def limits_of(
@@ -40,7 +46,11 @@ def limits_of(
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
         # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere else
         rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
-        if (plain and pushed.sum() >= 0.7 * at.sum()) or rests or (step > 0.0 and _leant_on(at, sign * asked) > _LEANT * step):
+        if (
+            (plain and pushed.sum() >= 0.7 * at.sum())
+            or rests
+            or (step > 0.0 and _leant_on(at, sign * asked) > _LEANT * step)
+        ):
             out[name] = edge
     return out
 
@@ -49,7 +59,10 @@ def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
     """Return the most that the controller asked for, summed up, during one stay: a coarse OP stays for less than a step."""
     begins = np.flatnonzero(at & ~np.append(False, at[:-1]))
     ends = np.flatnonzero(at & ~np.append(at[1:], False)) + 1
-    return max((float(asked[i + 1 : j].sum()) for i, j in zip(begins, ends, strict=True) if j - i > 3), default=0.0)
+    return max(
+        (float(asked[i + 1 : j].sum()) for i, j in zip(begins, ends, strict=True) if j - i > 3),
+        default=0.0,
+    )
 
 
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
@@ -73,7 +86,9 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     return 2.0 * float(edge) if agree > _TOLD and edge > _SETTLED * float(np.ptp(e)) else 0.0
 
 
-def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float) -> bool:
+def skips_scans(
+    op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float
+) -> bool:
     """Return whether OP stands exactly still in scans of its own choice and obeys a PI law from one move to the next."""
     still = np.diff(op) == 0.0
     free = inside[1:] & inside[:-1]
@@ -95,5 +110,7 @@ def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, 
     scale = about_zero(y) or 1.0
     off = np.abs(y - X @ beta) / scale
     # nearly every move obeys; over all samples the standstills stay unexplained
-    unexplained = np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
+    unexplained = (
+        np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
+    )
     return bool(np.quantile(off, 0.8) < _OBEYED and (every.residual > _OBEYED or unexplained))

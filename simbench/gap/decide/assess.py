@@ -5,8 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
-from simbench.gap.decide.beside_tests import VALVE_LAG, Maps, joint_engine, lab_gains, valve_maps, with_own_lag
+from simbench.gap.candidates import (
+    Candidate,
+    Fitted,
+    beside_the_load,
+    beside_the_plant,
+    fit_candidates,
+    possible_effects,
+)
+from simbench.gap.decide.beside_tests import (
+    VALVE_LAG,
+    Maps,
+    joint_engine,
+    lab_gains,
+    valve_maps,
+    with_own_lag,
+)
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
@@ -80,18 +94,27 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     by_lab = lab_gains(tests, base, parameters, gains)
-    gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(situation.proven, SURE)
+    gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(
+        situation.proven, SURE
+    )
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
     final, on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
-        if best is not None and gains[best] > (_asked_beside(chosen[0], situation, best) if chosen else 0.0):
+        if best is not None and gains[best] > (
+            _asked_beside(chosen[0], situation, best) if chosen else 0.0
+        ):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
     if len(chosen) == 1:
         on_top = _gains_on_top(
-            situation, engine, final, [e for e in order if block_of(e) not in map(block_of, chosen)], gains, candidates
+            situation,
+            engine,
+            final,
+            [e for e in order if block_of(e) not in map(block_of, chosen)],
+            gains,
+            candidates,
         )
         runner = max(on_top, key=lambda e: on_top[e], default=None)
         if runner is not None and on_top[runner] > _asked_beside(chosen[0], situation, runner):
@@ -102,12 +125,23 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     # the limits are those of one record, and what a plant of higher order leaves behind adds up over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
     lag = situation.valve_lag / record.record.Ts
-    alone = {id(f): later(engine.main(f), lag) for f in (base, final, *(c.fit for c in candidates.values()))}
+    alone = {
+        id(f): later(engine.main(f), lag)
+        for f in (base, final, *(c.fit for c in candidates.values()))
+    }
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
     return Assessment(
-        *fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load, by_lab=by_lab
+        *fitted,
+        gains,
+        left,
+        on_top,
+        maps[1],
+        bool(maps[0]),
+        tested=len(tests),
+        beside_load=beside_load,
+        by_lab=by_lab,
     )
 
 
@@ -134,7 +168,9 @@ def _fitted(
     return s, ({**behind, VALVE_LAG: (min(gain, later_by), p)}, strays), engine, base, candidates
 
 
-def _by_maps(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> tuple[Situation, Engine, Fit, dict[str, Candidate]]:
+def _by_maps(
+    s: Situation, tests: Sequence[ModelledTest], maps: Maps
+) -> tuple[Situation, Engine, Fit, dict[str, Candidate]]:
     """Return the situation with the engine's data, the engine, its base and every effect on top, under one reading of MV."""
     engine = joint_engine(s, tests, maps) if tests else Engine(s.data, load_memory(s))
     shown = {e: p for t in tests for e, p in t.proven.items()}
@@ -171,12 +207,21 @@ def _asked_beside(first: str, s: Situation, effect: str) -> float:
 
 
 def _gains_on_top(
-    s: Situation, engine: Engine, first: Fit, order: list[str], gains: dict[str, float], candidates: dict[str, Candidate]
+    s: Situation,
+    engine: Engine,
+    first: Fit,
+    order: list[str],
+    gains: dict[str, float],
+    candidates: dict[str, Candidate],
 ) -> dict[str, float]:
     """Return what further effects bring on top of the first; what the engine does not see stands by itself."""
-    tried = [e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None]
+    tried = [
+        e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None
+    ]
     found = fit_candidates(engine, first, tried)
-    return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {e: gains[e] for e in order if e not in candidates}
+    return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {
+        e: gains[e] for e in order if e not in candidates
+    }
 
 
 LEAST_NATS = 5.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and half of it
@@ -209,7 +254,13 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
         if fact not in claimed
     ]
     if situation.frozen and situation.trusted:
-        out.append((_PLAIN_TIMES, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
+        out.append(
+            (
+                _PLAIN_TIMES,
+                "sensor",
+                f"PV stands exactly still for {situation.samples.held} samples",
+            )
+        )
     if found.mv_unexplained:
         out.append((_PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
@@ -222,11 +273,13 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     rough |= traces and found.valve_seen and situation.record.mv is None
     for name, (limit, block) in RESIDUAL_LIMITS.items():
         # spikes, and friction that is no two-parameter map, leave traces of their own; a load that jumps between samples too
-        loose = rough or (traces and name in ("bursts", "memory")) or (jumps and name in ("bursts", "memory", "input"))
-        limit *= _LENIENT if loose else 1.0
-        said = (
-            f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"
+        loose = (
+            rough
+            or (traces and name in ("bursts", "memory"))
+            or (jumps and name in ("bursts", "memory", "input"))
         )
+        limit *= _LENIENT if loose else 1.0
+        said = f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"
         out.append((max(found.tests[name], 0.0) / limit, block, said))
     return out
 

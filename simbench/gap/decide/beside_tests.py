@@ -43,7 +43,9 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
         left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / op.size))
-        strays |= left > recogniser(winner).by_mv_leaves * healthy and left > max(0.15, 0.03 * float(np.std(op)))
+        strays |= left > recogniser(winner).by_mv_leaves * healthy and left > max(
+            0.15, 0.03 * float(np.std(op))
+        )
         for e, (gain, p) in maps.items():
             before, kept = total.get(e, (0.0, p))
             total[e] = (before + gain, p if gain >= before else kept)
@@ -69,21 +71,31 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
     return JointEngine(parts, load_memory(s))
 
 
-def _by_stem(s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps) -> Data:
+def _by_stem(
+    s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps
+) -> Data:
     """Return a record's data with MV for OP: as the valve found makes it, or as logged where that differs beyond its digits."""
     winner = max(maps, key=lambda e: maps[e][0], default="")
     if not winner:
         return data
     sound = maps[winner][0] <= _BY_MV
-    made = through_valve(op, s.baseline.valve, Ts) if sound else through_effect(s, winner, maps[winner][1], op, Ts)
+    made = (
+        through_valve(op, s.baseline.valve, Ts)
+        if sound
+        else through_effect(s, winner, maps[winner][1], op, Ts)
+    )
     made = lagged(made, s.valve_lag / Ts)
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
-        made = np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv
+        made = (
+            np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv
+        )
     return replace(data, u=np.ascontiguousarray(made))
 
 
-def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float) -> np.ndarray:
+def through_effect(
+    s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float
+) -> np.ndarray:
     """Return MV (%) as the baseline's valve with an effect makes it of OP."""
     table = s.baseline.to_table()
     table["effect"], table["sampling"] = [{"name": effect, **p}], {"Ts": Ts, "n": max(op.size, 3)}
@@ -91,11 +103,18 @@ def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts:
         valves = resolve_loop(type(s.baseline).from_table(table), 0).valves
     except UserError:
         return op
-    return np.clip(stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])), 0.0, 100.0)
+    return np.clip(
+        stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])),
+        0.0,
+        100.0,
+    )
 
 
 def lab_gains(
-    tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters], gains: Mapping[str, float]
+    tests: Sequence[ModelledTest],
+    base: Fit,
+    parameters: Mapping[str, Parameters],
+    gains: Mapping[str, float],
 ) -> dict[str, float]:
     """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted.
 
@@ -109,10 +128,14 @@ def lab_gains(
                 continue
             at = np.flatnonzero(np.isfinite(t.lab))
             errors, times = t.data.y[at] - t.lab[at], at * t.Ts
-            noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
+            noise = (
+                float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
+            )
             levels = [by_lab(scaled(p, share), errors, times, noise) for share in (0.0, *_SIZES)]
             lost = [max(gains[effect], 0.0) * max(1.0 - share, 0.0) ** 2 for share in _SIZES]
-            total[effect] = total.get(effect, 0.0) + max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
+            total[effect] = (
+                total.get(effect, 0.0) + max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
+            )
     return total
 
 
@@ -126,13 +149,20 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     lag = s.valve_lag / s.record.Ts
     s = replace(s, data=replace(s.data, Td=s.data.Td - lag))
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
-    likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
+    likely = sorted(
+        (c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain
+    )[:3]
     fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
     # signals and jumps of an effect are of one record
     plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
-    bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [later(plain, -lag)]
+    bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [
+        later(plain, -lag)
+    ]
     # a controller that answers nothing but the load shows load and plant in one, and any plant with its load
-    return [_other_plant(engine.engines[i], engine, i, bare) if t.moved else "" for i, t in enumerate(tests, start=1)]
+    return [
+        _other_plant(engine.engines[i], engine, i, bare) if t.moved else ""
+        for i, t in enumerate(tests, start=1)
+    ]
 
 
 def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:
@@ -141,16 +171,23 @@ def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) 
         spec, theta = engine.one_of(i, fit.spec, fit.theta)
         # the record's plant, in the test's samples, held as a baseline is
         plant = {"K": fit.K / (engine.parts[i].pace if data.T == 0.0 else 1.0), "Td": theta["Td"]}
-        held = Engine(replace(data, **plant, T=theta["T"] if data.T > 0.0 else 0.0), own.longest_load)
+        held = Engine(
+            replace(data, **plant, T=theta["T"] if data.T > 0.0 else 0.0), own.longest_load
+        )
         tries.append(held.fit(spec, theta))
     same = max(tries, key=lambda f: f.loglik)
     spec = same.spec.join(Spec(free=frozenset({"K", "T", "Td"})))
     T, Td = same.theta.get("T", 0.0), same.theta["Td"]
-    starts = [{**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))]
+    starts = [
+        {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
+    ]
     other = max((own.fit(spec, start) for start in starts), key=lambda f: f.loglik)
     if other.loglik - same.loglik < _ANOTHER or same.K == 0.0:
         return ""
-    gain, time = other.K / same.K, (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0)
+    gain, time = (
+        other.K / same.K,
+        (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0),
+    )
     if all(1.0 / _APART < x < _APART for x in (gain, time)):
         return ""
     return f"PV answers OP with {gain:.2g} times the gain and {time:.2g} times as slowly as in the record"

@@ -11,10 +11,14 @@ from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-TEMPERATURE = 0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
+TEMPERATURE = (
+    0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
+)
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
-_SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
+_SHARPNESS = (
+    0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
+)
 
 
 @dataclass(frozen=True)
@@ -80,4 +84,7 @@ def _beside_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
     """Return probabilities in which friction has the one it has in every verb; the others share the rest as before."""
     bands = {e for e in EFFECTS if recogniser(e).band is not None}
     friction = sum(p[e] for e in bands)
-    return {e: v * (stiction / friction if e in bands else (1.0 - stiction) / (1.0 - friction)) for e, v in p.items()}
+    return {
+        e: v * (stiction / friction if e in bands else (1.0 - stiction) / (1.0 - friction))
+        for e, v in p.items()
+    }

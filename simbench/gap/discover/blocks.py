@@ -20,7 +20,10 @@ from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 _NOISE = 6.0  # nats that any block may bring by chance, added to all
 _LEAST = 0.4  # share of the evidence from which a block is said: it was right in 19 of 38 between that and a half
 _STEPS = 4  # in which all other numbers are fitted again beside a freedom
-_FINER, _PERIODS = 16, 3  # times the record's own frequencies, and whole periods, in which a period is looked for
+_FINER, _PERIODS = (
+    16,
+    3,
+)  # times the record's own frequencies, and whole periods, in which a period is looked for
 _EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an innovation is one
 
 
@@ -38,11 +41,20 @@ class Located(NamedTuple):
     @property
     def words(self) -> str:
         """The block with its share in a few words, or why none can be told."""
-        like = f", where {self.nearest[self.block].replace('_', ' ')} explains most" if self.block in self.nearest else ""
-        return self.doubt or f"{self.shares[self.block]:.2f} of the evidence lies in the {self.block} block{like}"
+        like = (
+            f", where {self.nearest[self.block].replace('_', ' ')} explains most"
+            if self.block in self.nearest
+            else ""
+        )
+        return (
+            self.doubt
+            or f"{self.shares[self.block]:.2f} of the evidence lies in the {self.block} block{like}"
+        )
 
 
-def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = "") -> Located:
+def located(
+    found: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = ""
+) -> Located:
     """Return the block of what a record shows; `forms` are block and nats of laws tried, `certain` needs no statistics.
 
     Every block stands by its best explanation, however many were tried. As no model of a left-out effect is quite true, nats
@@ -53,7 +65,11 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
     certain = certain or ("valve" if found.mv_unexplained else "")
     if certain:
         return Located(certain, {b: float(b == certain) for b in BLOCKS}, "", nearest)
-    said = [*((block_of(e), nats) for e, nats in gains.items()), *forms, *_freed(found.situation, found.base)]
+    said = [
+        *((block_of(e), nats) for e, nats in gains.items()),
+        *forms,
+        *_freed(found.situation, found.base),
+    ]
     best = {b: max((nats for one, nats in said if one == b), default=NOT_TRIED) for b in BLOCKS}
     weights = {b: max(float(nats) + _NOISE, 1e-9) for b, nats in best.items()}
     shares = {b: w / sum(weights.values()) for b, w in weights.items()}

@@ -61,10 +61,19 @@ class Discovery:
         assert g is not None
         return {
             "block": self.law.block,
-            "law": {"form": self.law.form, "numbers": dict(self.law.numbers), "text": self.law.text},
+            "law": {
+                "form": self.law.form,
+                "numbers": dict(self.law.numbers),
+                "text": self.law.text,
+            },
             "windows": self.windows,
             "certificate": {"nats": float(self.law.nats), "p": chance(self.law.nats)},
-            "gap": {"before": g.before, "recalibrated": g.recalibrated, "after": g.after, "floor": g.floor},
+            "gap": {
+                "before": g.before,
+                "recalibrated": g.recalibrated,
+                "after": g.after,
+                "floor": g.floor,
+            },
             "nearest": self.nearest,
         }
 
@@ -78,17 +87,30 @@ class Discovery:
         """Return the finding and its certificate in one line."""
         if self.law is None or self.gap is None:
             return f"nothing that a law describes, {self.why}"
-        said, g = f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on unseen samples", self.gap
+        said, g = (
+            f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on unseen samples",
+            self.gap,
+        )
         return f"{said}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
     def as_text(self) -> str:
         """Return the discovery for a terminal."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            place = [f"where: {self.block} (probability {self.probability:.2f}, if anything is lacking)"] if self.block else []
+            place = (
+                [
+                    f"where: {self.block} (probability {self.probability:.2f}, if anything is lacking)"
+                ]
+                if self.block
+                else []
+            )
             return "\n".join([self.sentence(), *place])
         share = float(self.on.mean())
-        spells = "the whole record" if share > 0.99 else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
+        spells = (
+            "the whole record"
+            if share > 0.99
+            else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
+        )
         return "\n".join([
             self.sentence(),
             f"where: {spells}{f', {self.regime}' if self.regime else ''}",
@@ -100,7 +122,9 @@ class Discovery:
         ])  # fmt: skip
 
 
-def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False) -> Discovery:
+def discover(
+    record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False
+) -> Discovery:
     """Say where a record differs from its simulation, and describe how by a law that pays on samples it was not fitted to.
 
     Examples
@@ -122,7 +146,9 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
         return described(situation, found, lambda: assess(situation), seed)
 
 
-def described(s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0) -> Discovery:
+def described(
+    s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0
+) -> Discovery:
     """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
 
     A law stands unless another block has plainly more of the evidence, or it does not narrow the gap; `known` assesses the
@@ -142,10 +168,18 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
         elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
-        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.shares[seen.block])
+        return Discovery(
+            s,
+            None,
+            f"{why}; {seen.words}",
+            "" if seen.doubt else seen.block,
+            seen.shares[seen.block],
+        )
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
     share = seen.shares[law.block]
-    return Discovery(s, law, "", law.block, share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
+    return Discovery(
+        s, law, "", law.block, share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs
+    )
 
 
 def _simulated(
@@ -163,7 +197,9 @@ def _simulated(
     first = before or again
     assert first is not None
     named = zip(("baseline", "recalibrated", "with the law"), (first, again or first, after))
-    return measure(s, first, again or first, after, seed=seed), {name: (run.op, run.pv) for name, run in named}
+    return measure(s, first, again or first, after, seed=seed), {
+        name: (run.op, run.pv) for name, run in named
+    }
 
 
 def _regime(s: Situation, law: FoundLaw) -> str:
@@ -177,5 +213,8 @@ def _regime(s: Situation, law: FoundLaw) -> str:
         middle = float(np.median(x))
         above = float(weight[-x.size :][x[-weight.size :] > middle].sum()) / total
         if abs(above - 0.5) > max(_SIDED, abs(best[1])):
-            best = (f"mostly while {name} is {'above' if above > 0.5 else 'below'} {middle:.3g}{unit}", above - 0.5)
+            best = (
+                f"mostly while {name} is {'above' if above > 0.5 else 'below'} {middle:.3g}{unit}",
+                above - 0.5,
+            )
     return best[0]

@@ -36,9 +36,13 @@ def refuse_effect_file(path: str | Path) -> None:
     """Refuse, before any work, a file whose name can be no effect's."""
     stem = Path(path).stem
     if Path(path).suffix != ".py" or not stem.isidentifier() or stem != stem.lower():
-        raise ParameterError(f"--write-effect {path}: a Python file of small letters, digits and _ is needed, like my_law.py")
+        raise ParameterError(
+            f"--write-effect {path}: a Python file of small letters, digits and _ is needed, like my_law.py"
+        )
     if stem in PLUGINS.names() or stem in PLUGINS.reserved:
-        raise ParameterError(f"--write-effect {path}: the effect {stem!r} is known already; another name is needed")
+        raise ParameterError(
+            f"--write-effect {path}: the effect {stem!r} is known already; another name is needed"
+        )
 
 
 def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> None:

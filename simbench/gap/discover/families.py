@@ -17,8 +17,14 @@ from simbench.gap.likelihood.search import MV_STARTS
 from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
-_LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; a law's own numbers are not
-_LOADS, _QUICK = ("load", "load_time", "load_lag"), 5  # searched beside each guess of a family, in so many steps
+_LOAD = (
+    *NUISANCES,
+    "load_jump",
+)  # searched anew in every part of the record; a law's own numbers are not
+_LOADS, _QUICK = (
+    ("load", "load_time", "load_lag"),
+    5,
+)  # searched beside each guess of a family, in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
 Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)
@@ -60,22 +66,29 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
         if best.spec.valve == kernels.IDEAL:
             return None
         spec = Spec(valve=best.spec.valve, start=best.spec.start)
-        guesses: Sequence[_Numbers] = [{number.name: best.theta[number.name] for number in spec.own}]
+        guesses: Sequence[_Numbers] = [
+            {number.name: best.theta[number.name] for number in spec.own}
+        ]
     else:
         guesses = family.starts
     joined = null.spec.join(spec)
     # the load that the null needed may hide a law: each guess is tried beside a load of its own
     loads = ({}, {k: v for k, v in engine.start().items() if k in _LOAD})
     quick = [
-        engine.fit(joined, {**null.theta, **own, **load}, search=_LOADS, steps=_QUICK) for own, load in product(guesses, loads)
+        engine.fit(joined, {**null.theta, **own, **load}, search=_LOADS, steps=_QUICK)
+        for own, load in product(guesses, loads)
     ]
-    tries = sorted((f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik)
+    tries = sorted(
+        (f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik
+    )
     found = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
     if not found:
         return None
     best = max(found, key=lambda f: f.loglik)
     names = [*spec.free, *(number.name for number in spec.own)]
-    return Tried(family, best, spec, {name: best.K if name == "K" else best.theta[name] for name in names})
+    return Tried(
+        family, best, spec, {name: best.K if name == "K" else best.theta[name] for name in names}
+    )
 
 
 def gain_of(law: Tried, engine: Engine, level: float) -> float:
@@ -93,9 +106,15 @@ def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
     for null, price in nulls:
         spec = null.spec.join(replace(law.spec, free=frozenset()))
         starts = MV_STARTS if spec.valve else (spec.start,)
-        begun = [engine.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
+        begun = [
+            engine.at(replace(spec, start=x), {**null.theta, **more, **own})
+            for more in ({}, loads)
+            for x in starts
+        ]
         best = max(begun, key=lambda f: f.loglik)
-        fit = engine.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+        fit = engine.fit(
+            best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8
+        )
         tries.append((fit, fit.loglik - price))
     best, value = max(tries, key=lambda t: t[1])
     return best, value - max(map(worth, nulls))
@@ -130,7 +149,11 @@ def families(s: Situation, first: int) -> Iterator[Family]:
         yield from _valve(s, first)
     for name, size in (("K", "gain"), ("T", "pace"), ("Td", "delay")):
         if name != "T" or d.T > 0.0:
-            yield Family("size", lambda own, name=name, size=size: _resized(size, own[name], s), Spec(free=frozenset({name})))
+            yield Family(
+                "size",
+                lambda own, name=name, size=size: _resized(size, own[name], s),
+                Spec(free=frozenset({name})),
+            )
     yield Family(
         "zero", lambda own: {"lead": own["lead"] * Ts, "lag": own["lag"] * Ts},
         _moves(lambda u, p: _led(u, p["lead"], p["lag"]), _free("lead", -5 * pace, 5 * pace),
@@ -145,7 +168,9 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
     q1, q2, q3 = (float(q) for q in np.quantile(op[:first], (0.25, 0.5, 0.75)))
 
     def bent(u: np.ndarray, p: Any) -> np.ndarray:
-        return u + sum(p[k] * np.maximum(u - q, 0.0) for k, q in (("k1", q1), ("k2", q2), ("k3", q3)))
+        return u + sum(
+            p[k] * np.maximum(u - q, 0.0) for k, q in (("k1", q1), ("k2", q2), ("k3", q3))
+        )
 
     slopes = ("k1", "k2", "k3")
     yield Family(
@@ -157,7 +182,9 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
         search=deadzone.fit,
     )  # fmt: skip
     if s.baseline.valve.name == "ideal":
-        yield Family("memory", lambda own: {"S": own["S"], "J": own.get("J", 0.0)}, search=stiction.fit)
+        yield Family(
+            "memory", lambda own: {"S": own["S"], "J": own.get("J", 0.0)}, search=stiction.fit
+        )
     yield Family(
         "rate", lambda own: {"slowness": Ts / own["rate"]},
         _moves(lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)),
@@ -168,7 +195,13 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
 def _resized(size: str, value: float, s: Situation) -> _Numbers:
     """Return a gain, a time constant or a dead time of the engine's as the law states it beside the baseline's."""
     d = s.data
-    return {size: {"gain": max(value / d.K, 0.01), "pace": value / (d.T or 1.0), "delay": (value - d.Td) * s.record.Ts}[size]}
+    return {
+        size: {
+            "gain": max(value / d.K, 0.01),
+            "pace": value / (d.T or 1.0),
+            "delay": (value - d.Td) * s.record.Ts,
+        }[size]
+    }
 
 
 def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:

@@ -20,13 +20,21 @@ from simbench.gap.situation import Situation
 from simbench.loop.laws import LAW_FORMS
 
 _WARM_UP = 0.2  # share of the first part in which a loop begun at rest is not yet the record's
-_SEEDS, _APART = 6, 100  # runs of a trial, and how far their seeds lie from those that measure the gap
-_LOAD, _NUMBER = (-0.5, 0.7), -0.3  # first steps: of the logarithms of the load's size and memory, of a number's share
+_SEEDS, _APART = (
+    6,
+    100,
+)  # runs of a trial, and how far their seeds lie from those that measure the gap
+_LOAD, _NUMBER = (
+    (-0.5, 0.7),
+    -0.3,
+)  # first steps: of the logarithms of the load's size and memory, of a number's share
 _TRIALS = 30  # times the load's fit, twice that with the law's numbers
 _PLAINLY = 0.8  # times the distance, below which other numbers than the likeliest are believed
 
 
-def runs_with(s: Situation, fit: Fit, law: FoundLaw, name: str, seed: int, **more: Any) -> Runs | None:
+def runs_with(
+    s: Situation, fit: Fit, law: FoundLaw, name: str, seed: int, **more: Any
+) -> Runs | None:
     """Simulate the loop with a law that is lent under a name; None where it cannot be simulated or runs away."""
     # a law of another gain or time is told of the baseline's
     plant = "baseline" if law.form == "size" else "fitted"
@@ -53,13 +61,23 @@ def matched(s: Situation, found: Found, seed: int) -> Found:
     ruler = seed_spread(tuned.features)
     real = np.array([*features(s.op[part], np.asarray(s.record.pv)[part], s.sp[part]).values()])
     rules = LAW_FORMS[law.form].numbers
-    own = [k for k, v in law.numbers.items() if found.fit is not found.null and v != rules[k].identity and k[0] != "q"]
+    own = [
+        k
+        for k, v in law.numbers.items()
+        if found.fit is not found.null and v != rules[k].identity and k[0] != "q"
+    ]
 
     def at(x: np.ndarray) -> tuple[FoundLaw, Fit]:
         theta, by = found.fit.theta, dict(zip(("load", "load_time"), np.exp(x)))
-        load = {k: v * by[k.replace("_jump", "")] for k, v in theta.items() if k in ("load", "load_jump", "load_time")}
+        load = {
+            k: v * by[k.replace("_jump", "")]
+            for k, v in theta.items()
+            if k in ("load", "load_jump", "load_time")
+        }
         numbers = {k: float(law.numbers[k] * (1.0 + share)) for k, share in zip(own, x[2:])}
-        return replace(law, numbers=law.numbers | numbers), replace(found.fit, theta={**theta, **load})
+        return replace(law, numbers=law.numbers | numbers), replace(
+            found.fit, theta={**theta, **load}
+        )
 
     def off(x: np.ndarray) -> float:
         tried, fit = at(x)

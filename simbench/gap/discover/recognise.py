@@ -41,7 +41,9 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
 def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     """Return nats and numbers of a form of law in a whole record; None where it shows nothing of it."""
     first = held_out(s)
-    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(LAW_FORMS[form].block)
+    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(
+        LAW_FORMS[form].block
+    )
     law = exact(s, first) if exact is not None else None
     if law is not None and law.form == form:
         return min(law.nats, _MOST), dict(law.numbers)

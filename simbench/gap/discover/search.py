@@ -7,7 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.gap.discover.families import Nulls, Tried, families, fitted, gain_of, judged, nulls_of, worth
+from simbench.gap.discover.families import (
+    Nulls,
+    Tried,
+    families,
+    fitted,
+    gain_of,
+    judged,
+    nulls_of,
+    worth,
+)
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
@@ -23,8 +32,14 @@ _CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
 _LEAST_NATS = float(np.log(_TRIED / _CHANCE))  # ... in nats on unseen samples
 _JUDGED = 4  # families, the likeliest on the first part, that are asked on the rest
 _LEARNT = 5.0  # nats that a family must bring to the samples it was fitted to
-_SPELL, _LOUD = 10.0, 1.6  # mean length of a spell (samples) and how many times the quiet size, from which it is one
-_CREDIBLE, _STEPS = 1.92, (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8)  # nats, and shares of a number, of its interval
+_SPELL, _LOUD = (
+    10.0,
+    1.6,
+)  # mean length of a spell (samples) and how many times the quiet size, from which it is one
+_CREDIBLE, _STEPS = (
+    1.92,
+    (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8),
+)  # nats, and shares of a number, of its interval
 _PRICE = 6.0  # nats of a change from on to off
 
 
@@ -89,7 +104,9 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
     tries: list[tuple[float, Tried]] = []
     for family in families(s, first):
         laws = [(price, fitted(family, learn, base)) for base, price in nulls]
-        tries += [(gain_of(law, learn, level + price), law) for price, law in laws if law is not None]
+        tries += [
+            (gain_of(law, learn, level + price), law) for price, law in laws if law is not None
+        ]
         bar.update()
     forms = tuple((LAW_FORMS[law.family.form].block, gain) for gain, law in tries)
     tries = sorted((t for t in tries if t[0] > _LEARNT), key=lambda t: -t[0])
@@ -100,13 +117,26 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
         nats = held - float(np.log(2.0))
         if nats <= _LEAST_NATS:
             # the other way round too, and the mean of both ratios (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
-            back = [one for base, _ in others for one in [fitted(law.family, rest, base)] if one is not None]
+            back = [
+                one
+                for base, _ in others
+                for one in [fitted(law.family, rest, base)]
+                if one is not None
+            ]
             there_too = max(back, key=lambda one: one.fit.loglik, default=law)
-            nats = float(np.logaddexp(held, judged(there_too, learn, nulls)[1] if back else -np.inf)) - float(np.log(2.0))
+            nats = float(
+                np.logaddexp(held, judged(there_too, learn, nulls)[1] if back else -np.inf)
+            ) - float(np.log(2.0))
         most = max(most, nats)
         if nats > _LEAST_NATS:
             evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, held))
-            known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
+            known = FoundLaw(
+                law.family.form,
+                law.numbers,
+                float(nats),
+                evidence,
+                intervals=_intervals(law, learn),
+            )
             found.append((gain + nats, known, law.fit))
     # jumps of the load would take its spells for their own
     loud = _loud(s, nulls[0][0], others[0][0], first)
@@ -173,10 +203,19 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fi
     numbers = {"share": min(share, 0.95), "length": length * Ts}
     more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)))
     if of_load(learn, np.flatnonzero(on[:first]), null) and theta["load"] > 0.0:
-        load = {"std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0), "time": theta["load_time"] * Ts}
+        load = {
+            "std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0),
+            "time": theta["load_time"] * Ts,
+        }
         law = FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
         return law, replace(null, theta={**theta, "load": quiet * theta["load"]})
-    return FoundLaw("rough", {"std": more / quiet * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on), null
+    return FoundLaw(
+        "rough",
+        {"std": more / quiet * theta["noise_std"]} | numbers,
+        nats,
+        evidence=evidence,
+        on=on,
+    ), null
 
 
 def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:

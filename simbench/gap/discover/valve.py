@@ -32,7 +32,9 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
     learn, judge = slice(0, first), slice(first, n)
     plain = behind(s.expected_mv)
     tries: list[tuple[str, _Numbers, np.ndarray]] = []
-    search = MapSearch(op[learn], mv[learn], Ts, s.expected_mv[learn], s.expected_band, s.valve_lag / Ts)
+    search = MapSearch(
+        op[learn], mv[learn], Ts, s.expected_mv[learn], s.expected_band, s.valve_lag / Ts
+    )
     whole = MapSearch(op, mv, Ts, s.expected_mv)
     for module, kinds in ((deadband, (kernels.PLAY,)), (stiction, (kernels.STICK, kernels.CREEP))):
         by_mv = module.RECOGNISER.by_mv
@@ -40,15 +42,24 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
         _, p = by_mv(search)
         band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
         # friction is only known up to its model
-        tries += [("memory", band, behind(whole.moved(kind, band["S"], band["J"]))) for kind in kinds]
+        tries += [
+            ("memory", band, behind(whole.moved(kind, band["S"], band["J"]))) for kind in kinds
+        ]
     knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
     X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
     beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
-    numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])}
+    numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {
+        f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])
+    }
     tries.append(("curve", numbers, X @ beta))
     rates = np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0)
-    tries += [("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))) for rate in rates]
-    tries += [("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))) for tau in np.geomspace(0.3, n / 20, 25)]
+    tries += [
+        ("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))) for rate in rates
+    ]
+    tries += [
+        ("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau)))
+        for tau in np.geomspace(0.3, n / 20, 25)
+    ]
     best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
     form, numbers, v = best
     ratio = misfit(v, judge) / misfit(plain, judge)

@@ -11,7 +11,9 @@ from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
 __all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "lent", "recogniser"]
 
-PLUGINS = PluginFolder("recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",))
+PLUGINS = PluginFolder(
+    "recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",)
+)
 
 
 _left_out: set[str] = set()

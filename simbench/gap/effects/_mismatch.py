@@ -11,18 +11,27 @@ from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import idle
 
 
-def released(name: str, trials: Callable[[Engine], list[float]]) -> Callable[[Engine, Fit], tuple[Fit, float]]:
+def released(
+    name: str, trials: Callable[[Engine], list[float]]
+) -> Callable[[Engine, Fit], tuple[Fit, float]]:
     """Return the fit in which one number of the plant is released, begun from several values of it."""
 
     def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(free=frozenset({name})))
         # the load that hid the mismatch must give way before a trial shows its worth
         few = ("load_time", "load")
-        tries = [engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials(engine)]
+        tries = [
+            engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials(engine)
+        ]
         tries.sort(key=lambda f: -f.loglik)
-        tries += [engine.fit(spec, {**idle(engine, base), name: t.theta[name]}, search=few, steps=2) for t in tries[:3]]
+        tries += [
+            engine.fit(spec, {**idle(engine, base), name: t.theta[name]}, search=few, steps=2)
+            for t in tries[:3]
+        ]
         tries.sort(key=lambda f: -f.loglik)
-        return max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik), 1.0
+        return max(
+            (engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik
+        ), 1.0
 
     return fit
 
@@ -35,4 +44,7 @@ def times(engine: Engine) -> list[float]:
 def dead_times(engine: Engine) -> list[float]:
     """Return dead times to begin from (samples)."""
     d = engine.data
-    return [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
+    return [
+        *np.linspace(0.0, d.Td, 5)[:-1],
+        *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0)),
+    ]

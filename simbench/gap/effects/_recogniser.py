@@ -47,22 +47,36 @@ class Recogniser:
     by_mv_leaves: float = 0.3  # share of an ideal valve's misfit to MV that the map may leave before MV counts as unexplained
     # log-likelihood of a measurement's errors, as lab samples at some times (s) show them, under the effect of that size; only
     # of effects that falsify the measurement
-    by_lab: Callable[[Mapping[str, float | str], np.ndarray, np.ndarray, float], float] | None = None
+    by_lab: Callable[[Mapping[str, float | str], np.ndarray, np.ndarray, float], float] | None = (
+        None
+    )
     # evidence in the innovations of the fit without effect, where the samples themselves were not conclusive
-    by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
-    masked_by_archive: Callable[[Situation], bool] = _never  # whether something proven makes all the evidence of this effect
-    remark: Callable[[Situation], str] = lambda s: ""  # what the record shows of it beside the answer; "" for nothing
+    by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
+        None
+    )
+    masked_by_archive: Callable[[Situation], bool] = (
+        _never  # whether something proven makes all the evidence of this effect
+    )
+    remark: Callable[[Situation], str] = lambda s: (
+        ""
+    )  # what the record shows of it beside the answer; "" for nothing
     needs: str = ""  # {"", "plant", "tuning"}: what of the baseline must be its author's for the effect to have a meaning
     # range of OP (%) within which the valve rests; only of friction. Behind it any plant looks as if it integrated.
     band: Callable[[Mapping[str, float | str]], float] | None = None
     bends_plant: bool = False  # PV answers OP as another plant would: asked before a record is called another loop's
-    leaves_traces: bool = False  # even the right fit leaves jumps, spells and heavy tails in the innovations
+    leaves_traces: bool = (
+        False  # even the right fit leaves jumps, spells and heavy tails in the innovations
+    )
     replaces: str = ""  # the plant's number (K, T or Td) that the effect states in place of the fit
     # offset of OP (%) that starts a cycle: a sticky loop left at rest may stay there
     initial_op_offset: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
     # how far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant
-    mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
-    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None  # the size that would have shown in this record
+    mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: (
+        0.0
+    )
+    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: (
+        None
+    )  # the size that would have shown in this record
     # draws all that is not size (direction, place, shape) and returns the parameters as a function of x, from 0, barely there,
     # to 1, gross
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None

@@ -21,25 +21,39 @@ class Probe:
         self.engine, self.base, self.situation = engine, base, situation
         self.level = engine.evaluate(base.spec, base.theta)[0]
 
-    def first(self, spec: Spec, numbers: Callable[[float], dict[str, float]], size: Callable[[float], float]) -> float:
+    def first(
+        self,
+        spec: Spec,
+        numbers: Callable[[float], dict[str, float]],
+        size: Callable[[float], float],
+    ) -> float:
         """Return the size of the first step that costs `_NATS` in likelihood, all else held; infinite where none does."""
         joined = self.base.spec.join(spec)
         for step in _STEPS:
-            if self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0] > _NATS:
+            if (
+                self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0]
+                > _NATS
+            ):
                 return float(size(step))
         return float("inf")
 
     def band(self, kind: int) -> tuple[float, str]:
         """Return the smallest width of a valve map with a band, its jump half of it."""
         span = float(np.ptp(self.engine.data.u)) or 1.0
-        found = self.first(Spec(valve=kind), lambda x: {"S": x * span, "J": 0.5 * x * span}, lambda x: x * span)
+        found = self.first(
+            Spec(valve=kind), lambda x: {"S": x * span, "J": 0.5 * x * span}, lambda x: x * span
+        )
         return found, "%"
 
     def pole(self, where: str) -> tuple[float, str]:
         """Return the smallest time constant of one more series pole."""
         d = self.engine.data
         unit = 5.0 * (d.T or d.Td + 1.0)
-        found = self.first(Spec(pole=where), lambda x: {"tau": x * unit}, lambda x: x * unit * self.situation.record.Ts)
+        found = self.first(
+            Spec(pole=where),
+            lambda x: {"tau": x * unit},
+            lambda x: x * unit * self.situation.record.Ts,
+        )
         return found, "s"
 
     def factor(self, name: str) -> tuple[float, str]:

@@ -14,7 +14,9 @@ from simbench.gap.likelihood.search import MV_STARTS, band_sizes, search_map
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the band finely, then refine it with the nuisances."""
-    coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 32) for start in MV_STARTS])
+    coarse = np.array(
+        [(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 32) for start in MV_STARTS]
+    )
     return search_map(engine, base, kernels.PLAY, coarse), 1.0
 
 

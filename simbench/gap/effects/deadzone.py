@@ -29,7 +29,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 def by_mv(search: MapSearch) -> Found:
     """Scan width and centre over OP's range."""
     centres = np.quantile(search.op, np.linspace(0.05, 0.95, 13))
-    return search.zoom(kernels.ZONE, ("D", "c"), [(s, c) for s in search.sizes for c in centres], 2.0)
+    return search.zoom(
+        kernels.ZONE, ("D", "c"), [(s, c) for s in search.sizes for c in centres], 2.0
+    )
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

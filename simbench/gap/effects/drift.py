@@ -37,7 +37,9 @@ def smallest(probe: Probe) -> tuple[float, str]:
     """Force a walk."""
     d = probe.engine.data
     spread = float(np.std(d.y))
-    found = probe.first(Spec(walk=True), lambda x: {"walk": x * spread / np.sqrt(d.n)}, lambda x: x * spread)
+    found = probe.first(
+        Spec(walk=True), lambda x: {"walk": x * spread / np.sqrt(d.n)}, lambda x: x * spread
+    )
     return found, "PV units over the record"
 
 
@@ -50,10 +52,15 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     return lambda x: {"rate": 0.0, "walk": between(x, 0.1, 60.0) * unit / np.sqrt(y.seconds)}
 
 
-def by_lab(p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float) -> float:
+def by_lab(
+    p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float
+) -> float:
     """Return the log-likelihood of errors that ramp, as PV did, and walk beside their noise, from an unknown offset."""
     rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)
-    ramps, walks = (_SURE_WITHIN * rate) ** 2 * np.outer(times, times), walk**2 * np.minimum.outer(times, times)
+    ramps, walks = (
+        (_SURE_WITHIN * rate) ** 2 * np.outer(times, times),
+        walk**2 * np.minimum.outer(times, times),
+    )
     L = np.linalg.cholesky(noise**2 * np.eye(times.size) + ramps + walks + offset**2)
     x = np.linalg.solve(L, errors - rate * times)
     return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())

@@ -13,7 +13,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Release K, from loads of several sizes."""
     spec = base.spec.join(Spec(free=frozenset({"K"})))
     quiet = {**base.theta, "load": 0.3 * base.theta["load"]}
-    return max((engine.fit(spec, theta) for theta in (base.theta, quiet, idle(engine, base))), key=lambda f: f.loglik), 1.0
+    return max(
+        (engine.fit(spec, theta) for theta in (base.theta, quiet, idle(engine, base))),
+        key=lambda f: f.loglik,
+    ), 1.0
 
 
 RECOGNISER = Recogniser(

@@ -18,14 +18,19 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     line = kernels.plant(np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     spec = base.spec.join(Spec(load_walk=True, channels=(line,)))
     size = float(np.std(d.y)) if d.T > 0 else float(np.std(np.diff(d.y)))
-    best = engine.grid(spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)])[0]
+    best = engine.grid(
+        spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)]
+    )[0]
     return engine.fit(spec, best.theta), 2.0
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (%/s) and walk (%/sqrt(s)) at the plant's input."""
     Ts, K = s.record.Ts, input_gain(fit, s.data)
-    rate, walk = fit.beta[LINEAR:][-1] / K / (s.data.n * Ts), fit.theta["load_walk"] / abs(K) / np.sqrt(Ts)
+    rate, walk = (
+        fit.beta[LINEAR:][-1] / K / (s.data.n * Ts),
+        fit.theta["load_walk"] / abs(K) / np.sqrt(Ts),
+    )
     return {"rate": float(rate), "walk": float(walk)}
 
 
@@ -33,8 +38,14 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw whether it is a ramp, which way, or a walk."""
     if rng.random() < 0.5:
         way = rng.choice([-1, 1])
-        return lambda x: {"rate": way * min(between(x, 0.3, 30.0) * y.op, 40.0) / y.seconds, "walk": 0.0}
-    return lambda x: {"rate": 0.0, "walk": min(between(x, 0.1, 20.0) * y.op, 20.0) / np.sqrt(y.seconds)}
+        return lambda x: {
+            "rate": way * min(between(x, 0.3, 30.0) * y.op, 40.0) / y.seconds,
+            "walk": 0.0,
+        }
+    return lambda x: {
+        "rate": 0.0,
+        "walk": min(between(x, 0.1, 20.0) * y.op, 20.0) / np.sqrt(y.seconds),
+    }
 
 
 RECOGNISER = Recogniser(

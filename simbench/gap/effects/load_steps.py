@@ -27,7 +27,9 @@ _BESIDE = 0.25  # share of the load that must be left beside the jumps: a load t
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
     n = engine.data.n
-    tries = [_jumping(engine, base, lasting, share) for lasting in (True, False) for share in _SHARES]
+    tries = [
+        _jumping(engine, base, lasting, share) for lasting in (True, False) for share in _SHARES
+    ]
     best = max(tries, key=lambda f: f.loglik - _price(f, n))
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
@@ -49,7 +51,10 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *found), lasting=lasting))
             start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
             # the base had bent its plant around the jumps
-            one = _pruned(engine, engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4))
+            one = _pruned(
+                engine,
+                engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4),
+            )
             if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + _NATS_OF_A_JUMP:
                 better = one
             # of those found together some may have been the same

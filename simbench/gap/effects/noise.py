@@ -21,7 +21,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     if stated > 0:
         # where the noise was held down, the load had taken its place: begin anew as well
         fresh = {**base.theta, **engine.start(), "noise_std": 2.0 * stated}
-        tries = [engine.fit(spec, {**base.theta, "noise_std": 2.0 * stated, "colour": 0.05}), engine.fit(spec, fresh)]
+        tries = [
+            engine.fit(spec, {**base.theta, "noise_std": 2.0 * stated, "colour": 0.05}),
+            engine.fit(spec, fresh),
+        ]
         best = max([best, *tries], key=lambda f: f.loglik)
     # less noise than stated is seldom less noise: something smooths it
     return best, 1.0 if best.theta["noise_std"] >= stated else _QUIETER

@@ -15,7 +15,9 @@ _CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw nothing but the step."""
-    return lambda x: {"step": min(between(x, 0.1 * y.op_change, 15 * max(y.op_change, 0.3 * y.op)), 20.0)}
+    return lambda x: {
+        "step": min(between(x, 0.1 * y.op_change, 15 * max(y.op_change, 0.3 * y.op)), 20.0)
+    }
 
 
 def proven(s: Situation) -> Parameters | None:

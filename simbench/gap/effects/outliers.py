@@ -37,7 +37,8 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     alone = [
         k
         for k in far
-        if z[max(k - 2, 0) : k].max(initial=0) < _ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < _ALONE * z[k]
+        if z[max(k - 2, 0) : k].max(initial=0) < _ALONE * z[k]
+        and z[k + 1 : k + 3].max(initial=0) < _ALONE * z[k]
     ]
     # a spike is gone a sample later; what a load has moved is not
     pv = np.asarray(s.record.pv)
@@ -47,9 +48,16 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     heights = z[alone] * scale
     rate = len(alone) / x.size
     wide = float(np.std(heights)) + float(np.mean(heights))
-    mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
+    mixture = np.log(
+        (1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale
+        + rate * np.exp(-0.5 * (x / wide) ** 2) / wide
+    )
     at = "loop" if s.law.known else "record"
-    parameters: Parameters = {"rate": rate, "size": float(np.mean(heights)) * base.theta["noise_std"], "at": at}
+    parameters: Parameters = {
+        "rate": rate,
+        "size": float(np.mean(heights)) * base.theta["noise_std"],
+        "at": at,
+    }
     return float(np.sum(mixture) - _by_tails(x) - size_penalty(x.size, 2.0)), parameters
 
 
@@ -75,7 +83,11 @@ def _gone_again(pv: np.ndarray, k: int) -> bool:
 def remark(s: Situation) -> str:
     """Return how many spikes there are, and when the first one is."""
     spikes = s.samples.spikes
-    return f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start" if spikes.size else ""
+    return (
+        f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start"
+        if spikes.size
+        else ""
+    )
 
 
 def smallest(probe: Probe) -> tuple[float, str]:

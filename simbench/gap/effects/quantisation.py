@@ -13,12 +13,18 @@ from simbench.gap.situation import Situation
 
 def proven(s: Situation) -> Parameters | None:
     """Return step and place of PV's lattice."""
-    return None if s.archive.rounding is None else {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
+    return (
+        None
+        if s.archive.rounding is None
+        else {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
+    )
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
     """Return a step well above the digits PV is written in."""
-    return max(20.0 * probe.situation.samples.resolution, 1e-6 * float(np.ptp(probe.engine.data.y))), "PV units"
+    return max(
+        20.0 * probe.situation.samples.resolution, 1e-6 * float(np.ptp(probe.engine.data.y))
+    ), "PV units"
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

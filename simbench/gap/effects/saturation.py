@@ -22,7 +22,9 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 
 RECOGNISER = Recogniser(
-    proven=lambda s: None if s.law.limits is None else {"lo": s.law.limits[0], "hi": s.law.limits[1]},
+    proven=lambda s: (
+        None if s.law.limits is None else {"lo": s.law.limits[0], "hi": s.law.limits[1]}
+    ),
     explains="limits",
     draw=draw,
 )

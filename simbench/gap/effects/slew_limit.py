@@ -32,7 +32,9 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 def by_mv(search: MapSearch) -> Found:
     """Scan the rate finely."""
     rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
-    level, best = min(((search.level(slewed(search.op, float(r))), float(r)) for r in rates), key=lambda t: t[0])
+    level, best = min(
+        ((search.level(slewed(search.op, float(r))), float(r)) for r in rates), key=lambda t: t[0]
+    )
     return search.priced(level, {"slowness": search.Ts / best}, 1.0)
 
 

@@ -32,7 +32,10 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def by_mv(search: MapSearch) -> Found:
     """Return the better of two maps with a jump."""
-    return max((search.slipping(kind, ("S", "J"), _COARSE_JUMPS, 2.0) for kind in _MODELS), key=lambda t: t[0])
+    return max(
+        (search.slipping(kind, ("S", "J"), _COARSE_JUMPS, 2.0) for kind in _MODELS),
+        key=lambda t: t[0],
+    )
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

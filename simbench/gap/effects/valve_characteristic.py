@@ -32,7 +32,11 @@ def by_mv(search: MapSearch) -> Found:
 
 def smallest(probe: Probe) -> tuple[float, str]:
     """Force a ratio above 1."""
-    forced = probe.first(Spec(valve=kernels.CURVE), lambda x: {"R": float(np.exp(3.0 * x))}, lambda x: float(np.exp(3.0 * x)))
+    forced = probe.first(
+        Spec(valve=kernels.CURVE),
+        lambda x: {"R": float(np.exp(3.0 * x))},
+        lambda x: float(np.exp(3.0 * x)),
+    )
     return forced, ""
 
 

@@ -20,7 +20,11 @@ def by_mv(search: MapSearch) -> Found:
 
     best = int(np.argmin([level(x) for x in taus]))
     around = (taus[max(best - 1, 0)], taus[min(best + 1, taus.size - 1)])
-    tau = float(scipy.optimize.minimize_scalar(level, bounds=around, method="bounded", options={"xatol": 1e-3 * taus[best]}).x)
+    tau = float(
+        scipy.optimize.minimize_scalar(
+            level, bounds=around, method="bounded", options={"xatol": 1e-3 * taus[best]}
+        ).x
+    )
     return search.priced(level(tau), {"tau": tau * search.Ts}, 1.0)
 
 

@@ -15,7 +15,9 @@ from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
 _STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
-_SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
+_SPECKS = (
+    0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
+)
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
@@ -31,7 +33,9 @@ class _Archived(NamedTuple):
 def archived(it: Observed) -> _Archived:
     """Return what stands between the PV on record and the plant's."""
     archive, plant_pv, mismatch = _archive(it)
-    return _Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it, archive, mismatch))
+    return _Archived(
+        archive, plant_pv, _resolution(archive, it.samples), _unexplained(it, archive, mismatch)
+    )
 
 
 def _resolution(archive: Archive, samples: Samples) -> float:
@@ -52,12 +56,16 @@ def _astray(it: Observed) -> str:
     """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends and samples not archived."""
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
-    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(np.asarray(it.record.pv), it.samples.digits)
+    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(
+        np.asarray(it.record.pv), it.samples.digits
+    )
     # an end of OP's range is everybody's
     marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
     count = int(np.count_nonzero(~excused[it.law.strays]))
-    return f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
+    return (
+        f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
+    )
 
 
 def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
@@ -71,7 +79,11 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
         kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
         size = float(np.quantile(np.abs(pv - kept), 0.98))
         # noise that the archive's own mean has smoothed lies on lines sooner
-        band = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > it.noise else 0.0
+        band = (
+            (size or 0.5 * float(np.std(np.diff(pv))))
+            if not law.averaged or size > it.noise
+            else 0.0
+        )
     elif not hides_nothing(samples.digits, pv, it.noise):
         step = samples.digits
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
@@ -81,7 +93,9 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
-def _spikes(it: Observed, plant_pv: np.ndarray, thinned: bool) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
+def _spikes(
+    it: Observed, plant_pv: np.ndarray, thinned: bool
+) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP moves as no PV makes it."""
     law, samples = it.law, it.samples
     pv, seen, mismatch = np.asarray(it.record.pv), law.recovered_pv, ""
@@ -120,7 +134,9 @@ def _lines_where_apart(it: Observed) -> bool:
 
 def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:
     """Return whether OP jumps with the spikes of PV as the controller's gain says."""
-    du = np.append(np.diff(it.record.op), 0.0)[np.clip(spikes - 1 + it.law.late, 0, it.record.n - 1)]
+    du = np.append(np.diff(it.record.op), 0.0)[
+        np.clip(spikes - 1 + it.law.late, 0, it.record.n - 1)
+    ]
     asked = -it.law.Kc * heights
     return float(du @ asked) > 0.5 * float(asked @ asked)
 

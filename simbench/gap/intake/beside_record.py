@@ -20,7 +20,10 @@ from simbench.gap.situation import ModelledTest, Situation, through_valve
 
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
 _LAW_ROWS = 60  # samples in automatic from which a controller can be compared
-_BRISK, _OFTEN = 20, 5  # samples at an end of a manual run, and moves among them, from which it is no operator's
+_BRISK, _OFTEN = (
+    20,
+    5,
+)  # samples at an end of a manual run, and moves among them, from which it is no operator's
 _ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
 _EDGE = 1  # samples at a change of mode that may be written down on either side of it
 
@@ -40,8 +43,14 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)
         pv = cleaned(np.asarray(r.pv, dtype=float), samples.spikes)
-        u = through_valve(op, s.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv, dtype=float)
-        data = replace(s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits)
+        u = (
+            through_valve(op, s.baseline.valve, r.Ts)
+            if r.mv is None
+            else np.asarray(r.mv, dtype=float)
+        )
+        data = replace(
+            s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits
+        )
         rows = longest_run(~test.manual)
         if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= _LAW_ROWS:
             law = _law(test, rows, s)
@@ -70,7 +79,9 @@ def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
     if not law.known:
         # what stands between error and OP in a foreign controller need not show in every record
         why = f"in automatic OP does not follow the record's controller ({law.reason}); the loop behind {test.name} is another"
-        bare = s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
+        bare = (
+            s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
+        )
         return why if bare and not law.foreign else ""
     control, stated = s.baseline.controller, test.loop.controller
     Kc = s.law.Kc * stated.Kc / control.Kc
@@ -114,7 +125,10 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
                 return f"{said} still moves like a controller's in the {place} samples that are called MAN"
     for rows in _runs(~manual):
         x = ~moves[rows]
-        for place, side, shown in (("first", x[1:], rows.start > 0), ("last", x[::-1], rows.stop < manual.size)):
+        for place, side, shown in (
+            ("first", x[1:], rows.start > 0),
+            ("last", x[::-1], rows.stop < manual.size),
+        ):
             if shown and _length(side) > rests:
                 return f"{said} stands still in the {place} samples that are called AUTO"
     return ""

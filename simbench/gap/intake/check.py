@@ -13,7 +13,9 @@ from simbench.gap.intake.refuse import refuse_unusable
 from simbench.gap.situation import Situation
 
 
-def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool | None = None) -> Situation:
+def check(
+    record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool | None = None
+) -> Situation:
     """Refuse what cannot be compared, and settle what needs no fit."""
     it = Observed(record, baseline, trusted, trusted if tuned is None else tuned)
     refuse_unusable(it)

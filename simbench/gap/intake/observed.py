@@ -75,13 +75,17 @@ class Observed:
         """What turned the error into OP."""
         r, manual = self.record, self.record.meta.get("manual")
         if manual is None or not np.any(manual):
-            return examine_controller(self.op, r.pv, r.sp, r.Ts, self.baseline, self.tuned, self.noise)
+            return examine_controller(
+                self.op, r.pv, r.sp, r.Ts, self.baseline, self.tuned, self.noise
+            )
         # in manual OP is an input and no law is asked
         rows = longest_run(~np.asarray(manual))
         if rows.stop - rows.start < _LAW_ROWS:
             return Law(0.0, 0.0, self.Kc, self.baseline.controller.Ti or np.inf)
         sp = None if r.sp is None else r.sp[rows]
-        law = examine_controller(self.op[rows], r.pv[rows], sp, r.Ts, self.baseline, self.tuned, self.noise)
+        law = examine_controller(
+            self.op[rows], r.pv[rows], sp, r.Ts, self.baseline, self.tuned, self.noise
+        )
         return replace(law, recovered_pv=None, averaged=False, reason="")
 
     @property
@@ -103,9 +107,13 @@ class Observed:
     @property
     def notes(self) -> list[str]:
         """What the reader must know: data quality, the set point, a controller that cannot be told."""
-        said = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(self.record).values()]
+        said = [
+            f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(self.record).values()
+        ]
         sp = self.record.sp
-        said += ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
+        said += (
+            ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
+        )
         known = not self.law.reason or self.apart
         return said if known else [*said, f"controller: cannot tell, {self.law.reason}"]
 
@@ -149,4 +157,6 @@ def _moves_of(sp: np.ndarray) -> list[str]:
     count = int(np.count_nonzero(moves))
     if not 0 < count < _STEPS * sp.size:
         return []
-    return [f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"]
+    return [
+        f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"
+    ]

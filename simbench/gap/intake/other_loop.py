@@ -15,7 +15,9 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-_FAILS = 0.3  # share of OP's changes left over, below which the baseline's own law still explains them
+_FAILS = (
+    0.3  # share of OP's changes left over, below which the baseline's own law still explains them
+)
 _APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
 _PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
 
@@ -24,7 +26,13 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     """Refuse a baseline whose controller acts the other way, or ten times as much."""
     if law.baseline_residual < _FAILS:
         return
-    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and law.gap == 0.0:
+    if (
+        law.known
+        and law.residual < 0.03
+        and np.isfinite(law.Kc)
+        and law.Kc != 0.0
+        and law.gap == 0.0
+    ):
         ratio = law.Kc / Kc
         if ratio < 1.0 / _OTHER_LOOP or ratio > _OTHER_LOOP:
             raise RecordError(
@@ -40,7 +48,11 @@ def refuse_other_plant(s: Situation) -> None:
     gain and in time, must explain PV better than every single effect on the baseline's plant before the loop is called another.
     """
     data, law, Ts, control = s.data, s.law, s.record.Ts, s.baseline.controller
-    if law.tuning is None or not _apart(law.tuning[0]) or (control.Ti and not _apart(law.tuning[1])):
+    if (
+        law.tuning is None
+        or not _apart(law.tuning[0])
+        or (control.Ti and not _apart(law.tuning[1]))
+    ):
         return
     own, other = _own_plant(data, law, Ts)
     if other.K * law.Kc <= 0.0:
@@ -50,7 +62,10 @@ def refuse_other_plant(s: Situation) -> None:
     if data.T > 0 and not (_apart(gain / data.K) and _apart(pace / known)):
         return
     # an integrating plant has a slope and a dead time; one that settles late in the record may well be one
-    if data.T == 0 and not (lag < data.n / 30 and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))):
+    if data.T == 0 and not (
+        lag < data.n / 30
+        and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
+    ):
         return
     to_beat = max(other.loglik, own.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
     engine = Engine(data, 4.0 * (known + 1.0))
@@ -59,7 +74,10 @@ def refuse_other_plant(s: Situation) -> None:
         return
     # one effect that does nearly as well is enough, and most are cheap
     for effect in (e for e in possible_effects(s) if recogniser(e).bends_plant):
-        if base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain >= to_beat:
+        if (
+            base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain
+            >= to_beat
+        ):
             return
     raise RecordError(
         f"{s.where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "
@@ -77,7 +95,9 @@ def _own_plant(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
     """Return the record's own plant, gain, time constant and dead time free, and the engine that found it."""
     tries = []
     for lag in (law.Ti / Ts if np.isfinite(law.Ti) else 20.0, max(data.T, 5.0), 8.0):
-        own = replace(data, trusted=False, noise=0.0, T=float(np.clip(lag, 2.0, data.n / 16.0)), Td=0.2 * lag)
+        own = replace(
+            data, trusted=False, noise=0.0, T=float(np.clip(lag, 2.0, data.n / 16.0)), Td=0.2 * lag
+        )
         engine = Engine(own, 4.0 * (own.T + own.Td))
         tries.append((engine, engine.fit(Spec(), engine.start())))
     return max(tries, key=lambda t: t[1].loglik)

@@ -32,7 +32,9 @@ def read_baseline(path: str | Path) -> Loop | Partial:
     # what is said must be right by itself before the rest is looked for
     loop = Loop.from_table(_stand_ins(table) | table, str(path))
     if {"plant", "controller"} <= missing:
-        raise SpecError(f"{path}: has neither [plant] nor [controller]; with --identify no loop file is needed")
+        raise SpecError(
+            f"{path}: has neither [plant] nor [controller]; with --identify no loop file is needed"
+        )
     return Partial(loop, missing)
 
 
@@ -44,12 +46,19 @@ def _stand_ins(table: dict) -> dict:
     falls = isinstance(K, (int, float)) and K < 0
     return {
         "plant": {"type": "foptd", "K": -1.0 if direct else 1.0, "T": 1.0},
-        "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0, "direction": "direct" if falls else "reverse"},
+        "controller": {
+            "type": "PI",
+            "Kc": 1.0,
+            "Ti": 1.0,
+            "direction": "direct" if falls else "reverse",
+        },
         "sampling": {"Ts": 1.0},
     }
 
 
-def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop, frozenset[str], list[str]]:
+def completed(
+    record: LoopRecord, baseline: Loop | Partial | None
+) -> tuple[Loop, frozenset[str], list[str]]:
     """Return a whole baseline: what is known of it, and from the record what is not.
 
     >>> from random_case import random_case
@@ -63,7 +72,9 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
     if isinstance(baseline, Loop):
         laws = ((baseline.plant.type, PLANT_TYPES), (baseline.controller.type, CONTROLLER_TYPES))
         for law in (law for law, known in laws if law not in known):
-            raise SpecError(f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed: {', '.join(PLANT_TYPES)}")
+            raise SpecError(
+                f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed: {', '.join(PLANT_TYPES)}"
+            )
         # an inner loop is judged by its own record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing
@@ -75,12 +86,16 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
         taken["noise"] = found.noise
     loop = known.model_copy(update=taken)
     notes = [
-        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}" for name in _NEEDED if name in missing
+        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}"
+        for name in _NEEDED
+        if name in missing
     ]
     given = both - missing
     if "plant" in missing:
         lost = [e for e in EFFECTS if e not in meaningful(record.mv is not None, tuned=True)]
-        notes.append(f"baseline: without a plant to compare with, {', '.join(lost)} cannot be judged")
+        notes.append(
+            f"baseline: without a plant to compare with, {', '.join(lost)} cannot be judged"
+        )
     if "controller" in missing:
         notes.append("baseline: without a controller to compare with, detuning cannot be judged")
     return loop, given, notes
@@ -88,4 +103,6 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
 
 def _numbers(loop: Loop, section: str) -> str:
     said = getattr(loop, section).model_dump(exclude_none=True, exclude={"n", "direction"})
-    return ": " + ", ".join(f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in said.items())
+    return ": " + ", ".join(
+        f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in said.items()
+    )

@@ -59,30 +59,47 @@ def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
     settings = _settings(table, more or str(beside)) if more or "plant" not in table else {}
     record = read_record(file, automatic=False, **about)
     manual = np.asarray(record.meta.get("manual", np.zeros(record.n, dtype=bool)))
-    test = RecordedTest(file, record, manual, _lab_samples(file, record.n), settings, _loop(baseline, settings, record, file))
+    test = RecordedTest(
+        file,
+        record,
+        manual,
+        _lab_samples(file, record.n),
+        settings,
+        _loop(baseline, settings, record, file),
+    )
     _refuse(test)
     return test
 
 
 def files_of(given: str) -> tuple[str, str]:
     """Return the two files of RECORD[:SETTINGS.toml], the second "" where it is not named."""
-    file, _, more = given.rpartition(":") if given.endswith(".toml") and ":" in given else (given, "", "")
+    file, _, more = (
+        given.rpartition(":") if given.endswith(".toml") and ":" in given else (given, "", "")
+    )
     return file, more
 
 
 def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
     """Return the `lab` samples of a record (NaN between), None where it has none."""
-    columns = {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()} if _is_table(path) else {}
+    columns = (
+        {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()}
+        if _is_table(path)
+        else {}
+    )
     if "lab" not in columns:
         return None
     try:
-        lab = np.array([float(x) if str(x).strip() not in ("", "nan") else np.nan for x in columns["lab"]])
+        lab = np.array(
+            [float(x) if str(x).strip() not in ("", "nan") else np.nan for x in columns["lab"]]
+        )
     except ValueError as error:
         raise RecordError(f"{path}: lab holds text where a number should be ({error})") from None
     if not np.isfinite(lab).any():
         return None
     if lab.size != n:
-        raise RecordError(f"{path}: lab has {lab.size} rows, the signals {n}; a record without holes is needed")
+        raise RecordError(
+            f"{path}: lab has {lab.size} rows, the signals {n}; a record without holes is needed"
+        )
     return lab
 
 
@@ -93,17 +110,31 @@ def _is_table(path: str | Path) -> bool:
 def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:
     for name, rows in table.items():
         if name not in _TABLES or not isinstance(rows, dict):
-            raise ParameterError(f"{where}: [{name}] is no table of a test's settings; {nearest(name, _TABLES)}")
+            raise ParameterError(
+                f"{where}: [{name}] is no table of a test's settings; {nearest(name, _TABLES)}"
+            )
         for key, value in rows.items():
             if name != "test" and key not in _TABLES[name]:
-                raise ParameterError(f"{where}: {name}.{key} is unknown; {nearest(key, _TABLES[name])}")
-            if name != "test" and key not in ("type", "direction") and not (_number(value) and value > 0):
-                raise ParameterError(f"{where}: {name}.{key} = {value!r}; a number above 0 is needed")
+                raise ParameterError(
+                    f"{where}: {name}.{key} is unknown; {nearest(key, _TABLES[name])}"
+                )
+            if (
+                name != "test"
+                and key not in ("type", "direction")
+                and not (_number(value) and value > 0)
+            ):
+                raise ParameterError(
+                    f"{where}: {name}.{key} = {value!r}; a number above 0 is needed"
+                )
     test = table.get("test", {})
     if "id" in test and test["id"] not in TEST_IDS:
-        raise ParameterError(f"{where}: test.id = {test['id']!r}; {nearest(str(test['id']), TEST_IDS)}")
+        raise ParameterError(
+            f"{where}: test.id = {test['id']!r}; {nearest(str(test['id']), TEST_IDS)}"
+        )
     if "lab_std" in test and not (_number(test["lab_std"]) and test["lab_std"] >= 0):
-        raise ParameterError(f"{where}: test.lab_std = {test['lab_std']!r}; a number of at least 0 is needed")
+        raise ParameterError(
+            f"{where}: test.lab_std = {test['lab_std']!r}; a number of at least 0 is needed"
+        )
     return table
 
 
@@ -111,7 +142,9 @@ def _number(x: Any) -> bool:
     return isinstance(x, (int, float)) and not isinstance(x, bool) and bool(np.isfinite(x))
 
 
-def _loop(baseline: Loop, settings: dict[str, dict[str, Any]], record: LoopRecord, where: str) -> Loop:
+def _loop(
+    baseline: Loop, settings: dict[str, dict[str, Any]], record: LoopRecord, where: str
+) -> Loop:
     """Return the baseline with a test's settings in it; its Ts is that of the time column, which a stated one must meet."""
     control, Ts = settings.get("controller", {}), settings.get("sampling", {}).get("Ts")
     if Ts is not None and abs(record.Ts / Ts - 1.0) > 0.01:
@@ -138,19 +171,31 @@ def _refuse(test: RecordedTest) -> None:
     """Refuse a test that shows nothing, or not what it says it is."""
     r, where = test.record, test.path
     if r.n < _FEWEST:
-        raise RecordError(f"{where}: {r.n} samples; a test needs at least {_FEWEST} to show anything")
+        raise RecordError(
+            f"{where}: {r.n} samples; a test needs at least {_FEWEST} to show anything"
+        )
     if still(r.pv):
-        raise RecordError(f"{where}: PV is constant ({r.pv[0]:g}); nothing can be told from this test")
+        raise RecordError(
+            f"{where}: PV is constant ({r.pv[0]:g}); nothing can be told from this test"
+        )
     if still(r.op) and not test.manual.any():
-        raise RecordError(f"{where}: OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is needed")
+        raise RecordError(
+            f"{where}: OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is needed"
+        )
     if r.op_percent is None:
-        raise RecordError(f"{where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel; give --op-span")
+        raise RecordError(
+            f"{where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel; give --op-span"
+        )
     if test.id == "mv" and r.mv is None:
         raise RecordError(f"{where}: declared as test 'mv', but it has no column mv")
     if test.id in ("bump", "stairs", "still") and not test.manual.any():
-        raise RecordError(f"{where}: declared as test {test.id!r}, but no row of a column `mode` says MAN")
+        raise RecordError(
+            f"{where}: declared as test {test.id!r}, but no row of a column `mode` says MAN"
+        )
     if test.id == "lab" and test.lab is None:
         raise RecordError(f"{where}: declared as test 'lab', but it has no samples in a column lab")
     count = 0 if test.lab is None else int(np.isfinite(test.lab).sum())
     if test.id == "lab" and count < _FEWEST_LAB:
-        raise RecordError(f"{where}: {count} samples in column lab; at least {_FEWEST_LAB} are needed")
+        raise RecordError(
+            f"{where}: {count} samples in column lab; at least {_FEWEST_LAB} are needed"
+        )

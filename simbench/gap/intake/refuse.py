@@ -57,11 +57,20 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
         wrong = span
     elif high <= 1.5 and op.mean() > 5.0:
         wrong = f"{span}, a share of 1"
-    elif low >= 3.8 and high <= 20.2 and abs(np.mean(mv - (4.0 + 0.16 * op))) < 0.5 < abs(np.mean(mv - op)):
+    elif (
+        low >= 3.8
+        and high <= 20.2
+        and abs(np.mean(mv - (4.0 + 0.16 * op))) < 0.5 < abs(np.mean(mv - op))
+    ):
         wrong = f"{span}, which is OP in mA"
     elif ahead < -0.9 or (ahead < -0.5 and slope is None and moving_slope(op, -mv) is not None):
         wrong = f"MV falls where OP rises (correlation {ahead:.2f})"
-    elif slope is not None and op.mean() > _NEAR_SHUT and not 0.7 < level < 1.4 and _is_factor(slope, level, float(op.mean())):
+    elif (
+        slope is not None
+        and op.mean() > _NEAR_SHUT
+        and not 0.7 < level < 1.4
+        and _is_factor(slope, level, float(op.mean()))
+    ):
         wrong = f"{span} and is {level:.3g} times OP in level and in slope"
     elif ahead > 0.999 and _affine(mv, op):
         gain, offset = np.polyfit(op, mv, 1)
@@ -73,7 +82,9 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 def _is_factor(slope: float, level: float, op: float) -> bool:
     """Return whether MV's slope agrees with its level, and better than with the characteristic that has this level at OP."""
     x, r = op / 100.0, np.log(_RATIOS)
-    bent = (r * np.exp(r * x) / np.expm1(r))[int(np.argmin(np.abs(np.expm1(r * x) / np.expm1(r) - level * x)))]
+    bent = (r * np.exp(r * x) / np.expm1(r))[
+        int(np.argmin(np.abs(np.expm1(r * x) / np.expm1(r) - level * x)))
+    ]
     return bool(abs(slope / level - 1.0) < _LEVEL and abs(slope - level) < abs(slope - bent))
 
 
@@ -82,7 +93,12 @@ def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
     du, dv = np.diff(op), np.diff(mv)
     least = 0.3 * float(np.std(du))
     # a slip is one step; between two steps of one direction the valve slides with OP
-    slides = (dv[1:-1] * du[1:-1] > 0) & (dv[:-2] * dv[1:-1] > 0) & (dv[2:] * dv[1:-1] > 0) & (np.abs(du[1:-1]) > least)
+    slides = (
+        (dv[1:-1] * du[1:-1] > 0)
+        & (dv[:-2] * dv[1:-1] > 0)
+        & (dv[2:] * dv[1:-1] > 0)
+        & (np.abs(du[1:-1]) > least)
+    )
     if slides.sum() < 20:
         return None
     return float(np.median(dv[1:-1][slides] / du[1:-1][slides]))
@@ -94,7 +110,10 @@ def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
     left = float(np.std(mv - gain * op - offset))
     if 0.8 < gain < 1.25:
         return False
-    best = min(float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2))) for R in _RATIOS)
+    best = min(
+        float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2)))
+        for R in _RATIOS
+    )
     return best > max(10.0 * left, 1.0)
 
 
@@ -120,4 +139,6 @@ def refuse_unfit(record: LoopRecord, where: str) -> None:
         )
     for name, x in (("OP", record.op), ("PV", record.pv)):
         if still(x):
-            raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
+            raise RecordError(
+                f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told"
+            )

@@ -13,12 +13,25 @@ from dataclasses import replace
 import numpy as np
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, delay_of, jumps_of, lag_of, size_penalty, valve_of
+from simbench.gap.likelihood.model import (
+    HOLDING,
+    INNER,
+    Data,
+    Fit,
+    Spec,
+    delay_of,
+    jumps_of,
+    lag_of,
+    size_penalty,
+    valve_of,
+)
 
 _NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 _EDGE = 0.02  # ... and falls off with this standard deviation outside
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-_HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+_HALF = (
+    0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+)
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 _REDDEST = 0.8  # noise of more memory than this has passed a filter
@@ -52,7 +65,11 @@ class Engine:
         d = self.data
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
         noise = d.noise if d.noise > 0 else max(rough, d.floor)
-        load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
+        load = (
+            max(float(np.std(d.y)), noise)
+            if d.T > 0
+            else max(float(np.std(np.diff(d.y))), 0.1 * noise)
+        )
         return {
             "T": d.T,
             "Td": d.Td,
@@ -68,11 +85,19 @@ class Engine:
         first = self.fit(Spec(), self.start(), steps=20)
         smooth = {**first.theta, "load_lag": max(0.5 * first.theta["load_time"], 0.5)}
         pink = {**first.theta, "load_time": 0.7 * self.longest_load}
-        tries = [first, self.fit(Spec(), smooth, steps=20), self.fit(Spec(pink=True), pink, steps=20)]
+        tries = [
+            first,
+            self.fit(Spec(), smooth, steps=20),
+            self.fit(Spec(pink=True), pink, steps=20),
+        ]
         best = max(tries, key=lambda f: f.loglik)
         # whole samples of dead time part the likelihood into valleys
         ends = [self.data.Td * (1.0 + _NOMINAL * side) for side in (-1, 1)]
-        tries = [self.fit(best.spec, {**best.theta, "Td": Td}) for Td in ends if abs(Td - best.theta["Td"]) > 0.25]
+        tries = [
+            self.fit(best.spec, {**best.theta, "Td": Td})
+            for Td in ends
+            if abs(Td - best.theta["Td"]) > 0.25
+        ]
         return max([best, *tries], key=lambda f: f.loglik)
 
     def of_higher_order(self, base: Fit) -> Fit:
@@ -81,7 +106,9 @@ class Engine:
             return base
         spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
         taus = [share * _HALF * self.data.Td for share in (0.2, 0.5)]
-        tries = [self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus]
+        tries = [
+            self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus
+        ]
         best = max(tries, key=lambda f: f.loglik)
         return best if best.loglik > base.loglik + size_penalty(self.data.n, 1.0) else base
 
@@ -102,7 +129,11 @@ class Engine:
         if name == "Td" and spec.pole == INNER:
             return 0.0, 1.25 * d.Td + 0.5 + d.late
         if name == "Td":
-            wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5 + d.late
+            wide = (
+                5.0 + max(3.0 * d.Td, 2.0 * d.T)
+                if "Td" in spec.free or not d.trusted
+                else 0.25 * d.Td + 0.5 + d.late
+            )
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
         return {
             "load_time": (0.3, self.longest_load),
@@ -112,12 +143,16 @@ class Engine:
             "colour": (-_REDDEST, _REDDEST),
         }[name]
 
-    def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+    def evaluate(
+        self, spec: Spec, theta: Mapping[str, float]
+    ) -> tuple[float, np.ndarray, np.ndarray]:
         """Return penalised log-likelihood, linear coefficients and standardised innovations."""
         left, level, beta, white, _ = self._terms(spec, theta)
         return -0.5 * float(left @ left) - level, beta, white[0] - beta @ white[1:]
 
-    def _terms(self, spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
+    def _terms(
+        self, spec: Spec, theta: Mapping[str, float]
+    ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
         """Return what the likelihood is made of: -log-likelihood = |left|^2 / 2 + level.
 
         `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
@@ -146,10 +181,16 @@ class Engine:
         begin = [kernels.plant(d.shaped(self.onset), T, theta["Td"], tau)]
         if spec.valve in HOLDING:
             # and a valve that holds may stand anywhere in its band until it first moves
-            begin.append(kernels.plant(d.shaped((moved == moved[0]).cumprod().astype(float)), T, theta["Td"], tau))
+            begin.append(
+                kernels.plant(
+                    d.shaped((moved == moved[0]).cumprod().astype(float)), T, theta["Td"], tau
+                )
+            )
         return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
-    def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
+    def _whiten(
+        self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
+    ) -> tuple[np.ndarray, float]:
         """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
         d = self.data
         tau = theta.get("tau", 0.0)
@@ -194,14 +235,22 @@ class Engine:
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = _NOMINAL * d.Td + d.late / 2 + 0.05
-                out.append(_over(delay_of(spec, theta) - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
+                out.append(
+                    _over(delay_of(spec, theta) - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03)
+                )
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
             out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(0.05), _EDGE))
         return out
 
-    def fit(self, spec: Spec, start: Mapping[str, float], search: tuple[str, ...] | None = None, steps: int = 10) -> Fit:
+    def fit(
+        self,
+        spec: Spec,
+        start: Mapping[str, float],
+        search: tuple[str, ...] | None = None,
+        steps: int = 10,
+    ) -> Fit:
         """Maximise over the smooth parameters named in `search` (all of the spec's when None), from `start`.
 
         Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own derivatives give the curvature, so
@@ -217,7 +266,13 @@ class Engine:
         box[logs] = np.log(box[logs])
 
         def unpack(x: np.ndarray) -> dict[str, float]:
-            return {**theta, **{m: float(v) for m, v in zip(names, np.where(logs, np.exp(np.where(logs, x, 0.0)), x))}}
+            return {
+                **theta,
+                **{
+                    m: float(v)
+                    for m, v in zip(names, np.where(logs, np.exp(np.where(logs, x, 0.0)), x))
+                },
+            }
 
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
@@ -252,7 +307,13 @@ class Engine:
         return self.at(spec, unpack(x))
 
     def _derivatives(
-        self, spec: Spec, names: tuple[str, ...], x: np.ndarray, box: np.ndarray, unpack: Callable, now: tuple
+        self,
+        spec: Spec,
+        names: tuple[str, ...],
+        x: np.ndarray,
+        box: np.ndarray,
+        unpack: Callable,
+        now: tuple,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients held."""
         left, level, beta, _, channels = now
@@ -271,7 +332,9 @@ class Engine:
                 signals = self._channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
             white, higher = self._whiten(spec, theta, changed[None, :])
-            other = np.concatenate([white[0, kernels.SKIP :], [surprise], self._surprises(spec, theta)])
+            other = np.concatenate(
+                [white[0, kernels.SKIP :], [surprise], self._surprises(spec, theta)]
+            )
             J[:, i], slope[i] = (other - left) / h, (higher - level) / h
         return J, slope
 
@@ -315,7 +378,9 @@ class Engine:
         J = self._beside_linear(spec, now, J)
         curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
         # a parameter of which the record tells nothing moves no further than one step of the search
-        curvature += np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
+        curvature += (
+            np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
+        )
         root = np.linalg.cholesky(np.linalg.inv(curvature))
         used = now[3][:, kernels.SKIP :]
         precision = used[1:] @ used[1:].T
@@ -326,13 +391,19 @@ class Engine:
         out = []
         for _ in range(count):
             moved = x + scale * (root @ rng.standard_normal(x.size))
-            one = self.at(spec, unpack(np.clip(moved, np.minimum(box[:, 0], x), np.maximum(box[:, 1], x))))
+            one = self.at(
+                spec, unpack(np.clip(moved, np.minimum(box[:, 0], x), np.maximum(box[:, 1], x)))
+            )
             beta = one.beta.copy()
-            beta[0] = np.clip(beta[0] + gain_std * rng.standard_normal(), min(low, fit.K), max(high, fit.K))
+            beta[0] = np.clip(
+                beta[0] + gain_std * rng.standard_normal(), min(low, fit.K), max(high, fit.K)
+            )
             out.append(replace(one, beta=beta))
         return out
 
-    def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+    def scan(
+        self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
+    ) -> np.ndarray:
         """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little."""
         gy, gg = self._scanned(spec, theta, kind, points)
         d = self.data
@@ -342,7 +413,9 @@ class Engine:
         K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
         return K * gy - 0.5 * K * K * gg
 
-    def _scanned(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+    def _scanned(
+        self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
+    ) -> np.ndarray:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
         # a plant of higher order is near enough as a later one: what is found is fitted as it is
@@ -367,9 +440,15 @@ class Engine:
         """Return a fit as the first record alone has it."""
         return fit
 
-    def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
+    def grid(
+        self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1
+    ) -> list[Fit]:
         """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""
-        trials = [{**theta, **point, "load": theta["load"] * share} for share in (1.0, 0.3) for point in points]
+        trials = [
+            {**theta, **point, "load": theta["load"] * share}
+            for share in (1.0, 0.3)
+            for point in points
+        ]
         trials.sort(key=lambda trial: -self.evaluate(spec, trial)[0])
         return [self.at(spec, trial) for trial in trials[:keep]]
 

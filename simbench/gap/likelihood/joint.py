@@ -38,10 +38,14 @@ class JointEngine(Engine):
         self.places = [slice(int(end - p.data.n), int(end)) for p, end in zip(parts, ends)]
         self.spread = max(e.spread for e in self.engines)
 
-    def one_of(self, i: int, spec: Spec, theta: Mapping[str, float]) -> tuple[Spec, dict[str, float]]:
+    def one_of(
+        self, i: int, spec: Spec, theta: Mapping[str, float]
+    ) -> tuple[Spec, dict[str, float]]:
         """Return spec and nonlinear parameters as one record has them, in its own samples."""
         part, rows = self.parts[i], self.places[i]
-        jumps = tuple(k - rows.start for k in spec.jumps if rows.start + kernels.SKIP <= k < rows.stop)
+        jumps = tuple(
+            k - rows.start for k in spec.jumps if rows.start + kernels.SKIP <= k < rows.stop
+        )
         spec = replace(spec, channels=tuple(c[rows] for c in spec.channels), jumps=jumps)
         own = dict(theta)
         # an archive that lags by a sample hides one sample of dead time, but not in every record
@@ -62,7 +66,9 @@ class JointEngine(Engine):
         """Return a fit as the first record alone has it: plant and effect are those of all."""
         own = self.engines[0].at(*self.one_of(0, fit.spec, fit.theta))
         own.beta[0] = fit.beta[0]
-        own.theta.update({name: value for name, value in fit.theta.items() if name not in own.theta})
+        own.theta.update(
+            {name: value for name, value in fit.theta.items() if name not in own.theta}
+        )
         return own
 
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
@@ -78,26 +84,36 @@ class JointEngine(Engine):
                 placed = np.zeros(self.data.n)
                 placed[rows] = channel
                 (blocks if j < len(own) - 2 - count else effects).append(placed)
-        effects = [effects[i * count + j] for i in reversed(range(len(self.parts))) for j in range(count)]
+        effects = [
+            effects[i * count + j] for i in reversed(range(len(self.parts))) for j in range(count)
+        ]
         return np.vstack([whole, *blocks, *effects])
 
-    def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
+    def _whiten(
+        self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
+    ) -> tuple[np.ndarray, float]:
         white, level = np.zeros(channels.shape), 0.0
         for i, engine in enumerate(self.engines):
             rows = self.places[i]
             here = channels[:, rows]
             seen = np.flatnonzero(here.any(axis=1))
             seen = seen if seen.size else np.array([0])
-            found, more = engine._whiten(*self.one_of(i, spec, theta), np.ascontiguousarray(here[seen]))
+            found, more = engine._whiten(
+                *self.one_of(i, spec, theta), np.ascontiguousarray(here[seen])
+            )
             if i:
                 found[:, : kernels.SKIP] = 0.0
             white[seen, rows] = found
             level += more
         return white, level
 
-    def _scanned(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+    def _scanned(
+        self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
+    ) -> np.ndarray:
         total = np.zeros((2, len(points)))
         for i, engine in enumerate(self.engines):
             scale = 1.0 / self.parts[i].pace if self.data.T == 0.0 else 1.0
-            total += engine._scanned(*self.one_of(i, spec, theta), kind, points) * np.array([[scale], [scale**2]])
+            total += engine._scanned(*self.one_of(i, spec, theta), kind, points) * np.array(
+                [[scale], [scale**2]]
+            )
         return total

@@ -14,12 +14,19 @@ from detectors.compiled import njit_cached
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
-_FEW, _MANY = 16, 48  # valve maps filtered together, one waits while another computes: of long records few, or ...
-_CACHED_SAMPLES = 5000  # ... of records up to this many samples many, which the processor's cache holds
+_FEW, _MANY = (
+    16,
+    48,
+)  # valve maps filtered together, one waits while another computes: of long records few, or ...
+_CACHED_SAMPLES = (
+    5000  # ... of records up to this many samples many, which the processor's cache holds
+)
 SKIP = 4  # first samples, which only settle the filter's unknown start
 _REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
 _SETTLED = 1e-6  # ... as constant as that from sample to sample
-_NEAR = 20  # samples after a jump, within which another one finds the filter still unsure of the first
+_NEAR = (
+    20  # samples after a jump, within which another one finds the filter still unsure of the first
+)
 
 
 @njit_cached
@@ -73,7 +80,11 @@ def valve(u, kind, p0, p1, p2):
             v[:] = u
         else:
             for k in range(n):
-                v[k] = 100.0 * math.expm1(log_r * min(max(u[k], 0.0), 100.0) / 100.0) / math.expm1(log_r)
+                v[k] = (
+                    100.0
+                    * math.expm1(log_r * min(max(u[k], 0.0), 100.0) / 100.0)
+                    / math.expm1(log_r)
+                )
     return v
 
 
@@ -200,7 +211,20 @@ def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, co
 
 @njit_cached
 def whiten(
-    channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread, jumps=None, jump=0.0, lasting=True
+    channels,
+    T,
+    tau,
+    load_time,
+    load_lag,
+    load,
+    load_walk,
+    walk,
+    noise,
+    colour,
+    spread,
+    jumps=None,
+    jump=0.0,
+    lasting=True,
 ):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
@@ -214,7 +238,12 @@ def whiten(
     """
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
-    has_tau, has_load_walk, has_walk, coloured = tau > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
+    has_tau, has_load_walk, has_walk, coloured = (
+        tau > 1e-3,
+        load_walk > 0.0,
+        walk > 0.0,
+        abs(colour) > 0.01,
+    )
     count = 0
     if jumps is not None:
         count = jumps.size
@@ -237,7 +266,12 @@ def whiten(
     P[0, 0], P[1, 1] = share, spread * spread
     for i in range(1, parts):
         phi = math.exp(-(FRACTION**i) / load_time)
-        F[top, top], F[1, top], Q[top, top], P[top, top] = phi, enters, share * (1.0 - phi * phi), share
+        F[top, top], F[1, top], Q[top, top], P[top, top] = (
+            phi,
+            enters,
+            share * (1.0 - phi * phi),
+            share,
+        )
         top += 1
     seen = 1
     if has_tau:
@@ -265,7 +299,12 @@ def whiten(
     out = np.empty((m, n))
     x, x_new, nu = np.zeros((s, m)), np.zeros((s, m)), np.zeros(m)
     shows, shown = np.zeros(s, np.int64), 0
-    to, come, weight, couplings = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64), np.zeros(s * s), 0
+    to, come, weight, couplings = (
+        np.zeros(s * s, np.int64),
+        np.zeros(s * s, np.int64),
+        np.zeros(s * s),
+        0,
+    )
     for i in range(s):
         if h[i] != 0.0:
             shows[shown] = i
@@ -278,7 +317,11 @@ def whiten(
     log_var, S, sum_log, scale = 0.0, 1.0, 0.0, 1.0
     # a jump is followed by the same gains as the one before, unless they are close together
     room = _REACH if count > 0 else 0
-    gains, variances, covariances = np.zeros((room, s)), np.zeros(room), np.zeros((min(room, _NEAR), s, s))
+    gains, variances, covariances = (
+        np.zeros((room, s)),
+        np.zeros(room),
+        np.zeros((min(room, _NEAR), s, s)),
+    )
     scales, logs = np.zeros(room), np.zeros(room)
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
@@ -286,7 +329,9 @@ def whiten(
         if jumps is not None and upcoming < count and k >= jumps[upcoming] - has_tau:
             upcoming += 1
             if not live and last < 0:
-                last = follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances)
+                last = follow(
+                    F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances
+                )
                 for i in range(last + 1):
                     scales[i], logs[i] = 1.0 / math.sqrt(variances[i]), math.log(variances[i])
                 since = 0
@@ -367,7 +412,22 @@ def scan(
             p = points[first + i]
             batch[i] = valve(u, kind, p[0], p[1], p[2])
         now = _plants(batch[:many], T, Td, tau)
-        white = whiten(now, T, tau, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
+        white = whiten(
+            now,
+            T,
+            tau,
+            load_time,
+            load_lag,
+            load,
+            0.0,
+            0.0,
+            noise,
+            colour,
+            spread,
+            jumps,
+            jump,
+            lasting,
+        )[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)
         for i in range(many):

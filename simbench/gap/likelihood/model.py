@@ -95,9 +95,12 @@ CENTRE = Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
 RATIO = Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
 TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
 WALK, LOAD_WALK = (
-    Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
+    Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False)
+    for name in ("walk", "load_walk")
 )
-_LOAD_JUMP = Free("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
+_LOAD_JUMP = Free(
+    "load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False
+)
 _MAPS = {
     kernels.PLAY: (BAND,),
     kernels.ZONE: (WIDTH, CENTRE),
@@ -152,7 +155,12 @@ class Spec:
     @property
     def own(self) -> tuple[Free, ...]:
         """Numbers of the effects switched on that are searched."""
-        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk), (_LOAD_JUMP, self.jumps))
+        more = (
+            (TAU, self.pole),
+            (WALK, self.walk),
+            (LOAD_WALK, self.load_walk),
+            (_LOAD_JUMP, self.jumps),
+        )
         maps = _MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
         return (*maps, *(number for number, on in more if on))
 

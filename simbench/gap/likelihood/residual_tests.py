@@ -23,7 +23,9 @@ def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
 def innovation_std(fit: Fit) -> float:
     """Return the innovations' standard deviation (PV units), from the likelihood."""
     left = np.asarray(fit.residual)[kernels.SKIP :]
-    log_variance = -2.0 * fit.loglik / left.size - float(left @ left) / left.size - np.log(2.0 * np.pi)
+    log_variance = (
+        -2.0 * fit.loglik / left.size - float(left @ left) / left.size - np.log(2.0 * np.pi)
+    )
     return float(np.exp(0.5 * log_variance))
 
 
@@ -63,8 +65,14 @@ def directions(fit: Fit, d: Data) -> dict[str, tuple[np.ndarray, ...]]:
     lags = [lagged(v, pace * s) for s in (0.25, 0.7, 2.0)]
     slow = lagged(d.y - d.y.mean(), pace) / (float(np.std(d.y)) or 1.0)
     return {
-        "dynamics": (*(kernels.plant(x, T, Td, 0.0) for x in lags), kernels.plant(v, T, 0.5 * Td, 0.0)),
-        "shape": (kernels.plant(size * (v / size) ** 2, T, Td, 0.0), kernels.plant(size * (v / size) ** 3, T, Td, 0.0)),
+        "dynamics": (
+            *(kernels.plant(x, T, Td, 0.0) for x in lags),
+            kernels.plant(v, T, 0.5 * Td, 0.0),
+        ),
+        "shape": (
+            kernels.plant(size * (v / size) ** 2, T, Td, 0.0),
+            kernels.plant(size * (v / size) ** 3, T, Td, 0.0),
+        ),
         "aging": (kernels.plant(v * t, T, Td, 0.0), kernels.plant(v * t**2, T, Td, 0.0)),
         "level": (kernels.plant(v * slow, T, Td, 0.0),),
     }
@@ -84,7 +92,9 @@ def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
     rho = np.array([float(np.mean(x[k:] * x[:-k])) / power for k in range(1, lags + 1)])
     du = np.diff(data.u)[kernels.SKIP - 1 :]
     du = (du - du.mean()) / (float(np.std(du)) or 1.0)
-    cross = np.array([float(np.mean(x[k:] * du[: n - k])) / np.sqrt(power) for k in range(1, lags + 1)])
+    cross = np.array(
+        [float(np.mean(x[k:] * du[: n - k])) / np.sqrt(power) for k in range(1, lags + 1)]
+    )
     flow = np.clip(data.u[kernels.SKIP :] / (float(np.mean(data.u)) or 1.0), 0.1, 10.0)
     return {
         "memory": float((n * np.sum(rho**2) - lags) / np.sqrt(2 * lags)),
@@ -95,5 +105,7 @@ def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
 
 def _bursts(x: np.ndarray) -> float:
     """Return by how many standard deviations the variances of ten parts differ more than white noise lets them."""
-    parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / (float(np.mean(x**2)) or 1.0)
+    parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / (
+        float(np.mean(x**2)) or 1.0
+    )
     return float((np.sum((parts - 1) ** 2) * x.size / 20 - 9) / np.sqrt(18))

@@ -12,10 +12,20 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
-SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour", "load_jump")  # searched beside a valve
+SMOOTH = (
+    "load_time",
+    "load_lag",
+    "load",
+    "noise_std",
+    "colour",
+    "load_jump",
+)  # searched beside a valve
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 _JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
-_APART, _UNLIKE = 0.08, 0.2  # differences of log S and of J/S from which on two points count as different peaks
+_APART, _UNLIKE = (
+    0.08,
+    0.2,
+)  # differences of log S and of J/S from which on two points count as different peaks
 _SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
 KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around each
 _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
@@ -29,7 +39,9 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
     own, nominal, *others = plants(engine, base)
-    tries = [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+    tries = (
+        [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+    )
     tries += [(0.3, other) for other in others]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
     for theta in [*starts, idle(engine, base)]:
@@ -52,7 +64,9 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
 def idle(engine: Engine, base: Fit) -> dict[str, float]:
     """Return the base's parameters with the load that would be needed if the valve never moved."""
     beyond = 1.5 * float(np.ptp(engine.data.u)) or 1.0
-    stuck = mapped(engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0]))
+    stuck = mapped(
+        engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0])
+    )
     alone = settle(engine, stuck, steps=10).theta
     return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
 
@@ -62,7 +76,9 @@ def better(one: Fit | None, other: Fit) -> Fit:
     return other if one is None or other.loglik > one.loglik else one
 
 
-def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray) -> Fit:
+def scanned(
+    engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray
+) -> Fit:
     """Return the fit at the best point of a valve map, looked for around the best of a coarse set."""
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
@@ -75,12 +91,16 @@ def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, poin
     high = engine.scan(spec, theta, kind, near)
     if kind in _SLIPPING:
         points, values = np.vstack([points, near]), np.concatenate([values, high])
-        best = followed(lambda children: engine.scan(spec, theta, kind, children), points, values)[0]
+        best = followed(lambda children: engine.scan(spec, theta, kind, children), points, values)[
+            0
+        ]
         return mapped(engine, spec, theta, kind, best)
     return mapped(engine, spec, theta, kind, near[int(np.argmax(high))])
 
 
-def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray) -> np.ndarray:
+def followed(
+    scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray
+) -> np.ndarray:
     """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many different ones.
 
     The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than broad hills elsewhere.
@@ -90,9 +110,17 @@ def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, value
         kept = different(points, values, 0.5**turn)
         parents = np.repeat(points[kept], _CHILDREN, axis=0)
         S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
-        share = np.clip(parents[:, 1] / parents[:, 0] + 1.5 * spread * rng.standard_normal(len(parents)), 0.02, 1.0)
+        share = np.clip(
+            parents[:, 1] / parents[:, 0] + 1.5 * spread * rng.standard_normal(len(parents)),
+            0.02,
+            1.0,
+        )
         # every other one begins where its parent does
-        start = np.where(np.arange(len(S)) % 2 == 0, parents[:, 2] / parents[:, 0], rng.choice(MV_STARTS, len(S)) / 2)
+        start = np.where(
+            np.arange(len(S)) % 2 == 0,
+            parents[:, 2] / parents[:, 0],
+            rng.choice(MV_STARTS, len(S)) / 2,
+        )
         children = np.column_stack([S, share * S, start * S])
         points = np.vstack([points[kept], children])
         values = np.concatenate([values[kept], scan(children)])
@@ -101,7 +129,10 @@ def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, value
 
 def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
     """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets peaks apart."""
-    cells = np.column_stack([np.log(points[:, 0]) / _APART, points[:, 1] / points[:, 0] / _UNLIKE]) // share
+    cells = (
+        np.column_stack([np.log(points[:, 0]) / _APART, points[:, 1] / points[:, 0] / _UNLIKE])
+        // share
+    )
     order = np.argsort(-values)
     _, first = np.unique(cells[order], axis=0, return_index=True)
     return [int(i) for i in order[np.sort(first)[:KEPT]]]
@@ -112,13 +143,28 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
     a, b, _ = point
     sizes = a * (1 + share * np.linspace(-1.0, 1.0, 5))
     if kind == kernels.ZONE:
-        return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
+        return np.array(
+            [
+                (x, b + shift * share * a, 0.0)
+                for x in sizes
+                for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)
+            ]
+        )
     if kind == kernels.PLAY:
         return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in MV_STARTS])
-    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in _JUMPS for begin in MV_STARTS])
+    return np.array(
+        [
+            (x, b * (1 + y * share), begin * x / 2)
+            for x in sizes
+            for y in _JUMPS
+            for begin in MV_STARTS
+        ]
+    )
 
 
-def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:
+def mapped(
+    engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray
+) -> Fit:
     """Return the fit with a valve map at a point."""
     a, b, c = (float(x) for x in point)
     if kind == kernels.ZONE:
@@ -130,7 +176,9 @@ def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point
 
 def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
     """Return the fit after a few steps in everything but the valve's numbers."""
-    return engine.fit(fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in _ROUGH), steps=steps)
+    return engine.fit(
+        fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in _ROUGH), steps=steps
+    )
 
 
 def narrow(engine: Engine, fit: Fit) -> Fit:

@@ -10,7 +10,14 @@ from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
 
 _PEAKS = 4  # of the best points of a grid over valve maps that are refined
-_SHARES = (0.1, 0.05, 0.02, 0.01, 0.004, 0.001)  # of a point's numbers by which it is varied, ever finer
+_SHARES = (
+    0.1,
+    0.05,
+    0.02,
+    0.01,
+    0.004,
+    0.001,
+)  # of a point's numbers by which it is varied, ever finer
 _STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
 _HOPELESS = -20.0  # nats below which nobody asks by how much
 _AROUND = (-2, -1, 0, 1, 2)
@@ -36,7 +43,13 @@ class MapSearch:
     """
 
     def __init__(
-        self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray, band: float = 0.0, lag: float = 0.0
+        self,
+        op: np.ndarray,
+        mv: np.ndarray,
+        Ts: float,
+        expected: np.ndarray,
+        band: float = 0.0,
+        lag: float = 0.0,
     ) -> None:
         self.op, self.mv, self.Ts, self.lag = op, mv, Ts, lag
         self.span = float(np.ptp(op)) or 1.0
@@ -51,25 +64,35 @@ class MapSearch:
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
         """Return the answer for a model of that level with `count` fitted numbers."""
-        return max(float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS), parameters
+        return max(
+            float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS
+        ), parameters
 
-    def best(self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float) -> Found:
+    def best(
+        self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float
+    ) -> Found:
         """Return the answer for the best of some levels with their numbers."""
         value, *numbers = min(found)
         return self.priced(value, {name: float(x) for name, x in zip(names, numbers)}, count)
 
     def moved(self, kind: int, a: float, b: float) -> np.ndarray:
         """Return OP behind a compiled map that begins where MV does."""
-        first = self.mv[0] - self.op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
+        first = (
+            self.mv[0] - self.op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
+        )
         if kind == kernels.PLAY:
             return kernels.valve(self.op, kind, a, first, 0.0)
         return kernels.valve(self.op, kind, a, b, first)
 
-    def zoom(self, kind: int, names: tuple[str, ...], grid: list[tuple[float, float]], count: float) -> Found:
+    def zoom(
+        self, kind: int, names: tuple[str, ...], grid: list[tuple[float, float]], count: float
+    ) -> Found:
         """Return the answer for a compiled map: a grid over its one or two numbers, its best points followed down."""
         return self.best(self.peaks(kind, grid), names, count)
 
-    def slipping(self, kind: int, names: tuple[str, str], shares: tuple[float, ...], count: float) -> Found:
+    def slipping(
+        self, kind: int, names: tuple[str, str], shares: tuple[float, ...], count: float
+    ) -> Found:
         """Return the answer for a compiled map with a jump, J tried as shares of S.
 
         One slip missed spoils all that follow, and the longer a record the narrower are its peaks: they are looked for in a
@@ -81,8 +104,13 @@ class MapSearch:
             return -np.array([part.level(part.moved(kind, a, b)) for a, b, _ in points])
 
         points = np.array([(s, s * j, 0.0) for s in self.sizes for j in shares])
-        near = part.peaks(kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:_PEAKS]])
-        found = [*self.peaks(kind, [(a, b) for a, b, _ in points]), *self.peaks(kind, [(a, b) for _, a, b in near])]
+        near = part.peaks(
+            kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:_PEAKS]]
+        )
+        found = [
+            *self.peaks(kind, [(a, b) for a, b, _ in points]),
+            *self.peaks(kind, [(a, b) for _, a, b in near]),
+        ]
         return self.best(found, names, count)
 
     def stretch(self) -> MapSearch:
@@ -105,7 +133,9 @@ class MapSearch:
             for share in _SHARES:
                 wide = a if kind == kernels.ZONE else b
                 ways = _AROUND if b else (0,)
-                near = [(a * (1 + i * share / 2), b + j * share * wide) for i in _AROUND for j in ways]
+                near = [
+                    (a * (1 + i * share / 2), b + j * share * wide) for i in _AROUND for j in ways
+                ]
                 value, a, b = tried(near)[0]
             found.append((value, a, b))
         return found

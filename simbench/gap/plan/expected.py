@@ -101,7 +101,9 @@ class PlannedTests:
         said = f"{one.trial.id}: {one.trial.says}"
         if len(self.pair) == 2 and self.p_right > one.p_right:
             said += f"; the best pair is {' and '.join(self.pair)}, {self.p_right:.2f} after both"
-        right = f"right with probability {self.probability.max():.2f} now, {one.p_right:.2f} after it"
+        right = (
+            f"right with probability {self.probability.max():.2f} now, {one.p_right:.2f} after it"
+        )
         return f"{said} ({right}; separates {', '.join(self.separated(one))})"
 
     def as_text(self) -> str:
@@ -131,19 +133,32 @@ def plan(
     first = _open_beside(found, probability)
     probability = _second(found) if first else probability
     believed, unknown = _believed(found, probability)
-    ranking = sorted(((e, p) for e, p in believed.items() if e in found.parameters or e == NONE), key=lambda kv: -kv[1])
-    shown = [x for i, x in enumerate(x for x in ranking if x[0] not in s.proven) if i < 2 or x[1] > _LIKELY][:most]
+    ranking = sorted(
+        ((e, p) for e, p in believed.items() if e in found.parameters or e == NONE),
+        key=lambda kv: -kv[1],
+    )
+    shown = [
+        x
+        for i, x in enumerate(x for x in ranking if x[0] not in s.proven)
+        if i < 2 or x[1] > _LIKELY
+    ][:most]
     effects, p = tuple(e for e, _ in shown), np.array([p for _, p in shown])
     why = _no_need(found, probability, effects)
     if why:
         return PlannedTests(effects, p, (), (), max(probability.values()), why)
     files = {e: loops.loop([*first, *([] if e == NONE else [e])]) for e in effects}
-    bands = [band(found.parameters[e]) for e in effects if e in found.parameters and (band := recogniser(e).band) is not None]
+    bands = [
+        band(found.parameters[e])
+        for e in effects
+        if e in found.parameters and (band := recogniser(e).band) is not None
+    ]
     others = {e: x for e, x in believed.items() if e not in effects}
 
     def told(nats: np.ndarray, *ids: str) -> tuple[float, float]:
         information, right = _told(p, nats, unknown)
-        return information, right + sum(x for e, x in others.items() if any(_seen_by(i, e) for i in ids))
+        return information, right + sum(
+            x for e, x in others.items() if any(_seen_by(i, e) for i in ids)
+        )
 
     out, left_out = [], []
     for id_ in tests:
@@ -156,14 +171,26 @@ def plan(
             continue
         record = trial.run(files[effects[0]], 0)
         information, right = told(nats, id_)
-        out.append(Expected(trial, excursion, 0.0 if record is None else float(np.var(record.pv)), nats, information, right))
+        out.append(
+            Expected(
+                trial,
+                excursion,
+                0.0 if record is None else float(np.var(record.pv)),
+                nats,
+                information,
+                right,
+            )
+        )
     out.sort(key=lambda x: (-round(x.p_right, 2), -x.information, x.trial.minutes))
     pair: tuple[str, ...] = ()
     now = max(unknown, float(p.max()))
     best = max((x.p_right for x in out), default=now)
     if len(out) > 1:
         # of pairs that tell the same, the one whose first test tells more comes first
-        pairs = [(told(a.nats + b.nats, *(ids := (a.trial.id, b.trial.id)))[1], ids) for a, b in combinations(out, 2)]
+        pairs = [
+            (told(a.nats + b.nats, *(ids := (a.trial.id, b.trial.id)))[1], ids)
+            for a, b in combinations(out, 2)
+        ]
         right, pair = max(pairs, key=lambda x: x[0])
         best = max(best, right)
     tells = best > now + _NOTHING or max((x.information for x in out), default=0.0) > _NOTHING
@@ -171,13 +198,17 @@ def plan(
     return PlannedTests(effects, p, tuple(out), () if why else pair, best, why, tuple(left_out))
 
 
-def _believed(found: Assessment, probability: Mapping[str, float]) -> tuple[dict[str, float], float]:
+def _believed(
+    found: Assessment, probability: Mapping[str, float]
+) -> tuple[dict[str, float], float]:
     """Return probabilities of the known explanations as a test finds them, and that of "unknown" which it leaves."""
     p = {e: float(x) for e, x in probability.items() if e != UNKNOWN}
     unknown = float(probability.get(UNKNOWN, 0.0))
     first = max(probability, key=lambda e: probability[e])
     if found.worst_test[0] < _CERTAIN:
-        refuted = [e for e in (*found.chosen[:1], NONE) if p.get(e) == 0.0] if first == UNKNOWN else []
+        refuted = (
+            [e for e in (*found.chosen[:1], NONE) if p.get(e) == 0.0] if first == UNKNOWN else []
+        )
         if refuted:
             p[refuted[0]] = _REFUTED * unknown
         unknown *= 1.0 - (_REFUTED if refuted else _KNOWN)
@@ -190,14 +221,20 @@ def _believed(found: Assessment, probability: Mapping[str, float]) -> tuple[dict
 def _open_beside(found: Assessment, probability: Mapping[str, float]) -> list[str]:
     """Return the effect that OP alone proves, if a second is named beside it by likelihood only; none otherwise."""
     first, second = found.chosen[:1], found.chosen[1:]
-    by_op = [e for e in first if e in found.situation.proven and block_of(e) == "controller" and probability[e] > 0.5]
+    by_op = [
+        e
+        for e in first
+        if e in found.situation.proven and block_of(e) == "controller" and probability[e] > 0.5
+    ]
     return by_op if second and not found.shown(second[0]) else []
 
 
 def _second(found: Assessment) -> dict[str, float]:
     """Return the probabilities of second effects, and of none, beside the first."""
     gains = found.log_likelihood_gains_on_top or found.log_likelihood_gains
-    others = {e: gain for e, gain in gains.items() if block_of(e) != block_of(found.chosen[0])} | {NONE: LEAST_NATS}
+    others = {e: gain for e, gain in gains.items() if block_of(e) != block_of(found.chosen[0])} | {
+        NONE: LEAST_NATS
+    }
     return dict(zip(others, softmax(TEMPERATURE * np.array(list(others.values()))).tolist()))
 
 
@@ -210,16 +247,23 @@ def _look_alikes(found: Assessment, effect: str) -> list[str]:
 def _no_need(found: Assessment, probability: Mapping[str, float], effects: Sequence[str]) -> str:
     """Return why no test is needed, or would help; "" where one might."""
     first = max(probability, key=lambda e: probability[e])
-    if set(found.chosen) & set(found.situation.proven) and probability.get(found.chosen[0], 0.0) > 0.5:
+    if (
+        set(found.chosen) & set(found.situation.proven)
+        and probability.get(found.chosen[0], 0.0) > 0.5
+    ):
         return f"{found.chosen[0]} is shown by the record itself; no test would tell more"
     # of a slow load and a drift no other test says which it is
-    unsettled = "lab" not in found.asked and any(_seen_by("lab", e) for e in _look_alikes(found, first))
+    unsettled = "lab" not in found.asked and any(
+        _seen_by("lab", e) for e in _look_alikes(found, first)
+    )
     if probability[first] >= _SETTLED and not unsettled:
         return f"{first} has a probability of {probability[first]:.2f}; another record would sooner unsettle it than tell more"
     if first == UNKNOWN and found.worst_test[0] >= _CERTAIN:
         said = found.unexplained[found.worst_test[1]]
         return f"no known effect explains it ({said}), which no test on the menu would change"
-    return "" if len(effects) > 1 else "one explanation is left; no test on the menu would tell more"
+    return (
+        "" if len(effects) > 1 else "one explanation is left; no test on the menu would tell more"
+    )
 
 
 def _seen_by(id_: str, effect: str) -> bool:
@@ -241,7 +285,9 @@ def _told(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float,
     return -float(share @ log) - float(share @ entropy), float(share @ right)
 
 
-def _nats(trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int) -> np.ndarray | None:
+def _nats(
+    trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int
+) -> np.ndarray | None:
     """Return log-likelihoods (runs, explanations, explanations) of simulated tests."""
     out = np.zeros((runs, len(effects), len(effects)))
     for i in range(runs):
@@ -266,7 +312,11 @@ def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str) -> 
     op, level, by_mv = np.asarray(record.op), 0.0, trial.id == "mv" or s.record.mv is not None
     if by_mv:
         valve = block_of(effect) == "valve"
-        expected = through_effect(s, effect, p, op, trial.Ts) if valve else through_valve(op, s.baseline.valve, trial.Ts)
+        expected = (
+            through_effect(s, effect, p, op, trial.Ts)
+            if valve
+            else through_valve(op, s.baseline.valve, trial.Ts)
+        )
         off = float(np.mean((np.asarray(record.mv) - expected) ** 2))
         level = -0.5 * op.size * float(np.log(off + _MV_NOISE**2))
     u = np.asarray(record.mv) if by_mv else through_valve(op, s.baseline.valve, trial.Ts)
@@ -279,7 +329,9 @@ def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -
     """Return the log-likelihood of a test under a fit: its plant held as a baseline is, its effect as fitted, loads free."""
     spec = replace(fit.spec, channels=(), jumps=(), free=frozenset(), start=0.0)
     if by_mv:
-        spec = replace(spec, valve=kernels.IDEAL, moves=None, pole="" if spec.pole == "valve" else spec.pole)
+        spec = replace(
+            spec, valve=kernels.IDEAL, moves=None, pole="" if spec.pole == "valve" else spec.pole
+        )
     pace = s.record.Ts / trial.Ts
     pair = JointEngine([JointPart(s.data), JointPart(data, pace)], load_memory(s))
     spec, theta = pair.one_of(1, replace(spec, channels=()), fit.theta)

@@ -21,8 +21,12 @@ _MOST = 1500  # samples of a test; longer ones tell little more, only later
 _FASTER = 4
 _TINY = 1e-9  # gain of a controller that follows the operator alone
 _DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
-_SPREADS = 4.0  # ... and standard deviations between draws, that it is taken to be larger than their mean
-_MARGIN = 0.8  # of a limit on PV that the simulated excursion may use: the plant is not quite the model
+_SPREADS = (
+    4.0  # ... and standard deviations between draws, that it is taken to be larger than their mean
+)
+_MARGIN = (
+    0.8  # of a limit on PV that the simulated excursion may use: the plant is not quite the model
+)
 _SAYS = {
     "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
     "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",
@@ -52,13 +56,23 @@ def read_limits(path: str | Path) -> Limits:
     plain, out = Limits(), {}
     for name, value in _flat(read_toml(path)).items():
         if name not in Limits.__dataclass_fields__:
-            raise ParameterError(f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}")
+            raise ParameterError(
+                f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}"
+            )
         pair = isinstance(getattr(plain, name), tuple)
         numbers = value if pair else [value]
-        if not isinstance(numbers, list) or len(numbers) != 1 + pair or not all(isinstance(x, (int, float)) for x in numbers):
-            raise ParameterError(f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed")
+        if (
+            not isinstance(numbers, list)
+            or len(numbers) != 1 + pair
+            or not all(isinstance(x, (int, float)) for x in numbers)
+        ):
+            raise ParameterError(
+                f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed"
+            )
         if not (numbers[0] < numbers[-1] if pair else numbers[0] > 0):
-            raise ParameterError(f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is needed")
+            raise ParameterError(
+                f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is needed"
+            )
         out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
     return Limits(**out)
 
@@ -137,10 +151,16 @@ class Trial:
             record = run_setup(setup).record
         except UserError:
             return None
-        return record if np.all(np.isfinite(record.pv)) and float(np.abs(record.pv).max()) < 1e9 else None
+        return (
+            record
+            if np.all(np.isfinite(record.pv)) and float(np.abs(record.pv).max()) < 1e9
+            else None
+        )
 
 
-def sized(id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits) -> tuple[Trial | None, str, float]:
+def sized(
+    id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
+) -> tuple[Trial | None, str, float]:
     """Return a test within limits, or None and why there is none, and PV's largest excursion on the explanations' loops.
 
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it can stick.
@@ -164,7 +184,11 @@ def sized(id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits
         trial = _trial(id_, size, pace, s.integrating, Ts, s.record.n)
         if trial.minutes > limits.minutes:
             if id_ in ACTIVE:
-                return None, f"{id_}: {trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed", 0.0
+                return (
+                    None,
+                    f"{id_}: {trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed",
+                    0.0,
+                )
             n = int(60.0 * limits.minutes / trial.Ts)
             if n < 200:
                 return None, f"{id_}: {limits.minutes:.0f} min are too few", 0.0
@@ -187,7 +211,10 @@ def _trial(id_: str, size: float, pace: float, integrating: bool, Ts: float, n: 
         if integrating:
             hold, levels = max(int(pace), 5), [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0]
     elif id_ == "stairs":
-        hold, levels = int(np.clip(4.0 * pace, 10, _MOST // 14)), [1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0]
+        hold, levels = (
+            int(np.clip(4.0 * pace, 10, _MOST // 14)),
+            [1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0],
+        )
         if integrating:
             hold, levels = max(int(pace), 5), [x * y for x in (1, 2, 3, 4) for y in (1, 0, -1, 0)]
     moves = size * np.repeat(np.array(levels, dtype=float), hold)
@@ -207,7 +234,9 @@ def _trial(id_: str, size: float, pace: float, integrating: bool, Ts: float, n: 
     return Trial(id_, size if levels else 0.0, hold * Ts, period, n, sp, op)
 
 
-def _excursion(trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Limits) -> tuple[float, bool]:
+def _excursion(
+    trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Limits
+) -> tuple[float, bool]:
     """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay within limits."""
     if trial.id in ("mv", "fast", "lab"):
         # as operated: what PV does anyway
@@ -218,14 +247,25 @@ def _excursion(trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Li
         for seed in range(_DRAWS if limits != Limits() else 1):
             record = trial.run(loop, seed)
             if record is not None:
-                ends.append((record.pv.min() - start, record.pv.max() - start, record.op.min(), record.op.max()))
+                ends.append(
+                    (
+                        record.pv.min() - start,
+                        record.pv.max() - start,
+                        record.op.min(),
+                        record.op.max(),
+                    )
+                )
         if not ends:
             continue
         # in manual nothing holds PV against its load, and the next one will be another
         far = _SPREADS * np.std(ends, axis=0)
         low, high, op_low, op_high = np.mean(ends, axis=0) + far * np.array([-1.0, 1.0, -1.0, 1.0])
         worst = max(worst, float(-low), float(high))
-        inside &= bool(low >= _MARGIN * (limits.pv[0] - start) and high <= _MARGIN * (limits.pv[1] - start))
+        inside &= bool(
+            low >= _MARGIN * (limits.pv[0] - start) and high <= _MARGIN * (limits.pv[1] - start)
+        )
         inside &= bool(op_low >= limits.op[0] - 1e-6 and op_high <= limits.op[1] + 1e-6)
-        inside &= bool(worst <= _MARGIN * limits.pv_excursion and op_high - op_low <= 2.0 * limits.op_travel)
+        inside &= bool(
+            worst <= _MARGIN * limits.pv_excursion and op_high - op_low <= 2.0 * limits.op_travel
+        )
     return worst, inside

@@ -43,11 +43,19 @@ def law_section(found: Discovery) -> Markup:
     """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and its certificate."""
     law, g = found.law, found.gap
     if law is None or g is None:
-        return _render("law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block)
+        return _render(
+            "law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block
+        )
     tiles = [
         (law.block, "block"),
-        (f"{law.nats:.0f}", f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no form held)"),
-        (f"{g.recalibrated:.2f} to {g.after:.2f}", f"gap, recalibrated and with the law, floor {g.floor:.2f}"),
+        (
+            f"{law.nats:.0f}",
+            f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no form held)",
+        ),
+        (
+            f"{g.recalibrated:.2f} to {g.after:.2f}",
+            f"gap, recalibrated and with the law, floor {g.floor:.2f}",
+        ),
         ((found.nearest or "none").replace("_", " "), "nearest known effect"),
     ]
     rules = LAW_FORMS[law.form].numbers
@@ -59,13 +67,25 @@ def law_section(found: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]  # fmt: skip
-    where = inline_svg(law_pictures.draw_windows(found), "windows", "record with the law's spells shaded")
-    items = [{"svg": where, "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}."}]
+    where = inline_svg(
+        law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"
+    )
+    items = [
+        {
+            "svg": where,
+            "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",
+        }
+    ]
     if law_pictures.law_curve(found) is not None:
         drawn = inline_svg(law_pictures.draw_law(found), "law", law.text)
         items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
     return _render(
-        "law.html", sentence=found.sentence(), tiles=tiles, items=items, table=sortable(pd.DataFrame(rows)), block=law.block
+        "law.html",
+        sentence=found.sentence(),
+        tiles=tiles,
+        items=items,
+        table=sortable(pd.DataFrame(rows)),
+        block=law.block,
     )
 
 
@@ -78,9 +98,21 @@ def _beside(found: Discovery) -> Markup:
     items = [
         {"svg": inline_svg(draw(), name, says), "caption": f"{says}."}
         for draw, name, says in (
-            (lambda: pictures.draw_traces("PV", *part), "pv", "PV over time, set point dotted: record and simulations"),
-            (lambda: pictures.draw_traces("OP", *part), "op", "OP over time: record and simulations"),
-            (lambda: pictures.draw_spectra(record, runs), "spectra", "Power spectra of PV and OP, whole record"),
+            (
+                lambda: pictures.draw_traces("PV", *part),
+                "pv",
+                "PV over time, set point dotted: record and simulations",
+            ),
+            (
+                lambda: pictures.draw_traces("OP", *part),
+                "op",
+                "OP over time: record and simulations",
+            ),
+            (
+                lambda: pictures.draw_spectra(record, runs),
+                "spectra",
+                "Power spectra of PV and OP, whole record",
+            ),
         )
     ]
     return _render("look.html", items=items, added="the law", absent=False, given=s.trusted)

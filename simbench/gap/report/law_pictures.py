@@ -49,7 +49,14 @@ def draw_law(found: Discovery) -> Figure:
     ends = [{**law.numbers, name: value} for name, pair in law.intervals.items() for value in pair]
     near = [c[1] for c in (law_curve(found, numbers) for numbers in ends) if c is not None]
     if near:
-        axes.fill_between(x, np.min([y, *near], axis=0), np.max([y, *near], axis=0), color=RED, alpha=0.2, linewidth=0)
+        axes.fill_between(
+            x,
+            np.min([y, *near], axis=0),
+            np.max([y, *near], axis=0),
+            color=RED,
+            alpha=0.2,
+            linewidth=0,
+        )
     plain = law_curve(found, {})
     if plain is not None:
         axes.plot(x, plain[1], color=GREY, linestyle=":", label="without it")
@@ -65,7 +72,12 @@ def draw_lacking(lacks: Lacking) -> Figure:
     rows = lacks.features[:8][::-1]
     figure, grid = panels(1, 1, _WIDTH, 0.9 + 0.34 * len(rows))
     axes: Axes = grid[0, 0]
-    axes.barh(range(len(rows)), [z for _, z, _ in rows], color=[RED if z > 0 else BLUE for _, z, _ in rows], height=0.6)
+    axes.barh(
+        range(len(rows)),
+        [z for _, z, _ in rows],
+        color=[RED if z > 0 else BLUE for _, z, _ in rows],
+        height=0.6,
+    )
     axes.set_yticks(range(len(rows)), [words for words, _, _ in rows], fontsize=6.5)
     axes.axvline(0.0, color=BLACK, linewidth=0.8)
     axes.set_xlabel("record beside its simulation\n(seed-to-seed standard deviations)")
@@ -98,5 +110,10 @@ def law_curve(found: Discovery, numbers: dict[str, float] | None = None) -> _Cur
         return t + s.baseline.plant.Td, y, "time after a step of MV by 1 % (s)", "PV (PV units)"
     if law.form == "regime":
         e = np.quantile(s.sp - np.asarray(s.record.pv), np.linspace(0.01, 0.99, 99))
-        return e, e * (p.gain + p.square * np.abs(e)) + p.side * np.abs(e), "error (PV units)", "error as it counts (PV units)"
+        return (
+            e,
+            e * (p.gain + p.square * np.abs(e)) + p.side * np.abs(e),
+            "error (PV units)",
+            "error as it counts (PV units)",
+        )
     return None

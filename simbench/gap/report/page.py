@@ -27,10 +27,15 @@ _render = partial(render_in, "simbench.gap.report")
 _SHOWN = 6  # candidates drawn as bars; the table holds all
 _SEEN = 0.005  # probability that is not rounded to 0
 _POSSIBLE = 0.05  # probability from which a candidate is called still possible
-_MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
+_MEANING = {
+    NONE: "the simulation lacks nothing",
+    UNKNOWN: "something that no known effect explains",
+}
 
 
-def write_page(report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None) -> None:
+def write_page(
+    report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None
+) -> None:
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone; `told`: its story."""
     tag = report.behind.found.situation.record.tag
     parts: list[tuple[str, str, Markup]] = [
@@ -66,7 +71,9 @@ def _answer(report: GapReport) -> Markup:
         if value >= 0:
             tiles.append((f"{value} %", f"of the gap closes (90 % interval {lo} to {hi} %)"))
         else:
-            tiles.append((f"{-value} %", f"by which the gap grows (90 % interval {-hi} to {-lo} %)"))
+            tiles.append(
+                (f"{-value} %", f"by which the gap grows (90 % interval {-hi} to {-lo} %)")
+            )
     tiles.append((f"{g.before:.2f}", "gap before" + ("" if g.resolvable else ", not resolvable")))
     if report.effect not in (NONE, UNKNOWN):
         tiles.append((f"{g.after:.2f}", "gap with the effect added"))
@@ -80,18 +87,28 @@ def _answer(report: GapReport) -> Markup:
         }
         for e in report.effects
     ]
-    return _render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else [])
+    return _render(
+        "answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else []
+    )
 
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    says = "control loop; share of the gap: " + ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
-    behind = {b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares}
+    says = "control loop; share of the gap: " + ", ".join(
+        f"{b} {100 * p:.0f} %" for b, p in shares.items()
+    )
+    behind = {
+        b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares
+    }
     return _render(
         "where.html",
         svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says),
         any=any(shares.values()),
-        findings=[(b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows)) for b, rows in behind.items() if rows],
+        findings=[
+            (b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows))
+            for b, rows in behind.items()
+            if rows
+        ],
     )
 
 
@@ -100,14 +117,30 @@ def _look(report: GapReport) -> Markup:
     start, stop = runs.window(report)
     part = (record, simulated, start, stop)
     items = [
-        (lambda: pictures.draw_traces("PV", *part), "pv", "PV over time, set point dotted: record and simulations"),
+        (
+            lambda: pictures.draw_traces("PV", *part),
+            "pv",
+            "PV over time, set point dotted: record and simulations",
+        ),
         (lambda: pictures.draw_traces("OP", *part), "op", "OP over time: record and simulations"),
         (lambda: pictures.draw_loops("PV", *part), "pv-op", "PV over OP: record and simulations"),
-        (lambda: pictures.draw_spectra(record, simulated), "spectra", "Power spectra of PV and OP, whole record"),
+        (
+            lambda: pictures.draw_spectra(record, simulated),
+            "spectra",
+            "Power spectra of PV and OP, whole record",
+        ),
     ]
     if record.mv is not None:
-        items.append((lambda: pictures.draw_loops("MV", *part), "mv-op", "MV over OP: record and simulations"))
-    drawn = [{"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items]
+        items.append(
+            (
+                lambda: pictures.draw_loops("MV", *part),
+                "mv-op",
+                "MV over OP: record and simulations",
+            )
+        )
+    drawn = [
+        {"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items
+    ]
     return _render(
         "look.html",
         items=drawn,
@@ -125,7 +158,9 @@ def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
     body = law_section(report.looks_like)
     if lacks is not None and lacks.features:
         says = "features of the record that the simulation lacks: " + lacks.sentence
-        drawn = [{"svg": _picture(lambda: draw_lacking(lacks), "lacking", says), "caption": f"{says}."}]
+        drawn = [
+            {"svg": _picture(lambda: draw_lacking(lacks), "lacking", says), "caption": f"{says}."}
+        ]
         body += _render("lacking.html", items=drawn)
     return [("like", "What it looks like", body)]
 
@@ -145,7 +180,9 @@ def _which(report: GapReport) -> Markup:
     meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
     chances = [r.probability for r in top]
     says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
-    svg = _picture(lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says)
+    svg = _picture(
+        lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says
+    )
     table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
     return _render("which.html", svg=svg, table=table, meaning=meaning)
 
@@ -162,7 +199,9 @@ def _shrinkage(report: GapReport) -> Markup:
         "shrinkage.html",
         svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
         resolvable=report.gap.resolvable,
-        features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format)) if len(features) else None,
+        features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format))
+        if len(features)
+        else None,
     )
 
 
@@ -177,14 +216,20 @@ def _open(report: GapReport) -> Markup:
     answers = {e["effect"] for e in report.effects}
     after = report.behind.after_tests
     right = "right after it"
-    tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(right, ascending=False)
+    tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(
+        right, ascending=False
+    )
     return _render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
         possible=[
-            (words(r.effect), r.probability) for r in report.ranking if r.effect not in answers and r.probability >= _POSSIBLE
+            (words(r.effect), r.probability)
+            for r in report.ranking
+            if r.effect not in answers and r.probability >= _POSSIBLE
         ],
-        next_test="" if report.next_test is None else f"{report.next_test['test']}: {report.next_test['says']}",
+        next_test=""
+        if report.next_test is None
+        else f"{report.next_test['test']}: {report.next_test['says']}",
         notes=report.notes,
         resolvable=report.gap.resolvable,
         tests=sortable(tests) if len(tests) else None,
@@ -194,7 +239,9 @@ def _open(report: GapReport) -> Markup:
 
 
 def _reproduce(report: GapReport, command: Sequence[str]) -> Markup:
-    return _render("reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip())
+    return _render(
+        "reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip()
+    )
 
 
 def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:

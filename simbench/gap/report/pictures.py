@@ -57,16 +57,29 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
         share = float(shares.get(block, 0.0))
         style = "round,pad=0,rounding_size=0.05"
         face = (*to_rgb(RED), 0.7 * share)
-        axes.add_patch(FancyBboxPatch((left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0))
+        axes.add_patch(
+            FancyBboxPatch(
+                (left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0
+            )
+        )
         inside = [(block, "normal"), (f"{100 * share:.0f} %", "bold")]
         step = _HIGH / (len(inside) + 0.4)
         for i, (text, weight) in enumerate(inside):
-            axes.text(left + wide / 2, lower + _HIGH - step * (i + 0.7), text, ha="center", va="center", fontweight=weight)
+            axes.text(
+                left + wide / 2,
+                lower + _HIGH - step * (i + 0.7),
+                text,
+                ha="center",
+                va="center",
+                fontweight=weight,
+            )
     return figure
 
 
 @styled
-def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
+def draw_traces(
+    signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
+) -> Figure:
     """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes."""
     every = {RECORD: record, **runs}
     figure, grid = panels(len(every), 1, _WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
@@ -74,7 +87,9 @@ def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: 
     return figure
 
 
-def fill_traces(panels: Sequence[Axes], signal: str, every: Mapping[str, Traces], start: int, stop: int) -> None:
+def fill_traces(
+    panels: Sequence[Axes], signal: str, every: Mapping[str, Traces], start: int, stop: int
+) -> None:
     """Draw one signal over time, a panel each, as `draw_traces`."""
     limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
     for axes, (name, trace) in zip(panels, every.items()):
@@ -89,7 +104,9 @@ def fill_traces(panels: Sequence[Axes], signal: str, every: Mapping[str, Traces]
 
 
 @styled
-def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
+def draw_loops(
+    across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
+) -> Figure:
     """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes."""
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
@@ -123,7 +140,12 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
         for name, trace in {**runs, RECORD: record}.items():
             f, power = spectrum(_signal(trace, signal), trace.Ts)
             axes.loglog(
-                f, power, color=LOOK[name][0], linestyle=LOOK[name][1], label=name, linewidth=2.0 if name == BASELINE else 1.1
+                f,
+                power,
+                color=LOOK[name][0],
+                linestyle=LOOK[name][1],
+                label=name,
+                linewidth=2.0 if name == BASELINE else 1.1,
             )
         own = spectrum(_signal(record, signal), record.Ts)[1]
         axes.set_ylim(max(own.min(), 1e-8 * own.max()) / 5.0, own.max() * 8.0)
@@ -149,7 +171,9 @@ def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure
 
 def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
     """Draw candidates as bars of their probability, as `draw_ranking`."""
-    _bars(axes, names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}")
+    _bars(
+        axes, names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}"
+    )
     axes.set(xlim=(0, 1.12), xlabel="probability")
 
 
@@ -163,19 +187,37 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
 
 def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
     """Draw gaps as bars, as `draw_gap`."""
-    colours = {"before": BLUE, "recalibrated": GREEN, "after": RED, "nearest effect": ORANGE, "floor": GREY}
+    colours = {
+        "before": BLUE,
+        "recalibrated": GREEN,
+        "after": RED,
+        "nearest effect": ORANGE,
+        "floor": GREY,
+    }
     _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes], "{:.2f}")
     axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
-    axes.set(xlim=(0, 1.15 * max(sizes.values())), xlabel="distance from the record (seed-to-seed standard deviations)")
+    axes.set(
+        xlim=(0, 1.15 * max(sizes.values())),
+        xlabel="distance from the record (seed-to-seed standard deviations)",
+    )
 
 
-def _bars(axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str], how: str) -> None:
+def _bars(
+    axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str], how: str
+) -> None:
     places = np.arange(len(names))[::-1]
     axes.barh(places, values, color=colours, height=0.62)
     axes.set_yticks(places, names)
     axes.tick_params(axis="y", length=0)
     for y, value in zip(places, values):
-        axes.annotate(how.format(value), (value, y), (4, 0), textcoords="offset points", va="center", fontsize=8)
+        axes.annotate(
+            how.format(value),
+            (value, y),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+        )
 
 
 def _signal(trace: Traces, name: str) -> np.ndarray:
@@ -203,5 +245,12 @@ def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool:
 
 def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
     axes.plot(*zip(*points[:-1]), color=BLACK, linewidth=0.9, solid_joinstyle="miter")
-    arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    arrow = {
+        "arrowstyle": "-|>",
+        "color": BLACK,
+        "linewidth": 0.9,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 7,
+    }
     axes.annotate("", points[-1], points[-2], arrowprops=arrow)

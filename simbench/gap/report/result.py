@@ -127,7 +127,9 @@ class GapReport:
         }
 
     def _likeness(self) -> list[str]:
-        return [] if self.looks_like is None else [f"what it looks like: {self.looks_like.one_line()}"]
+        return (
+            [] if self.looks_like is None else [f"what it looks like: {self.looks_like.one_line()}"]
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the ranking.
@@ -140,7 +142,9 @@ class GapReport:
         import pandas as pd
 
         rows = self.as_json()["ranking"]
-        return pd.DataFrame([{**row, "parameters": numbers(row["effect"], row["parameters"], "")} for row in rows])
+        return pd.DataFrame(
+            [{**row, "parameters": numbers(row["effect"], row["parameters"], "")} for row in rows]
+        )
 
     def plot(self, most: int = 6) -> Any:
         """Draw the most probable effects.
@@ -155,7 +159,9 @@ class GapReport:
         matplotlib.axes.Axes
         """
         rows = self.to_frame().head(most).set_index("effect")[::-1]
-        return rows[["probability"]].plot.barh(xlim=(0, 1), xlabel="probability", ylabel="", color="0.7", legend=False)
+        return rows[["probability"]].plot.barh(
+            xlim=(0, 1), xlabel="probability", ylabel="", color="0.7", legend=False
+        )
 
     def _repr_html_(self) -> str:
         return page_part(self.sentence(), self.to_frame().head(8))
@@ -201,10 +207,16 @@ class GapReport:
             said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
             return f"{said}; closest: {words(near)}."
         found = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
-        names = " and ".join(f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in found)
+        names = " and ".join(
+            f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in found
+        )
         share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
         verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
-        size = f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}" if self.shrinkage else ""
+        size = (
+            f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}"
+            if self.shrinkage
+            else ""
+        )
         return f"The simulation lacks {names}, probability {p:.2f}{size}."
 
     def as_text(self) -> str:
@@ -214,11 +226,23 @@ class GapReport:
         -------
         str
         """
-        lines = [self.sentence(), "", "The valve:", *self.conclusion.as_lines(), "", *self._likeness()]
+        lines = [
+            self.sentence(),
+            "",
+            "The valve:",
+            *self.conclusion.as_lines(),
+            "",
+            *self._likeness(),
+        ]
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):
-            lines.append("where: " + ", ".join(f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005))
+            lines.append(
+                "where: "
+                + ", ".join(
+                    f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
+                )
+            )
         g = self.gap
         lines.append(
             f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"
@@ -228,8 +252,15 @@ class GapReport:
             s = self.shrinkage
             lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
         lines.append("")
-        lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}" for r in self.ranking[:6]]
-        told = [] if self.next_test is None else [f"next test: {self.next_test['test']}: {self.next_test['says']}"]
+        lines += [
+            f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}"
+            for r in self.ranking[:6]
+        ]
+        told = (
+            []
+            if self.next_test is None
+            else [f"next test: {self.next_test['test']}: {self.next_test['says']}"]
+        )
         lines += ["", *told] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 

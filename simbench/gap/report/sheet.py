@@ -19,11 +19,18 @@ def draw_sheet(report: GapReport) -> Figure:
     runs = {RECORD: recorded(report), **simulated(report)}
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
-    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, _SAMPLES))
+    fill_traces(
+        list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, _SAMPLES)
+    )
     which, gap = right.subplots(2, 1)
     top = [r for r in report.ranking if r.probability >= 0.005][:_SHOWN]
     fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
     fill_gap(gap, gap_sizes(report))
     label(which, "probability", "", "what is missing")
-    label(gap, "distance from the record\n(seed-to-seed standard deviations)", "", "gap between simulation and record")
+    label(
+        gap,
+        "distance from the record\n(seed-to-seed standard deviations)",
+        "",
+        "gap between simulation and record",
+    )
     return figure

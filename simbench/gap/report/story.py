@@ -36,7 +36,9 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
     asked = before.next_test
     items = [
         {
-            "svg": inline_svg(_draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"),
+            "svg": inline_svg(
+                _draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"
+            ),
             "caption": f"{test.name}: PV with its set point, and OP; the operator's part is shaded.",
         }
         for i, test in enumerate(tests)
@@ -62,7 +64,9 @@ def _draw(test: RecordedTest) -> Figure:
         axes.plot(r.t, x, color=BLACK, linewidth=0.9)
         label(axes, "", name, "")
         low, high = axes.get_ylim()
-        axes.fill_between(r.t, low, high, where=np.asarray(test.manual), color=GREY, alpha=0.25, linewidth=0)
+        axes.fill_between(
+            r.t, low, high, where=np.asarray(test.manual), color=GREY, alpha=0.25, linewidth=0
+        )
         axes.set_ylim(low, high)
     if r.sp is not None:
         grid[0, 0].plot(r.t, r.sp, color=GREY, linestyle=":", linewidth=1.0)

@@ -14,7 +14,12 @@ from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, UNKNOWN
 from simbench.loop.simulate import simulate
 
-BASELINE, TUNED, FIXED, NEAREST = "baseline", "recalibrated", "with the effect", "with the nearest effect"
+BASELINE, TUNED, FIXED, NEAREST = (
+    "baseline",
+    "recalibrated",
+    "with the effect",
+    "with the nearest effect",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +59,12 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
 def kick_of(report: GapReport, effects: list[str]) -> float:
     """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
     return max(
-        (recogniser(r.effect).initial_op_offset(r.parameters) for r in report.ranking if r.effect in effects), default=0.0
+        (
+            recogniser(r.effect).initial_op_offset(r.parameters)
+            for r in report.ranking
+            if r.effect in effects
+        ),
+        default=0.0,
     )
 
 
@@ -96,4 +106,6 @@ def window(report: GapReport, most: int = 1200) -> tuple[int, int]:
 def _trace(record: LoopRecord) -> Traces:
     assert record.sp is not None
     mv = None if record.mv is None else np.asarray(record.mv)
-    return Traces(np.asarray(record.op), np.asarray(record.pv), np.asarray(record.sp), mv, record.Ts)
+    return Traces(
+        np.asarray(record.op), np.asarray(record.pv), np.asarray(record.sp), mv, record.Ts
+    )

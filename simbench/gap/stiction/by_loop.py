@@ -13,24 +13,35 @@ from simbench.gap.stiction.probability import probability, verdict
 _HEAD = ("loop", "label", "records", "probability of stiction", "conclusion")
 
 
-def as_lines(conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]]) -> list[str]:
+def as_lines(
+    conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]]
+) -> list[str]:
     """Return a table of one line per loop, and how often loops and units agree with their labels.
 
     The probability of a loop is that of the mean of its records' log-odds; a record that cannot be judged has none.
     """
     loops = _concluded(conclusions, labels, "loop")
     rows = [
-        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[said]) for (name, label), (n, p, said) in loops.items()
+        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[said])
+        for (name, label), (n, p, said) in loops.items()
     ]
-    return [*columns([_HEAD, *rows]), _score("loop", loops), _score("unit", _concluded(conclusions, labels, "unit_group"))]
+    return [
+        *columns([_HEAD, *rows]),
+        _score("loop", loops),
+        _score("unit", _concluded(conclusions, labels, "unit_group")),
+    ]
 
 
-def _concluded(conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]], key: str):
+def _concluded(
+    conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]], key: str
+):
     """Return records, probability and verdict of each group of records that share a key and a label."""
     groups: dict[tuple[str, str], list[float | None]] = {}
     for name, found in conclusions.items():
         if name in labels:
-            groups.setdefault((labels[name][key], labels[name]["label"]), []).append(found.probability)
+            groups.setdefault((labels[name][key], labels[name]["label"]), []).append(
+                found.probability
+            )
     out = {}
     for group, each in groups.items():
         odds = [log(p / (1.0 - p)) for p in each if p is not None]
@@ -41,7 +52,9 @@ def _concluded(conclusions: Mapping[str | None, Conclusion], labels: Mapping[str
 
 def _score(what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
-    labelled = {group: said for group, (_, _, said) in groups.items() if group[1] not in ("", "unknown")}
+    labelled = {
+        group: said for group, (_, _, said) in groups.items() if group[1] not in ("", "unknown")
+    }
     sticky = [said for (_, label), said in labelled.items() if label == STICTION]
     others = [said for (_, label), said in labelled.items() if label != STICTION]
     open_ = sum(said == NO_DECISION for said in labelled.values())

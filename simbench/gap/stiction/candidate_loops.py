@@ -14,10 +14,22 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
 from simbench.gap.situation import load_memory
-from simbench.gap.stiction.friction import FRICTION, OUTSIDE, friction, friction_of, in_percent, with_sound_valve
+from simbench.gap.stiction.friction import (
+    FRICTION,
+    OUTSIDE,
+    friction,
+    friction_of,
+    in_percent,
+    with_sound_valve,
+)
 from simbench.gap.stiction.probability import probability
 
-ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
+ARCHIVE = (
+    "quantisation",
+    "compression",
+    "outliers",
+    "op_quantisation",
+)  # effects that single samples prove
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +60,9 @@ class CandidateLoops:
         return probability(self.log_odds)
 
 
-def candidate_loops(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> CandidateLoops:
+def candidate_loops(
+    record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
+) -> CandidateLoops:
     """Identify the loop behind a record, with a sound valve and with friction; `found` where it was assessed already."""
     notes = []
     weighed = friction_of(record) if loop is None else friction(record, loop, found)
@@ -65,7 +79,9 @@ def candidate_loops(record: LoopRecord, loop: Loop | Partial | None = None, foun
         if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
-    sizes = smallest_detectable(found.situation, found.base, load_memory(found.situation), (FRICTION,))
+    sizes = smallest_detectable(
+        found.situation, found.base, load_memory(found.situation), (FRICTION,)
+    )
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
         record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
@@ -78,7 +94,10 @@ def with_friction(loop: Loop, S: float, J: float) -> Loop:
     """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
     table = without(loop, (FRICTION,)).to_table()
     if S > 0:
-        table["effect"] = [*table.get("effect", []), {"name": FRICTION, "S": float(S), "J": float(J)}]
+        table["effect"] = [
+            *table.get("effect", []),
+            {"name": FRICTION, "S": float(S), "J": float(J)},
+        ]
     return Loop.from_table(table, "twin")
 
 

@@ -14,18 +14,37 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 
-STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
+STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = (
+    "stiction",
+    "tuning",
+    "disturbance from outside",
+    "another loop",
+)
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
-_TOLD_BY_FLAGS = {"saturated": AT_LIMIT, "frozen": SENSOR, "dead_pv": SENSOR, "dead_op": NOT_TOLD, "manual": NOT_TOLD}
+_TOLD_BY_FLAGS = {
+    "saturated": AT_LIMIT,
+    "frozen": SENSOR,
+    "dead_pv": SENSOR,
+    "dead_op": NOT_TOLD,
+    "manual": NOT_TOLD,
+}
 _NAMED_FROM = 0.6  # confidence below which no cause is named
 _APART = 0.15  # by which the likeliest must lead the next
-_KEPT = (0.9, 0.98)  # phase kept with one sine from which the swing is a line of the load, and from which surely
+_KEPT = (
+    0.9,
+    0.98,
+)  # phase kept with one sine from which the swing is a line of the load, and from which surely
 _FEWEST_PERIODS = 12  # below which every swing keeps its phase
-_TIGHT = (2.2, 4.0)  # largest sensitivity from which tuning may be the cause, and from which it surely can
+_TIGHT = (
+    2.2,
+    4.0,
+)  # largest sensitivity from which tuning may be the cause, and from which it surely can
 _BARE = 0.1  # of S, below which J is no jump
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
-_NEAR = 1.4  # factor between the period of the loop and that of its resonance up to which they are one
+_NEAR = (
+    1.4  # factor between the period of the loop and that of its resonance up to which they are one
+)
 _NOISY = 0.75  # share of PV's variance that changes from sample to sample, from which it is noise that moves the valve
 
 
@@ -61,7 +80,9 @@ def _line(c: Cause) -> str:
     return f"  {c.name} ({c.confidence:.2f}): {'. '.join(told)}."
 
 
-def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0) -> Causes:
+def find_causes(
+    prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
+) -> Causes:
     """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that cannot be told.
 
     `root` is the loop that drives it, `sure` that loop's probability of stiction.
@@ -77,7 +98,11 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | No
     known, keeps, periods = _margins(behind), 0.0, 0.0
     if swing.sustained:
         periods = behind.record.duration / swing.period_s
-        keeps = coherence(behind.record.pv, swing.period_s / behind.record.Ts) if periods >= _FEWEST_PERIODS else float("nan")
+        keeps = (
+            coherence(behind.record.pv, swing.period_s / behind.record.Ts)
+            if periods >= _FEWEST_PERIODS
+            else float("nan")
+        )
     weighed = [
         _stiction(behind, keeps), _tuning(known, swing, keeps, periods), _outside(behind, swing, keeps, periods),
         _sensor(prepared, behind),
@@ -97,11 +122,16 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | No
     if claimed:
         return _open("the swing speaks against a valve that sticks", tuple(weighed))
     if behind.probability >= DENIED_BELOW:
-        between = f"a probability between {DENIED_BELOW:g} and {CLAIMED_FROM:g} leaves the valve open"
+        between = (
+            f"a probability between {DENIED_BELOW:g} and {CLAIMED_FROM:g} leaves the valve open"
+        )
         return _open(f"{between}, and with it every other cause", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is own:
         return _open("no cause has enough evidence", tuple(weighed))
-    if first.confidence - second.confidence < _APART and {first.name, second.name} != {SENSOR, NO_CAUSE}:
+    if first.confidence - second.confidence < _APART and {first.name, second.name} != {
+        SENSOR,
+        NO_CAUSE,
+    }:
         return _open(f"{first.name} and {second.name} are about as likely", tuple(weighed))
     return Causes(first, tuple(weighed))
 
@@ -112,7 +142,11 @@ def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
 
 def _margins(behind: CandidateLoops) -> Margins | None:
     """Return the margins of the loop that explains the record best."""
-    own = behind.sticky if behind.sticky is not None and behind.probability > 0.5 else behind.healthy[0]
+    own = (
+        behind.sticky
+        if behind.sticky is not None and behind.probability > 0.5
+        else behind.healthy[0]
+    )
     return margins(own)
 
 
@@ -122,7 +156,11 @@ def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
     better = f"friction explains the record {word} than none (log-likelihood {behind.gain:+.0f})"
     if p <= 0.5:
         return Cause(STICKING, p, (), (better,))
-    size = "" if behind.fitted is None else f"; its best size is S = {behind.fitted[0]:.2g}, J = {behind.fitted[1]:.2g} %"
+    size = (
+        ""
+        if behind.fitted is None
+        else f"; its best size is S = {behind.fitted[0]:.2g}, J = {behind.fitted[1]:.2g} %"
+    )
     bare = behind.fitted is not None and behind.fitted[1] < _BARE * behind.fitted[0]
     if bare and keeps > _KEPT[1] and behind.healthy[0].plant.type == "foptd":
         why = "a band without a jump makes no self-regulating loop swing, and the swing keeps its phase as one from outside"
@@ -153,12 +191,19 @@ def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: 
     if not swing.sustained:
         return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
     if np.isnan(keeps):
-        return Cause(FROM_OUTSIDE, 0.3, (), (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",))
+        return Cause(
+            FROM_OUTSIDE,
+            0.3,
+            (),
+            (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",),
+        )
     said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
     if keeps < _KEPT[0]:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
     gained = f"an oscillation from outside explains the record better than none (log-likelihood +{behind.outside:.0f})"
-    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3)))
+    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(
+        np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3))
+    )
     told = f"{said}a line in the load's spectrum, narrower than a loop resonates"
     return Cause(FROM_OUTSIDE, sure, (told, *([gained] if behind.outside > 0 else [])))
 
@@ -175,7 +220,11 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
     percent = record.op_percent
     moved = float(np.std(steps)) if percent is not None else 0.0
     if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
-        return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
+        return Cause(
+            SENSOR,
+            0.8,
+            (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",),
+        )
     return Cause(SENSOR, 0.05, (), (said,))
 
 

@@ -96,14 +96,24 @@ def from_record(
         # what else is known of this loop stands against the claim
         said = NO_DECISION
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
-    reasons = [r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)]
+    reasons = [
+        r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)
+    ]
     if said != STICTION:
         reasons.append(_visible(behind.visible * behind.percent, prepared.record.S_unit))
         if not swings:
-            reasons.append("a sticking valve need not make a loop oscillate, so the probability decides")
+            reasons.append(
+                "a sticking valve need not make a loop oscillate, so the probability decides"
+            )
     to_do = _NEXT.get(cause)
     if to_do is None:
-        to_do = (_ORIGIN if swings else _WATCH) if said == NO_STICTION else _TO_TELL if swings else _AT_REST
+        to_do = (
+            (_ORIGIN if swings else _WATCH)
+            if said == NO_STICTION
+            else _TO_TELL
+            if swings
+            else _AT_REST
+        )
     return Conclusion(said, p, cause, "; ".join(reasons), to_do), causes
 
 

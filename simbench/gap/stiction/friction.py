@@ -26,14 +26,25 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.pace import at_its_pace, own_samples, unheld
-from simbench.gap.stiction.probability import BOUNDS, SHORTEST_ASKED, FrictionEvidence, log_odds, probability
+from simbench.gap.stiction.probability import (
+    BOUNDS,
+    SHORTEST_ASKED,
+    FrictionEvidence,
+    log_odds,
+    probability,
+)
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 
-FRICTION, _BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
+FRICTION, _BAND = (
+    "stiction",
+    "deadband",
+)  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
-_OWN = 0.2  # share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
+_OWN = (
+    0.2  # share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
+)
 _ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 
@@ -90,7 +101,9 @@ def friction_of(record: LoopRecord) -> Friction:
     return kept
 
 
-def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> Friction:
+def friction(
+    record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
+) -> Friction:
     """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
 
     The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
@@ -112,7 +125,9 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Asse
         own = own_samples(record)
         if own < max(SHORTEST_ASKED, _OWN * record.n):
             what = "the archive repeats the others or draws straight lines between them, which looks like a valve that rests"
-            raise RecordError(f"{where} unfit: {own} of {record.n} samples of PV are its own; {what}")
+            raise RecordError(
+                f"{where} unfit: {own} of {record.n} samples of PV are its own; {what}"
+            )
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
@@ -130,7 +145,9 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Asse
         own = _at_pace(slow, record)
         if every is None and own is None:
             return _measured(_fitted(record, identify(record)))
-        return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
+        return _measured(
+            max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION])
+        )
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -147,7 +164,11 @@ def refuse_unweighable(record: LoopRecord) -> None:
 
 def with_sound_valve(loop: Loop) -> Loop:
     """Return a loop without the friction of its valve."""
-    return loop.model_copy(update={"valve": Part(name="ideal")}) if plain_setup(loop, 0).sticky else loop
+    return (
+        loop.model_copy(update={"valve": Part(name="ideal")})
+        if plain_setup(loop, 0).sticky
+        else loop
+    )
 
 
 def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
@@ -180,7 +201,9 @@ def _as_it_is(record: LoopRecord) -> Assessment | None:
 def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
     """Return the assessment of fewer samples; None where no loop can be identified from them."""
     try:
-        return _as_sampled(_fitted(slow, identify(slow, controller=exact_controller(record))), record)
+        return _as_sampled(
+            _fitted(slow, identify(slow, controller=exact_controller(record))), record
+        )
     except UserError:
         return None
 
@@ -204,8 +227,12 @@ def _few(s: Situation) -> Assessment:
     tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE) or recogniser(e).ordinary]
     bare = engine.base()
     base, fitted = beside_the_load(engine, bare, fit_candidates(engine, bare, tried))
-    gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {e: float(c.log_likelihood_gain) for e, c in fitted.items()}
-    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used} | s.proven
+    gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {
+        e: float(c.log_likelihood_gain) for e, c in fitted.items()
+    }
+    parameters = {
+        e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used
+    } | s.proven
     return Assessment(s, base, fitted, parameters, [], base, gains)
 
 
@@ -214,7 +241,9 @@ def _measured(found: Assessment) -> Friction:
     gains, s = found.log_likelihood_gains, found.situation
     if found.valve_seen or s.record.mv is not None:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can, and every band counts in full
-        rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
+        rivals = (
+            gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND)
+        )
         gain = max(gains[FRICTION], gains[_BAND])
         return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
     gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}

@@ -56,7 +56,9 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
         return Verdict(NAME, NO_DECISION, reason=str(why))
     p, e = found.probability, found.evidence
     unit = in_percent(record)[1]
-    S, J = (None, None) if found.fitted is None or e.gain <= 0.0 else (x * unit for x in found.fitted)
+    S, J = (
+        (None, None) if found.fitted is None or e.gain <= 0.0 else (x * unit for x in found.fitted)
+    )
     said = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from outside {e.outside:+.0f}"
     if e.gain > 0.0:
         said += f"; its band spans {e.share:.0%} of OP's range"

@@ -28,7 +28,9 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
     pv, k = np.asarray(record.pv), 1
     swing = find_oscillation(record.op, pv, record.Ts)
     most = swing.period_s / record.Ts / _FEWEST if swing.sustained else np.inf
-    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(pv[k:] - pv[:-k]) < _LEAST * np.std(pv):
+    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(
+        pv[k:] - pv[:-k]
+    ) < _LEAST * np.std(pv):
         k += 1
     return record if k == 1 else resampled(record, lambda x: x[::k], k)
 
@@ -53,5 +55,9 @@ def own_samples(record: LoopRecord) -> int:
 
 def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:
     """Return a record in which every signal but MV, which is left out, has one sample in place of k."""
-    signals = {name: change(getattr(record, name)) for name in ("op", "pv", "sp") if getattr(record, name) is not None}
+    signals = {
+        name: change(getattr(record, name))
+        for name in ("op", "pv", "sp")
+        if getattr(record, name) is not None
+    }
     return replace(record, Ts=record.Ts * k, mv=None, **signals)

@@ -10,7 +10,10 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in turn
 _OFFSET, _WEIGHT, _BAND = 0.65, 1.53, 0.50
-BOUNDS = (-1.0, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+BOUNDS = (
+    -1.0,
+    3.0,
+)  # tens of nats between which evidence counts; beyond, a model's errors are larger
 _NARROW = 0.02  # share of OP's range below which a band is none
 _WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show

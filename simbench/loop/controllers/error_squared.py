@@ -6,7 +6,9 @@ When not: flow and pressure; near the set point there is hardly a gain, and a st
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Shinskey (1996), Process Control Systems, 4th ed., nonlinear controllers: error-squared PI"
+SOURCE = (
+    "Shinskey (1996), Process Control Systems, 4th ed., nonlinear controllers: error-squared PI"
+)
 INTEGRAL = True
 PARAMETERS = {
     "Kc": Number("% per PV unit", low=0.0, positive=True, says="gain at an error of `width`"),

@@ -14,12 +14,28 @@ from types import ModuleType
 from detectors.plugins.registry import PluginFolder
 from simbench.loop.parameters import FOLLOWS, Choice, Number
 
-__all__ = ["BLOCKS", "EFFECTS", "FOLLOWS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]
+__all__ = [
+    "BLOCKS",
+    "EFFECTS",
+    "FOLLOWS",
+    "NONE",
+    "PLUGINS",
+    "UNKNOWN",
+    "Choice",
+    "Effect",
+    "Number",
+    "Vocabulary",
+    "block_of",
+]
 
 BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
 NONE, UNKNOWN = "none", "unknown"
 PLUGINS = PluginFolder(
-    "effect", "simbench.loop.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "ACTS", "apply"), (NONE, UNKNOWN)
+    "effect",
+    "simbench.loop.effects",
+    "simbench.effects",
+    ("SOURCE", "BLOCK", "PARAMETERS", "ACTS", "apply"),
+    (NONE, UNKNOWN),
 )
 # the order in which answers are listed; effects of other distributions follow
 ORDER = (
@@ -42,7 +58,10 @@ class Effect:
     @property
     def identity(self) -> dict[str, float | str]:
         """Parameter values under which the effect changes nothing."""
-        return {name: p.names[0] if isinstance(p, Choice) else p.identity for name, p in self.parameters.items()}
+        return {
+            name: p.names[0] if isinstance(p, Choice) else p.identity
+            for name, p in self.parameters.items()
+        }
 
 
 class Vocabulary(Mapping[str, Effect]):

@@ -34,7 +34,9 @@ class Circumstances:
 # an effect's file says which groups it is of (ALIKE); a group that is not here holds always
 _HOLDS: dict[str, Callable[[str, Circumstances], bool]] = {
     # MV separates a valve's lag, noise smoothed by the filter a sensor's
-    "series pole": lambda block, c: not (block == "valve" and c.mv) and not (block == "sensor" and c.noise_shows),
+    "series pole": lambda block, c: (
+        not (block == "valve" and c.mv) and not (block == "sensor" and c.noise_shows)
+    ),
     "slow": lambda block, c: c.slow and not c.integrating,
     "ramp": lambda block, c: c.ramp and not c.integrating,
     "friction": lambda block, c: c.J is not None and c.op_jitter > c.J and not c.mv,
@@ -51,7 +53,9 @@ def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
 
 
 def _groups(effect: Effect, here: Circumstances) -> set[str]:
-    return {group for group in effect.alike if group not in _HOLDS or _HOLDS[group](effect.block, here)}
+    return {
+        group for group in effect.alike if group not in _HOLDS or _HOLDS[group](effect.block, here)
+    }
 
 
 def circumstances(
@@ -79,7 +83,9 @@ def circumstances(
     )
 
 
-def _pace(effect: Effect, p: Mapping[str, Any], plant: Mapping[str, Any], noise: float) -> dict[str, bool]:
+def _pace(
+    effect: Effect, p: Mapping[str, Any], plant: Mapping[str, Any], noise: float
+) -> dict[str, bool]:
     if not {"slow", "ramp"} & set(effect.alike) or plant.get("K") is None or plant.get("T") is None:
         return {}
     gain = abs(float(plant["K"])) if effect.block == "disturbance" else 1.0
@@ -87,4 +93,7 @@ def _pace(effect: Effect, p: Mapping[str, Any], plant: Mapping[str, Any], noise:
         return {"slow": "size" in p and gain * abs(float(p["size"])) < noise}
     pace, rate = float(plant["T"]) + float(plant.get("Td", 0.0)), abs(float(p.get("rate", 0.0)))
     walked = abs(float(p.get("walk", 0.0))) * pace**0.5
-    return {"slow": gain * (rate * pace + walked) < noise, "ramp": rate != 0.0 and gain * walked < noise}
+    return {
+        "slow": gain * (rate * pace + walked) < noise,
+        "ramp": rate != 0.0 and gain * walked < noise,
+    }

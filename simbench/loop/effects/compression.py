@@ -10,7 +10,9 @@ from simbench.loop.parameters import Number
 SOURCE = "Bristol (1990), Swinging door trending, ISA"
 BLOCK = "sensor"
 PARAMETERS = {
-    "band": Number("PV units", low=0.0, identity=0.0, says="half width of the door: the largest error"),
+    "band": Number(
+        "PV units", low=0.0, identity=0.0, says="half width of the door: the largest error"
+    ),
 }
 ACTS = "record"
 
@@ -29,7 +31,9 @@ def swinging_door(pv, band):
     for k in range(1, len(values)):
         run = k - start
         slope = (values[k] - values[start]) / run
-        if not low <= slope <= high:  # the line to this sample would leave an earlier one too far away
+        if (
+            not low <= slope <= high
+        ):  # the line to this sample would leave an earlier one too far away
             start = k - 1
             kept.append(start)
             low, high, run = -np.inf, np.inf, 1

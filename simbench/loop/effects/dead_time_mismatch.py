@@ -8,7 +8,9 @@ from simbench.loop.parameters import Number
 SOURCE = "definition: Td of the plant = max(Td of the baseline + extra, 0)"
 BLOCK = "process"
 PARAMETERS = {
-    "extra": Number("s", identity=0.0, says="Td of the plant - Td of the baseline; the sum is cut at 0"),
+    "extra": Number(
+        "s", identity=0.0, says="Td of the plant - Td of the baseline; the sum is cut at 0"
+    ),
 }
 ACTS = "loop"
 

@@ -10,7 +10,13 @@ from simbench.loop.parameters import Number
 SOURCE = "ISA-51.1 (1979), dead band"
 BLOCK = "valve"
 PARAMETERS = {
-    "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the band (offset while moving is S/2)"),
+    "S": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        identity=0.0,
+        says="width of the band (offset while moving is S/2)",
+    ),
 }
 ACTS = "loop"
 ALIKE = ("friction",)

@@ -12,7 +12,12 @@ BLOCK = "valve"
 PARAMETERS = {
     "D": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="full width of the zone"),
     "c": Number(
-        "% of travel", low=0.0, high=100.0, default=FOLLOWS, identity=50.0, says="centre; absent = op0 of the operating point"
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        identity=50.0,
+        says="centre; absent = op0 of the operating point",
     ),
 }
 ACTS = "loop"

@@ -8,8 +8,12 @@ from simbench.loop.parameters import Number
 SOURCE = "definition: Kc and Ti of the plant's controller = factors x the baseline's"
 BLOCK = "controller"
 PARAMETERS = {
-    "Kc_factor": Number("", low=0.02, high=50.0, default=1.0, says="Kc of the plant / Kc of the baseline"),
-    "Ti_factor": Number("", low=0.02, high=50.0, default=1.0, says="Ti of the plant / Ti of the baseline (PI only)"),
+    "Kc_factor": Number(
+        "", low=0.02, high=50.0, default=1.0, says="Kc of the plant / Kc of the baseline"
+    ),
+    "Ti_factor": Number(
+        "", low=0.02, high=50.0, default=1.0, says="Ti of the plant / Ti of the baseline (PI only)"
+    ),
 }
 ACTS = "loop"
 

@@ -8,7 +8,9 @@ from simbench.loop.parameters import Number
 SOURCE = "definition: K of the plant = factor x K of the baseline"
 BLOCK = "process"
 PARAMETERS = {
-    "factor": Number("", low=0.05, high=20.0, identity=1.0, says="K of the plant / K of the baseline"),
+    "factor": Number(
+        "", low=0.05, high=20.0, identity=1.0, says="K of the plant / K of the baseline"
+    ),
 }
 ACTS = "loop"
 ALIKE = ("local gain", "gain over time constant")

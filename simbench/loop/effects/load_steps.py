@@ -11,7 +11,9 @@ SOURCE = "definition: jumps of a Poisson process, levels normal with std `size` 
 BLOCK = "disturbance"
 PARAMETERS = {
     "rate": Number("1/s", low=0.0, identity=0.0, says="mean number of jumps per second"),
-    "size": Number("%", low=0.0, high=100.0, identity=0.0, says="std of the levels about the mean load"),
+    "size": Number(
+        "%", low=0.0, high=100.0, identity=0.0, says="std of the levels about the mean load"
+    ),
 }
 ACTS = "loop"
 ALIKE = ("slow",)

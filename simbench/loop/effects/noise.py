@@ -11,9 +11,18 @@ SOURCE = "definition: std^2 = (factor std of the baseline)^2 + std^2"
 BLOCK = "sensor"
 PARAMETERS = {
     "factor": Number(
-        "", low=0.0, high=1000.0, default=1.0, says="times the baseline's noise std; use it where that is above 0"
+        "",
+        low=0.0,
+        high=1000.0,
+        default=1.0,
+        says="times the baseline's noise std; use it where that is above 0",
     ),
-    "std": Number("PV units", low=0.0, default=0.0, says="std added in quadrature; use it where the baseline has no noise"),
+    "std": Number(
+        "PV units",
+        low=0.0,
+        default=0.0,
+        says="std added in quadrature; use it where the baseline has no noise",
+    ),
 }
 ACTS = "loop"
 

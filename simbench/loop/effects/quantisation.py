@@ -13,7 +13,9 @@ BLOCK = "sensor"
 PARAMETERS = {
     "step": Number("PV units", low=0.0, identity=0.0, says="lattice spacing; 0 = none"),
     "at": Choice(
-        ("loop", "record"), default="loop", says="loop: the transmitter, the controller sees it; record: the archive only"
+        ("loop", "record"),
+        default="loop",
+        says="loop: the transmitter, the controller sees it; record: the archive only",
     ),
 }
 ACTS = "loop"

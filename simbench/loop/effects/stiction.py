@@ -11,7 +11,11 @@ SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13,
 BLOCK = "valve"
 PARAMETERS = {
     "S": Number(
-        "% of travel", low=0.0, high=100.0, identity=0.0, says="dead-band plus stick-band: OP travel needed to reverse MV"
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        identity=0.0,
+        says="dead-band plus stick-band: OP travel needed to reverse MV",
     ),
     "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip-jump"),
 }

@@ -11,7 +11,9 @@ from simbench.loop.parameters import Number
 SOURCE = "definition: T of the plant = factor x T of the baseline"
 BLOCK = "process"
 PARAMETERS = {
-    "factor": Number("", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"),
+    "factor": Number(
+        "", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"
+    ),
 }
 ACTS = "loop"
 ALIKE = ("gain over time constant",)
@@ -24,10 +26,14 @@ def apply(setup, p, rng):
     own = setup.loop.plant
     T = own.T
     if T is None and own.den is None:
-        raise ParameterError(f"effect 'time_constant_mismatch': plant {own.type!r} has no time constant")
+        raise ParameterError(
+            f"effect 'time_constant_mismatch': plant {own.type!r} has no time constant"
+        )
     base = [T, 1.0] if T is not None else list(own.den)
     rest, remainder = np.polydiv(setup.den, base)
     if np.abs(remainder).max() > 1e-9 * max(base):
-        raise ParameterError("effect 'time_constant_mismatch': the plant has not the poles of its loop file")
+        raise ParameterError(
+            "effect 'time_constant_mismatch': the plant has not the poles of its loop file"
+        )
     order = len(base) - 1
     setup.den = np.polymul(rest, [c * p.factor ** (order - i) for i, c in enumerate(base)])

@@ -8,7 +8,13 @@ from simbench.loop.parameters import Number
 SOURCE = "IEC 60534-2-4 (2009), inherent characteristics; MV = 100 (R^(OP/100) - 1)/(R - 1)"
 BLOCK = "valve"
 PARAMETERS = {
-    "R": Number("", low=0.01, high=100.0, identity=1.0, says="ratio of the local gains at OP = 100 and OP = 0"),
+    "R": Number(
+        "",
+        low=0.01,
+        high=100.0,
+        identity=1.0,
+        says="ratio of the local gains at OP = 100 and OP = 0",
+    ),
 }
 ACTS = "loop"
 ALIKE = ("local gain",)

@@ -5,9 +5,17 @@ from simbench.loop.parameters import Number
 SOURCE = "definition: MV = OP + sum k_i max(OP - q_i, 0), less the same at `centre`"
 FRICTION = False
 PARAMETERS = {
-    **{f"q{i}": Number("% of travel", low=0.0, high=100.0, default=50.0, says=f"knot {i}") for i in (1, 2, 3)},
-    **{f"k{i}": Number("-", low=-10.0, high=10.0, default=0.0, says=f"change of slope at knot {i}") for i in (1, 2, 3)},
-    "centre": Number("% of travel", low=0.0, high=100.0, default=50.0, says="OP that the map leaves where it is"),
+    **{
+        f"q{i}": Number("% of travel", low=0.0, high=100.0, default=50.0, says=f"knot {i}")
+        for i in (1, 2, 3)
+    },
+    **{
+        f"k{i}": Number("-", low=-10.0, high=10.0, default=0.0, says=f"change of slope at knot {i}")
+        for i in (1, 2, 3)
+    },
+    "centre": Number(
+        "% of travel", low=0.0, high=100.0, default=50.0, says="OP that the map leaves where it is"
+    ),
 }
 
 

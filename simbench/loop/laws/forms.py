@@ -133,11 +133,19 @@ def _rough(setup: Any, p: Any, rng: np.random.Generator) -> None:
 _FAR = 1e9
 _SPELLS = {
     "share": Number("-", low=0.0, high=0.95, identity=0.0, says="of the time"),
-    "length": Number("s", low=0.0, positive=True, default=10.0, identity=10.0, says="mean length of a spell"),
+    "length": Number(
+        "s", low=0.0, positive=True, default=10.0, identity=10.0, says="mean length of a spell"
+    ),
 }
 _SECONDS = Number("s", low=0.0, identity=0.0, says="time constant")
-_KNOTS = {f"q{i}": Number("% of travel", low=0.0, high=100.0, identity=25.0 * i, says=f"knot {i}") for i in (1, 2, 3)}
-_SLOPES = {f"k{i}": Number("-", low=-1.0, high=5.0, identity=0.0, says=f"change of slope at knot {i}") for i in (1, 2, 3)}
+_KNOTS = {
+    f"q{i}": Number("% of travel", low=0.0, high=100.0, identity=25.0 * i, says=f"knot {i}")
+    for i in (1, 2, 3)
+}
+_SLOPES = {
+    f"k{i}": Number("-", low=-1.0, high=5.0, identity=0.0, says=f"change of slope at knot {i}")
+    for i in (1, 2, 3)
+}
 LAW_FORMS: dict[str, Form] = {
     "curve": Form("valve", "MV follows OP along a bent line", {**_KNOTS, **_SLOPES}, _curve),
     "memory": Form("valve", "MV follows OP behind a band, and slips", {
@@ -197,7 +205,10 @@ LAW_FORMS: dict[str, Form] = {
 
 def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
     """Return the numbers of a form, as an effect's PARAMETERS, with the fitted values for defaults."""
-    return {name: replace(rule, default=fitted.get(name, rule.identity)) for name, rule in LAW_FORMS[form].numbers.items()}
+    return {
+        name: replace(rule, default=fitted.get(name, rule.identity))
+        for name, rule in LAW_FORMS[form].numbers.items()
+    }
 
 
 def apply_law(form: str, setup: Any, p: Any, rng: np.random.Generator) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import namedtuple
 
 # numba tells named tuples apart by their names: no two in the loop may share one
-LawPI = namedtuple("LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up ignored moves idle")
+LawPI = namedtuple(
+    "LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up ignored moves idle"
+)
 LawSensor = namedtuple("LawSensor", "follow step lo hi idle")
 
 

@@ -21,10 +21,25 @@ SOURCE = (
 # Published as 3 lb, 300 lbf/in, 320 and 384 lbf, 3.5 lbf s/in, 4 in; the stroke matches 3..15 psi on 100 in2. The
 # published friction is then S = 58.6 %, J = 5.3 %, a very sticky valve: scale it down for common ones.
 ACTUATOR = {
-    "S": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="band, 100 (Fs + Fc)/(k stroke)"),
-    "J": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="slip jump, 100 (Fs - Fc)/(k stroke)"),
-    "Fs": Number("N", low=0.0, default=FOLLOWS, says="break-away friction; 1707 when neither it nor S is given"),
-    "Fc": Number("N", low=0.0, default=FOLLOWS, says="Coulomb friction; 1423 when neither it nor S is given"),
+    "S": Number(
+        "% of travel", low=0.0, high=100.0, default=FOLLOWS, says="band, 100 (Fs + Fc)/(k stroke)"
+    ),
+    "J": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        says="slip jump, 100 (Fs - Fc)/(k stroke)",
+    ),
+    "Fs": Number(
+        "N",
+        low=0.0,
+        default=FOLLOWS,
+        says="break-away friction; 1707 when neither it nor S is given",
+    ),
+    "Fc": Number(
+        "N", low=0.0, default=FOLLOWS, says="Coulomb friction; 1423 when neither it nor S is given"
+    ),
     "Fv": Number("N s/m", low=0.0, default=612.0, says="viscous friction"),
     "m": Number("kg", low=0.0, positive=True, default=1.36, says="moving mass"),
     "k": Number("N/m", low=0.0, positive=True, default=52538.0, says="spring stiffness"),
@@ -32,7 +47,12 @@ ACTUATOR = {
 }
 PUBLISHED_FRICTION = (1707.0, 1423.0)
 
-SUBSTEP = Number("s", low=0.0, default=0.0, says="fixed integration step, 1e-4 is good; 0: exact, from event to event")
+SUBSTEP = Number(
+    "s",
+    low=0.0,
+    default=0.0,
+    says="fixed integration step, 1e-4 is good; 0: exact, from event to event",
+)
 
 
 def complete_actuator(values: dict[str, float], where: str) -> dict[str, float]:

@@ -25,16 +25,25 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, z, h
-        if ramp == 0.0 and abs(r) < _REST and abs(u - x) < fs and abs(w2 * (u - x) - g0 * z) < _BALANCE * w2 * fs:
+        if (
+            ramp == 0.0
+            and abs(r) < _REST
+            and abs(u - x) < fs
+            and abs(w2 * (u - x) - g0 * z) < _BALANCE * w2 * fs
+        ):
             return x, 0.0, z, h
         t = min(h, T)
-        acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft)
+        acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(
+            u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft
+        )
         c = t * _ROSENBROCK_D
         push = c * w2 * ramp
         x1, r1, z1 = solve(c, r, acc + push, slip, w2, acc_r, acc_z, slip_r, slip_z)
         half = 0.5 * t
         rm = r + half * r1
-        am, sm, _, _, _, _ = slopes(u + ramp * half, x + half * x1, rm, z + half * z1, fs, fd, vs, a, w2, g0, g1, soft)
+        am, sm, _, _, _, _ = slopes(
+            u + ramp * half, x + half * x1, rm, z + half * z1, fs, fd, vs, a, w2, g0, g1, soft
+        )
         x2, r2, z2 = solve(c, rm - x1, am - r1, sm - z1, w2, acc_r, acc_z, slip_r, slip_z)
         x2 += x1
         r2 += r1
@@ -42,7 +51,9 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
         x_new = x + t * x2
         r_new = r + t * r2
         z_new = z + t * z2
-        an, sn, _, _, _, _ = slopes(u + ramp * t, x_new, r_new, z_new, fs, fd, vs, a, w2, g0, g1, soft)
+        an, sn, _, _, _, _ = slopes(
+            u + ramp * t, x_new, r_new, z_new, fs, fd, vs, a, w2, g0, g1, soft
+        )
         x3, _, z3 = solve(
             c,
             r_new - _E32 * (x2 - rm) - 2.0 * (x1 - r),
@@ -50,7 +61,12 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
             sn - _E32 * (z2 - sm) - 2.0 * (z1 - slip),
             w2, acc_r, acc_z, slip_r, slip_z,
         )  # fmt: skip
-        error = t / 6.0 * max(abs(x1 - 2.0 * x2 + x3), abs(z1 - 2.0 * z2 + z3) / (fs * soft)) / _TOLERANCE
+        error = (
+            t
+            / 6.0
+            * max(abs(x1 - 2.0 * x2 + x3), abs(z1 - 2.0 * z2 + z3) / (fs * soft))
+            / _TOLERANCE
+        )
         if error > 1.0:
             h = t * max(0.2, 0.8 * error**-0.3333333333333333)
             continue
@@ -74,7 +90,11 @@ def slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft):
     speed = abs(r)
     slip = r - speed * z / g
     slip_z = -speed / g
-    slip_r = 1.0 - (z / g if r >= 0.0 else -z / g) - speed * z / g * (2.0 * r / (vs * vs)) * weight * soft / g
+    slip_r = (
+        1.0
+        - (z / g if r >= 0.0 else -z / g)
+        - speed * z / g * (2.0 * r / (vs * vs)) * weight * soft / g
+    )
     acc = w2 * (u - x) - g0 * z - g1 * slip - 2.0 * a * r
     return acc, slip, -2.0 * a - g1 * slip_r, -g0 - g1 * slip_z, slip_r, slip_z
 
@@ -82,5 +102,7 @@ def slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft):
 def solve(c, bx, br, bz, w2, acc_r, acc_z, slip_r, slip_z):
     """Return the solution of (1 - c J) (x, r, z) = (bx, br, bz), J the Jacobian of (rate, acceleration, slip)."""
     q = 1.0 - c * slip_z
-    r = (br - c * w2 * bx + c * acc_z * bz / q) / (1.0 - c * acc_r + c * c * w2 - c * c * acc_z * slip_r / q)
+    r = (br - c * w2 * bx + c * acc_z * bz / q) / (
+        1.0 - c * acc_r + c * c * w2 - c * c * acc_z * slip_r / q
+    )
     return bx + c * r, r, (bz + c * slip_r * r) / q

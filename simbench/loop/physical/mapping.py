@@ -22,10 +22,14 @@ def complete_band(
     band = [not math.isnan(S), not math.isnan(J)]
     pair = [not math.isnan(Fs), not math.isnan(Fc)]
     if any(band) and any(pair):
-        raise ParameterError(f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the other")
+        raise ParameterError(
+            f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the other"
+        )
     if any(band):
         if not all(band):
-            raise ParameterError(f"{where} needs S and J together, only {'S' if band[0] else 'J'} is given")
+            raise ParameterError(
+                f"{where} needs S and J together, only {'S' if band[0] else 'J'} is given"
+            )
         if J > S and not overshoot:
             raise ParameterError(
                 f"{where}: J = {J:g} exceeds S = {S:g}, which needs a negative {low}: friction alone cannot overshoot, "
@@ -42,5 +46,7 @@ def complete_band(
             f"{where}: {high} = {Fs:g} is below {low} = {Fc:g}; a valve at rest holds at least as hard as a moving one"
         )
     if Fs + Fc < 0.0:
-        raise ParameterError(f"{where}: {high} + {low} = {Fs + Fc:g} is negative; the sum is the band S and cannot be")
+        raise ParameterError(
+            f"{where}: {high} + {low} = {Fs + Fc:g} is negative; the sum is the band S and cannot be"
+        )
     return {**values, high: Fs, low: Fc, "S": percent * (Fs + Fc), "J": percent * (Fs - Fc)}

@@ -19,7 +19,9 @@ FRICTION = False
 PARAMETERS = {
     "type": Choice(("linear", "equal_percentage", "quick_opening"), says="inherent characteristic"),
     "R": Number("", low=1.0, positive=True, default=50.0, says="rangeability of equal percentage"),
-    "authority": Number("", low=0.0, high=1.0, positive=True, default=1.0, says="valve authority N"),
+    "authority": Number(
+        "", low=0.0, high=1.0, positive=True, default=1.0, says="valve authority N"
+    ),
 }
 
 

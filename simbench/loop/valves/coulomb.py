@@ -21,7 +21,13 @@ SOURCE = actuator.SOURCE
 FRICTION = True
 PARAMETERS = {
     **ACTUATOR,
-    "dv": Number("m/s", low=0.0, positive=True, default=1e-9, says="speed below which the valve counts as standing"),
+    "dv": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=1e-9,
+        says="speed below which the valve counts as standing",
+    ),
     "substep": SUBSTEP,
 }
 

@@ -11,16 +11,31 @@ from math import isnan
 from detectors.errors import ParameterError
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical import actuator
-from simbench.loop.physical.actuator import ACTUATOR, PUBLISHED_FRICTION, SUBSTEP, refuse_large_substep
+from simbench.loop.physical.actuator import (
+    ACTUATOR,
+    PUBLISHED_FRICTION,
+    SUBSTEP,
+    refuse_large_substep,
+)
 from simbench.loop.physical.sample import move
 
 SOURCE = actuator.SOURCE
 FRICTION = True
 PARAMETERS = {
-    "S": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="dead-band, 200 Fc/(k stroke)"),
-    "Fc": Number("N", low=0.0, default=FOLLOWS, says="Coulomb friction; 1423 when neither it nor S is given"),
+    "S": Number(
+        "% of travel", low=0.0, high=100.0, default=FOLLOWS, says="dead-band, 200 Fc/(k stroke)"
+    ),
+    "Fc": Number(
+        "N", low=0.0, default=FOLLOWS, says="Coulomb friction; 1423 when neither it nor S is given"
+    ),
     **{name: ACTUATOR[name] for name in ("Fv", "m", "k", "stroke")},
-    "dv": Number("m/s", low=0.0, positive=True, default=1e-9, says="speed below which the valve counts as standing"),
+    "dv": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=1e-9,
+        says="speed below which the valve counts as standing",
+    ),
     "substep": SUBSTEP,
 }
 

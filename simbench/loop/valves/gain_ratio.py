@@ -9,9 +9,13 @@ from math import expm1, log
 
 from simbench.loop.parameters import Number
 
-SOURCE = "IEC 60534-2-4, inherent equal percentage, shifted to close: MV = 100 (R^(OP/100) - 1)/(R - 1)"
+SOURCE = (
+    "IEC 60534-2-4, inherent equal percentage, shifted to close: MV = 100 (R^(OP/100) - 1)/(R - 1)"
+)
 FRICTION = False
-PARAMETERS = {"R": Number("", low=0.01, high=100.0, says="local gain at OP = 100 over that at OP = 0")}
+PARAMETERS = {
+    "R": Number("", low=0.01, high=100.0, says="local gain at OP = 100 over that at OP = 0")
+}
 
 
 def start(u0, p):

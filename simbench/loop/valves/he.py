@@ -16,10 +16,24 @@ from simbench.loop.physical.mapping import complete_band
 SOURCE = "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang (2010), ACC"
 FRICTION = True
 PARAMETERS = {
-    "S": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="dead-band plus stick band, fs + fd"),
+    "S": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        says="dead-band plus stick band, fs + fd",
+    ),
     "J": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="slip jump, fs - fd"),
-    "fs": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="residual at which the valve slips"),
-    "fd": Number("% of travel", low=-50.0, high=100.0, default=FOLLOWS, says="residual after the slip"),
+    "fs": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        says="residual at which the valve slips",
+    ),
+    "fd": Number(
+        "% of travel", low=-50.0, high=100.0, default=FOLLOWS, says="residual after the slip"
+    ),
     "K": Number("", low=1.0, high=2.0, default=1.0, says="gain on the slip"),
 }
 

@@ -11,18 +11,24 @@ curve over a full traverse, less the dead-band. The plays have equal weights and
 from detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
-SOURCE = "ISA-51.1 (1979), hysteresis; Prandtl-Ishlinskii operator: Krasnosel'skii and Pokrovskii (1989)"
+SOURCE = (
+    "ISA-51.1 (1979), hysteresis; Prandtl-Ishlinskii operator: Krasnosel'skii and Pokrovskii (1989)"
+)
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, default=0.0, says="dead-band"),
-    "H": Number("% of travel", low=0.0, high=50.0, says="hysteresis: separation beyond the dead-band"),
+    "H": Number(
+        "% of travel", low=0.0, high=50.0, says="hysteresis: separation beyond the dead-band"
+    ),
 }
 
 
 def check(p):
     """Refuse a play wider than the travel."""
     if p.S + 2.0 * p.H > 100.0:
-        raise ParameterError(f"valve 'hysteresis': S + 2 H = {p.S + 2.0 * p.H:g} exceeds the travel of 100 %")
+        raise ParameterError(
+            f"valve 'hysteresis': S + 2 H = {p.S + 2.0 * p.H:g} exceeds the travel of 100 %"
+        )
 
 
 def start(u0, p):

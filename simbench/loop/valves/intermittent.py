@@ -13,20 +13,32 @@ from simbench.loop.parameters import Number
 SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, switched in time"
 FRICTION = True
 PARAMETERS = {
-    "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band while it sticks"),
+    "S": Number(
+        "% of travel", low=0.0, high=100.0, says="dead-band plus stick band while it sticks"
+    ),
     "J": Number("% of travel", low=0.0, high=100.0, says="slip jump while it sticks"),
     "period": Number("s", low=0.0, positive=True, says="time from one sticking spell to the next"),
     "on": Number("s", low=0.0, says="length of a sticking spell"),
     "delay": Number("s", low=0.0, default=0.0, says="begin of the first spell"),
-    "S_off": Number("% of travel", low=0.0, high=100.0, default=0.0, says="dead-band plus stick band between spells"),
-    "J_off": Number("% of travel", low=0.0, high=100.0, default=0.0, says="slip jump between spells"),
+    "S_off": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=0.0,
+        says="dead-band plus stick band between spells",
+    ),
+    "J_off": Number(
+        "% of travel", low=0.0, high=100.0, default=0.0, says="slip jump between spells"
+    ),
 }
 
 
 def check(p):
     """Refuse a spell longer than its period."""
     if p.on > p.period:
-        raise ParameterError(f"valve 'intermittent': on = {p.on:g} s is longer than period = {p.period:g} s")
+        raise ParameterError(
+            f"valve 'intermittent': on = {p.on:g} s is longer than period = {p.period:g} s"
+        )
 
 
 def start(u0, p):
@@ -57,4 +69,11 @@ def mapped_SJ(p):
 
 def for_SJ(S, J, period):
     """Return the parameters that stick with (S, J) for 20 of every 30 periods of `period` (s), with 0.4 of them in between."""
-    return {"S": S, "J": J, "S_off": 0.4 * S, "J_off": 0.4 * J, "period": 30.0 * period, "on": 20.0 * period}
+    return {
+        "S": S,
+        "J": J,
+        "S_off": 0.4 * S,
+        "J_off": 0.4 * J,
+        "period": 30.0 * period,
+        "on": 20.0 * period,
+    }

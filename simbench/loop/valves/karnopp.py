@@ -13,12 +13,21 @@ from simbench.loop.physical import actuator
 from simbench.loop.physical.actuator import ACTUATOR, SUBSTEP, complete_actuator
 from simbench.loop.physical.sample import move
 
-SOURCE = "Karnopp (1985), J. Dynamic Systems, Measurement and Control 107, 100-103; actuator: " + actuator.SOURCE
+SOURCE = (
+    "Karnopp (1985), J. Dynamic Systems, Measurement and Control 107, 100-103; actuator: "
+    + actuator.SOURCE
+)
 FRICTION = True
 # Karnopp gives no number for a valve: a tenth of the published Stribeck speed
 PARAMETERS = {
     **ACTUATOR,
-    "dv": Number("m/s", low=0.0, positive=True, default=2.54e-5, says="half width DV of the zero-velocity band"),
+    "dv": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=2.54e-5,
+        says="half width DV of the zero-velocity band",
+    ),
     "substep": SUBSTEP,
 }
 

@@ -16,7 +16,9 @@ SOURCE = "definition: v' = (u - v)/T, |v'| <= rate"
 FRICTION = False
 PARAMETERS = {
     "T": Number("s", low=0.0, default=0.0, says="time constant"),
-    "rate": Number("%/s", low=0.0, positive=True, default=inf, says="largest speed; unlimited when absent"),
+    "rate": Number(
+        "%/s", low=0.0, positive=True, default=inf, says="largest speed; unlimited when absent"
+    ),
 }
 
 

@@ -19,7 +19,9 @@ PARAMETERS = {
 def check(p):
     """Refuse stops in the wrong order."""
     if p.low >= p.high:
-        raise ParameterError(f"valve 'limits': low = {p.low:g} must be below high = {p.high:g} (% of travel)")
+        raise ParameterError(
+            f"valve 'limits': low = {p.low:g} must be below high = {p.high:g} (% of travel)"
+        )
 
 
 def start(u0, p):

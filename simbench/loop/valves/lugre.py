@@ -31,10 +31,24 @@ FRICTION = True
 # The paper's 1e5 N/m belongs to a mass of 1 kg under 1.5 N of friction. 1e8 gives some um before break-away.
 PARAMETERS = {
     **ACTUATOR,
-    "vs": Number("m/s", low=0.0, positive=True, default=0.000254, says="Stribeck speed (published: 0.01 in/s)"),
+    "vs": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=0.000254,
+        says="Stribeck speed (published: 0.01 in/s)",
+    ),
     "s0": Number("N/m", low=0.0, positive=True, default=1e8, says="bristle stiffness"),
-    "s1": Number("N s/m", low=0.0, default=FOLLOWS, says="bristle damping; 2 sqrt(s0 m) when absent"),
-    "supply": Number("s", low=0.0, positive=True, default=FOLLOWS, says="time of the force's ramp; the sample when absent"),
+    "s1": Number(
+        "N s/m", low=0.0, default=FOLLOWS, says="bristle damping; 2 sqrt(s0 m) when absent"
+    ),
+    "supply": Number(
+        "s",
+        low=0.0,
+        positive=True,
+        default=FOLLOWS,
+        says="time of the force's ramp; the sample when absent",
+    ),
 }
 
 
@@ -43,7 +57,9 @@ def complete(values, where):
     percent = 100.0 / (values["k"] * values["stroke"])
     values = complete_band(values, where, ("Fs", "Fc"), percent, PUBLISHED_FRICTION)
     if values["Fc"] <= 0.0:
-        raise ParameterError(f"{where} needs Fc > 0 (J < S): its bristles slip in proportion to 1/Fc at speed")
+        raise ParameterError(
+            f"{where} needs Fc > 0 (J < S): its bristles slip in proportion to 1/Fc at speed"
+        )
     if isnan(values["supply"]):
         values["supply"] = inf
     if isnan(values["s1"]):
@@ -70,9 +86,13 @@ def step(u, state, p):
     w2 = p.k / p.m
     g0 = p.s0 / p.m
     g1 = p.s1 / p.m
-    v, rate, z, h = slide_bristles(u_prev, ramp, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, first)
+    v, rate, z, h = slide_bristles(
+        u_prev, ramp, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, first
+    )
     if first < p.Ts:
-        v, rate, z, h = slide_bristles(x, 0.0, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, p.Ts - first)
+        v, rate, z, h = slide_bristles(
+            x, 0.0, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, p.Ts - first
+        )
     return v, rate, z, h, x
 
 

@@ -9,7 +9,9 @@ from simbench.loop.parameters import Number
 
 SOURCE = "Stenman, Gustafsson and Forsman (2003), Int. J. Adaptive Control and Signal Processing 17, 625-639"
 FRICTION = True
-PARAMETERS = {"d": Number("% of travel", low=0.0, high=100.0, says="distance at which the valve jumps")}
+PARAMETERS = {
+    "d": Number("% of travel", low=0.0, high=100.0, says="distance at which the valve jumps")
+}
 
 
 def start(u0, p):

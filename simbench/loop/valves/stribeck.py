@@ -16,12 +16,27 @@ from simbench.loop.physical.actuator import ACTUATOR, SUBSTEP, complete_actuator
 from simbench.loop.physical.substeps import slide_in_substeps
 from simbench.loop.physical.tail import slide_stribeck
 
-SOURCE = "Stribeck curve in the exponential form of Armstrong-Helouvry (1991); actuator: " + actuator.SOURCE
+SOURCE = (
+    "Stribeck curve in the exponential form of Armstrong-Helouvry (1991); actuator: "
+    + actuator.SOURCE
+)
 FRICTION = True
 PARAMETERS = {
     **ACTUATOR,
-    "vs": Number("m/s", low=0.0, positive=True, default=0.000254, says="Stribeck speed (published: 0.01 in/s)"),
-    "dv": Number("m/s", low=0.0, positive=True, default=1e-9, says="speed below which the valve counts as standing"),
+    "vs": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=0.000254,
+        says="Stribeck speed (published: 0.01 in/s)",
+    ),
+    "dv": Number(
+        "m/s",
+        low=0.0,
+        positive=True,
+        default=1e-9,
+        says="speed below which the valve counts as standing",
+    ),
     "substep": SUBSTEP,
 }
 

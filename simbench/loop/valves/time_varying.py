@@ -15,8 +15,20 @@ FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band until t_begin"),
     "J": Number("% of travel", low=0.0, high=100.0, says="slip jump until t_begin"),
-    "S_end": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="S from t_end on; as S when absent"),
-    "J_end": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="J from t_end on; as J when absent"),
+    "S_end": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        says="S from t_end on; as S when absent",
+    ),
+    "J_end": Number(
+        "% of travel",
+        low=0.0,
+        high=100.0,
+        default=FOLLOWS,
+        says="J from t_end on; as J when absent",
+    ),
     "t_begin": Number("s", low=0.0, default=0.0, says="time at which S and J begin to change"),
     "t_end": Number("s", low=0.0, says="time at which they arrive"),
 }
@@ -28,7 +40,9 @@ def complete(values, where):
         if values[f"{name}_end"] != values[f"{name}_end"]:
             values[f"{name}_end"] = values[name]
     if values["t_end"] <= values["t_begin"]:
-        raise ParameterError(f"{where}: t_end = {values['t_end']:g} s must come after t_begin = {values['t_begin']:g} s")
+        raise ParameterError(
+            f"{where}: t_end = {values['t_end']:g} s must come after t_begin = {values['t_begin']:g} s"
+        )
     return values
 
 

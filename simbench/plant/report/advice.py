@@ -33,10 +33,18 @@ class Advice:
     do: str
 
 
-def advise(concluded: Conclusion, prepared: Prepared, named: why.Cause, root: str | None, actions: Sequence[Action]) -> Advice:
+def advise(
+    concluded: Conclusion,
+    prepared: Prepared,
+    named: why.Cause,
+    root: str | None,
+    actions: Sequence[Action],
+) -> Advice:
     """Return what to do next with one loop: the conclusion's next step, with what a plant's other loops and replicates add."""
     swings = prepared.oscillation.sustained
-    action = next((a for a in actions if a.name == _HELPS.get(named.name) and a.variance < 1.0), None)
+    action = next(
+        (a for a in actions if a.name == _HELPS.get(named.name) and a.variance < 1.0), None
+    )
     about = {
         why.AT_LIMIT: named.speaks_for[:1],
         why.SENSOR: named.speaks_for[:1],

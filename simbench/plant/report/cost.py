@@ -10,7 +10,10 @@ from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 
 _DAY = 86400.0
-_HARMONICS, _BAND = 9, 0.12  # of the cycle that count, and the half width of each as a share of the fundamental
+_HARMONICS, _BAND = (
+    9,
+    0.12,
+)  # of the cycle that count, and the half width of each as a share of the fundamental
 _DEAD = 0.1  # of OP's standard deviation, within which a change of direction is no reversal
 
 
@@ -30,9 +33,13 @@ class Cost:
 
     def sentence(self) -> str:
         """Return the cost in words."""
-        said = [f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's variance"]
+        said = [
+            f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's variance"
+        ]
         if self.travel is not None:
-            said.append(f"the valve travels {self.travel / 100:.3g} full strokes and turns {self.reversals:.3g} times a day")
+            said.append(
+                f"the valve travels {self.travel / 100:.3g} full strokes and turns {self.reversals:.3g} times a day"
+            )
         if self.automatic is not None:
             said.append(f"in automatic {self.automatic:.0%} of the time")
         if self.saturated > 0:
@@ -43,7 +50,10 @@ class Cost:
 def cost_of(prepared: Prepared, record: LoopRecord) -> Cost:
     """Return what a record shows of its loop's cost; of MV where it was recorded, else of OP."""
     swing, days = prepared.oscillation, record.duration / _DAY
-    shares = [cycle_share(x, swing.period_s / record.Ts) if swing.sustained else 0.0 for x in (record.pv, record.op)]
+    shares = [
+        cycle_share(x, swing.period_s / record.Ts) if swing.sustained else 0.0
+        for x in (record.pv, record.op)
+    ]
     percent = record.mv if record.mv is not None else record.op_percent
     moved = record.op if percent is None else percent
     travel = None if percent is None else float(np.abs(np.diff(percent)).sum()) / days

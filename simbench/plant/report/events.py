@@ -13,7 +13,10 @@ from detectors.signal.phase import phase_locking
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
 _FOLLOWS = 0.995  # correlation from which a set point is another loop's output
-_FEWEST, _FEWEST_PERIODS = 20, 6  # samples, and periods, of common time below which nothing is concluded
+_FEWEST, _FEWEST_PERIODS = (
+    20,
+    6,
+)  # samples, and periods, of common time below which nothing is concluded
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -22,7 +25,11 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     Two loops that cycle by themselves drift apart; a source and its victims do not. Records without time stamps are taken for
     records of one time where they are of one length.
     """
-    swinging = [(name, p) for name, p in records.items() if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)]
+    swinging = [
+        (name, p)
+        for name, p in records.items()
+        if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
+    ]
     parent = {name: name for name, _ in swinging}
 
     def root(name: str) -> str:
@@ -71,7 +78,11 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
             continue
-        best = max((_follows(record, slave), name) for name, record in records.items()) if len(records) > 1 else (0.0, "")
+        best = (
+            max((_follows(record, slave), name) for name, record in records.items())
+            if len(records) > 1
+            else (0.0, "")
+        )
         if best[1] != inner and best[0] > _FOLLOWS:
             found.append((best[1], inner))
     return found
@@ -88,6 +99,10 @@ def _follows(master: LoopRecord, slave: LoopRecord) -> float:
     return max(abs(float(np.corrcoef(op[: op.size - k], sp[k:])[0, 1])) for k in (0, 1))
 
 
-def likely_root(group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]) -> list[str]:
+def likely_root(
+    group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]
+) -> list[str]:
     """Return the loops of one event, the likely root first."""
-    return sorted(group, key=lambda name: (-round(probability.get(name, 0.0), 1), -nonlinear.get(name, 0.0)))
+    return sorted(
+        group, key=lambda name: (-round(probability.get(name, 0.0), 1), -nonlinear.get(name, 0.0))
+    )

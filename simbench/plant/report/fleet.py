@@ -19,7 +19,16 @@ from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
 from detectors.verdict import STICTION, Verdict
 from simbench.files import folder as folder_made
-from simbench.gap.stiction.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes
+from simbench.gap.stiction.causes import (
+    NEIGHBOUR,
+    NO_CAUSE,
+    NOT_TOLD,
+    SENSOR,
+    STICKING,
+    TIGHT,
+    Cause,
+    Causes,
+)
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
@@ -33,7 +42,10 @@ from simbench.plant.trust.trust import trust
 
 JUDGED = ".judged"  # ends the name of the folder beside a page in which the answers on its loops are kept
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
-_FOLLOWER, _OPEN = 0.2, 0.3  # of a loop's own cost, where another drives it, and confidence where no cause is named
+_FOLLOWER, _OPEN = (
+    0.2,
+    0.3,
+)  # of a loop's own cost, where another drives it, and confidence where no cause is named
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
@@ -90,7 +102,11 @@ class Fleet:
         followers = {name for event in self.events for name in event[1:]}
         inner = dict(self.cascades)
         asked = [m for m in self.members if m.advice.job == VALVE and m.name not in followers]
-        return list(dict.fromkeys(inner.get(m.name, m.name) if m.cause.name == NOT_TOLD else m.name for m in asked))
+        return list(
+            dict.fromkeys(
+                inner.get(m.name, m.name) if m.cause.name == NOT_TOLD else m.name for m in asked
+            )
+        )
 
     def shared(self) -> list[str]:
         """Return a sentence per oscillation that loops share, with its likely root and why, and one per cascade."""
@@ -98,18 +114,31 @@ class Fleet:
         lines = []
         for i, event in enumerate(self.events, 1):
             root = event[0]
-            why = f"probability of stiction {p[root]:.2f}" if p[root] >= 0.5 else "its PV is the least like a sine"
-            lines.append(f"Oscillation {i}: {', '.join(event)} share one period; likely root {root} ({why}).")
-        return lines + [f"Cascade: the output of {a} is the set point of {b}; see to {b} first." for a, b in self.cascades]
+            why = (
+                f"probability of stiction {p[root]:.2f}"
+                if p[root] >= 0.5
+                else "its PV is the least like a sine"
+            )
+            lines.append(
+                f"Oscillation {i}: {', '.join(event)} share one period; likely root {root} ({why})."
+            )
+        return lines + [
+            f"Cascade: the output of {a} is the set point of {b}; see to {b} first."
+            for a, b in self.cascades
+        ]
 
     def as_text(self) -> str:
         """Return the ranking for people, one line a loop."""
-        head = f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
+        head = (
+            f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
+        )
         lines = [head]
         for rank, m in enumerate(self.members, 1):
             p = "" if m.found.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
-            lines.append(f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12} {m.advice.do}")
+            lines.append(
+                f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12} {m.advice.do}"
+            )
         lines += self.shared()
         if self.to_test():
             lines.append(f"fewest valves to test: {', '.join(self.to_test())}")
@@ -128,14 +157,27 @@ def survey(
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
-    asked = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
+    asked = [
+        (name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()
+    ]
     members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
-    timed = {m.name: replace(records[m.name], mv=None) for m in members}  # with the time of the calendar
+    timed = {
+        m.name: replace(records[m.name], mv=None) for m in members
+    }  # with the time of the calendar
     pairs = cascades(timed)
-    members, events = _joined(members, {name: Prepared(record) for name, record in timed.items()}, pairs)
+    members, events = _joined(
+        members, {name: Prepared(record) for name, record in timed.items()}, pairs
+    )
     members = [replace(m, status=_status(m, before)) for m in members]
-    members.sort(key=lambda m: (-round(m.priority, 2), -round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
+    members.sort(
+        key=lambda m: (
+            -round(m.priority, 2),
+            -round(m.probability, 1),
+            -(m.size or (0.0, 0.0))[0],
+            m.name,
+        )
+    )
     return Fleet(tuple(members), events, refused, tuple(names), tuple(pairs))
 
 
@@ -143,14 +185,20 @@ def _causes_before(previous: str | Path) -> dict[str, str]:
     """Return the causes that the tables of an earlier report's folder name, by loop."""
     found: dict[str, str] = {}
     if not Path(previous).is_dir():
-        raise ParameterError(f"--previous {previous}: the folder of an earlier report's page and table is needed")
+        raise ParameterError(
+            f"--previous {previous}: the folder of an earlier report's page and table is needed"
+        )
     for file in sorted(Path(previous).glob("*.csv")):
         with contextlib.suppress(UserError):
             columns = read_table(file)
             if {"loop", "cause"} <= set(columns):
-                found |= dict(zip(map(str, columns["loop"]), map(str, columns["cause"]), strict=True))
+                found |= dict(
+                    zip(map(str, columns["loop"]), map(str, columns["cause"]), strict=True)
+                )
     if not found:
-        raise ParameterError(f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed")
+        raise ParameterError(
+            f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed"
+        )
     return found
 
 
@@ -169,7 +217,9 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
 
 
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
-    found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
+    found = trust(
+        record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed
+    )
     asked = {m.verdict.method: m.verdict for m in found.methods}
     others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
@@ -181,9 +231,24 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
         hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
-        size = None if hidden > 0.5 * size[0] else size  # an archive that leaves out as much says no size
+        size = (
+            None if hidden > 0.5 * size[0] else size
+        )  # an archive that leaves out as much says no size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
-    return FleetLoop(name, found, found.conclusion, said, when, size, label, None, None, Advice("", ""), cost, actions=actions)
+    return FleetLoop(
+        name,
+        found,
+        found.conclusion,
+        said,
+        when,
+        size,
+        label,
+        None,
+        None,
+        Advice("", ""),
+        cost,
+        actions=actions,
+    )
 
 
 def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[FleetLoop]:
@@ -216,17 +281,35 @@ def _joined(
     for m in members:
         number, root = place.get(m.name, (None, None))
         # a loop as surely sticky as its root is a case of its own
-        driven = root if root not in (None, m.name) and m.found.conclusion.verdict != STICTION else None
+        driven = (
+            root if root not in (None, m.name) and m.found.conclusion.verdict != STICTION else None
+        )
         # a cascade's outer loop swings with its inner one, whose valve it is
         slave = inner.get(m.name)
-        if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
+        if (
+            slave is not None
+            and probability[slave] > CLAIMED_FROM
+            and prepared[m.name].oscillation.sustained
+        ):
             driven = slave
         behind = m.found.behind or m.found.conclusion.reason
-        concluded, causes = from_record(prepared[m.name], behind, driven, probability.get(driven or "", 0.0))
+        concluded, causes = from_record(
+            prepared[m.name], behind, driven, probability.get(driven or "", 0.0)
+        )
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
         advice = advise(concluded, prepared[m.name], causes.named, driven, actions)
-        out.append(replace(m, conclusion=concluded, event=number, root=root, causes=causes, advice=advice, actions=actions))
+        out.append(
+            replace(
+                m,
+                conclusion=concluded,
+                event=number,
+                root=root,
+                causes=causes,
+                advice=advice,
+                actions=actions,
+            )
+        )
     shares = {m.name: _costs(m) for m in out}
     followers = {event[0]: event[1:] for event in events}
     priced = []
@@ -234,7 +317,9 @@ def _joined(
         both = shares[m.name] + sum(shares[name] for name in followers.get(m.name, ()))
         if m.cause.name == NEIGHBOUR:
             both *= _FOLLOWER
-        priced.append(replace(m, priority=both * (_OPEN if m.cause.name == NOT_TOLD else m.cause.confidence)))
+        priced.append(
+            replace(m, priority=both * (_OPEN if m.cause.name == NOT_TOLD else m.cause.confidence))
+        )
     return priced, tuple(events)
 
 

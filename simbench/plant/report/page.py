@@ -37,12 +37,19 @@ _TRADES = {
 }  # fmt: skip
 _ALONE = "No two loops oscillate with one period and locked phases at one time."
 # what no picture of ours has
-_ACTIVE = re.compile(r"<\s*(script|foreignobject|iframe|a)\b|\bon\w+\s*=|javascript:", re.IGNORECASE)
+_ACTIVE = re.compile(
+    r"<\s*(script|foreignobject|iframe|a)\b|\bon\w+\s*=|javascript:", re.IGNORECASE
+)
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
 def write_fleet(
-    fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1, keep: Path | None = None
+    fleet: Fleet,
+    path: str | Path,
+    labels: dict[str, dict[str, str]] | None = None,
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
 ) -> Path:
     """Write a plant's loops as one self-contained page, and a CSV of the same name beside it; pictures drawn are in `keep`."""
     sticky = [m for m in fleet.members if m.conclusion.verdict == STICTION]
@@ -50,29 +57,52 @@ def write_fleet(
         (str(len(fleet.members)), "loops judged"),
         (str(len(sticky)), "with stiction claimed"),
         (str(len(fleet.events)), "oscillations shared by several loops"),
-        (str(sum(m.found.probability is None for m in fleet.members)), "records that cannot be judged"),
+        (
+            str(sum(m.found.probability is None for m in fleet.members)),
+            "records that cannot be judged",
+        ),
     ]
     frame = table(fleet)
     # words that wrap, so that a screen of 1200 px holds every column
-    shown = frame.drop(columns=[*fleet.methods, *_BESIDE]).rename(columns=lambda name: name.replace("_", " "))
+    shown = frame.drop(columns=[*fleet.methods, *_BESIDE]).rename(
+        columns=lambda name: name.replace("_", " ")
+    )
     of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
         section("ranking", "Where to go first", table=shown, long=["next"], beside=of_all),
         section("events", "Oscillations that loops share", fleet.shared() or [_ALONE]),
-        section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
+        section(
+            "matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True
+        ),
     ]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
-        parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
+        parts.append(
+            section(
+                "score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))
+            )
+        )
     asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]
     drawn = resumed(_drawn, asked, jobs=jobs, keep=keep, what="pictures")
     # kept pictures may be of another's folder
-    drawn = [_drawn(*about) if any(map(_ACTIVE.search, seen)) else seen for about, seen in zip(asked, drawn, strict=True)]
-    loops = [_article(rank, m, seen) for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)]
-    parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
+    drawn = [
+        _drawn(*about) if any(map(_ACTIVE.search, seen)) else seen
+        for about, seen in zip(asked, drawn, strict=True)
+    ]
+    loops = [
+        _article(rank, m, seen)
+        for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)
+    ]
+    parts.append(
+        {"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)}
+    )
     if fleet.refused:
-        parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
+        parts.append(
+            section(
+                "refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]
+            )
+        )
     write(path, "A plant's loops", f"{len(fleet.members)} records, the most urgent first", parts)
     beside = Path(path).with_suffix(".csv")
     write_table(frame, beside)
@@ -83,9 +113,15 @@ def _jobs(fleet: Fleet) -> list[str]:
     """Return a sentence per trade, the most urgent loops first, and the fewest valves to test."""
     lines = []
     for job, who in _TRADES.items():
-        mine = [f"{m.name} ({m.cause.name}{', ' + m.status if m.status else ''})" for m in fleet.members if m.advice.job == job]
+        mine = [
+            f"{m.name} ({m.cause.name}{', ' + m.status if m.status else ''})"
+            for m in fleet.members
+            if m.advice.job == job
+        ]
         if mine:
-            lines.append(f"{who}: {', '.join(mine[:_FIRST])}{', ...' if len(mine) > _FIRST else ''}.")
+            lines.append(
+                f"{who}: {', '.join(mine[:_FIRST])}{', ...' if len(mine) > _FIRST else ''}."
+            )
     if fleet.to_test():
         lines.append(f"Fewest valves to test: {', '.join(fleet.to_test())}.")
     return lines or ["Nobody has anything to do."]
@@ -167,25 +203,34 @@ def _why(m: FleetLoop) -> list[str]:
 
 def _legend() -> str:
     says = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
-    return ", ".join(f"{_SIGN[v]} {word}" for v, word in says.items()) + ", blank: not made for this loop."
+    return (
+        ", ".join(f"{_SIGN[v]} {word}" for v, word in says.items())
+        + ", blank: not made for this loop."
+    )
 
 
 def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
     signs = {word.replace("_", " "): sign for word, sign in _SIGN.items()} | {"not applicable": ""}
-    return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
+    return pd.concat(
+        [frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1
+    )
 
 
 def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
     """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next week."""
     own = f"{crc32(name.encode()):08x}"
-    trend = inline_svg(draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time")
+    trend = inline_svg(
+        draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time"
+    )
     return trend, inline_svg(draw_pv_op(record), f"plane-{own}", f"PV of {name} against OP")
 
 
 def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
     caption = "PV (red), SP (grey), OP (blue)"
     if m.over_time.several:
-        caption += f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
+        caption += (
+            f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
+        )
     said = [f"{v.method}: {_word(v)}" for v in m.verdicts if v.applicable is not False]
     return {
         "rank": rank,
@@ -194,7 +239,10 @@ def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
         "job": m.advice.job,
         "do": m.advice.do,
         "why": _why(m),
-        "pictures": [{"svg": Markup(svg), "caption": c} for svg, c in zip(drawn, (caption, "PV against OP"), strict=True)],
+        "pictures": [
+            {"svg": Markup(svg), "caption": c}
+            for svg, c in zip(drawn, (caption, "PV against OP"), strict=True)
+        ],
         "verdicts": "; ".join(said),
         "power": m.found.power_line(),
     }

@@ -20,7 +20,14 @@ from simbench.loop.response import stages_response
 from simbench.loop.run import run_setup, signals_of
 from simbench.loop.setup import plain_setup
 
-LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = "leave", "repair", "retune", "P-only", "dead-band compensation", "resize"
+LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = (
+    "leave",
+    "repair",
+    "retune",
+    "P-only",
+    "dead-band compensation",
+    "resize",
+)
 _RUNS = 20  # of every action, each of another seed and loop: a further one lies between the least and the largest in .9
 _WARM_UP = 0.3  # of a run, before it counts
 # standard deviations of the logarithms drawn, of two development draws of 70 sticky loops
@@ -31,7 +38,10 @@ _JUMP = 0.06  # standard deviation of J over S
 _TWO_POSITIONS, _BEYOND, _TOO_LARGE = 2.0, 0.15, 0.45
 _LEFT = 0.2  # of the band that is no jump, that compensation leaves
 _KICK = 1.0  # % of OP beyond S: a sticky loop started at rest may stay there
-_STABLE, _TRIES = 1.15, 5  # gain margin that a draw keeps, and draws before the loop is taken as it was identified
+_STABLE, _TRIES = (
+    1.15,
+    5,
+)  # gain margin that a draw keeps, and draws before the loop is taken as it was identified
 _ALIKE = 3.0  # factor of their median variance within which the draws move as one loop
 _SAME = 1e-9
 
@@ -65,7 +75,9 @@ def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
     lo, hi = np.quantile(behind.record.op, (0.01, 0.99))
     hidden = not behind.trusted and bool(hi - lo < _TWO_POSITIONS * S)
     load = _recorded_load(with_friction(base, S, min(J, S)), behind.record) if S > 0 else None
-    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed, load=load)
+    return compare(
+        base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed, load=load
+    )
 
 
 def compare(
@@ -81,12 +93,22 @@ def compare(
     drawn = []
     for i in range(_RUNS):
         factors, jump = _factors(base, J / S if S > 0 else 0.0, spread * (i > 0), hidden, rng)
-        drawn.append((_varied(base, factors), S * factors["S"], jump * S * factors["S"], int(rng.integers(2**31))))
+        drawn.append(
+            (
+                _varied(base, factors),
+                S * factors["S"],
+                jump * S * factors["S"],
+                int(rng.integers(2**31)),
+            )
+        )
     settings = settings or retuned(base)
     found: dict[str, list[float]] = {}
     for name in _offered(base, S, J):
         kicked = 0.0 if name == REPAIR else 1.0
-        found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i, load) for loop, s, j, i in drawn]
+        found[name] = [
+            _variance(_changed(name, loop, s, j, settings), kicked * s, i, load)
+            for loop, s, j, i in drawn
+        ]
     today = np.array(found[LEAVE])
     # a draw that does not move as the others do is another loop's
     sound = np.abs(np.log(today / np.nanmedian(today))) < np.log(_ALIKE)
@@ -97,7 +119,9 @@ def compare(
         ratio = np.array(values)[sound] / today[sound]
         ratio = np.where(np.isfinite(ratio), ratio, 99.0)
         lo, hi = ratio.min(), ratio.max()
-        out.append(Action(name, _said(name, base, settings), float(np.median(ratio)), float(lo), float(hi)))
+        out.append(
+            Action(name, _said(name, base, settings), float(np.median(ratio)), float(lo), float(hi))
+        )
     return tuple(sorted(out, key=lambda a: (round(a.variance, 2), a.name != LEAVE)))
 
 
@@ -112,10 +136,15 @@ def retuned(loop: Loop) -> dict[str, float]:
     return {"Kc": T / (abs(plant.K) * (wanted + dead)), "Ti": min(T, 4.0 * (wanted + dead))}
 
 
-def _factors(base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator) -> tuple[dict[str, float], float]:
+def _factors(
+    base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator
+) -> tuple[dict[str, float], float]:
     """Draw how far plant, load and friction may be from what was identified, and J over S; no loop that swings by itself."""
     for _ in range(_TRIES if spread else 0):
-        tried = {name: float(np.exp(spread * std * rng.standard_normal())) for name, std in _UNSURE.items()}
+        tried = {
+            name: float(np.exp(spread * std * rng.standard_normal()))
+            for name, std in _UNSURE.items()
+        }
         other = float(np.clip(jump + _JUMP * spread * rng.standard_normal(), 0.0, 1.0))
         if hidden:
             other = float(rng.random())
@@ -129,21 +158,31 @@ def _factors(base: Loop, jump: float, spread: float, hidden: bool, rng: np.rando
 
 
 def _offered(base: Loop, S: float, J: float) -> list[str]:
-    names = [LEAVE, RETUNE] if base.controller.type in ("P", "PI") and base.plant.type in ("foptd", "integrating") else [LEAVE]
+    names = (
+        [LEAVE, RETUNE]
+        if base.controller.type in ("P", "PI") and base.plant.type in ("foptd", "integrating")
+        else [LEAVE]
+    )
     if S > 0:
         names += [REPAIR, P_ONLY, RESIZE] if len(names) > 1 else [REPAIR]
         names += [COMPENSATE] if J < 0.9 * S else []
     return names
 
 
-def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, float]) -> Loop | None:
+def _changed(
+    name: str, loop: Loop, S: float, J: float, settings: Mapping[str, float]
+) -> Loop | None:
     """Return a loop after an action; None where the loop would be no loop."""
     table: dict[str, Any] = loop.to_table()
     if name == RETUNE:
         table["controller"] |= {"type": "PI", **settings}
     if name == P_ONLY:
-        table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {"type": "P"}
-    if name == RESIZE:  # the same flow of a valve half as large: half the gain of plant, twice that of controller
+        table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {
+            "type": "P"
+        }
+    if (
+        name == RESIZE
+    ):  # the same flow of a valve half as large: half the gain of plant, twice that of controller
         table["plant"] |= {"K": 0.5 * loop.plant.K}
         table["controller"] |= {"Kc": 2.0 * loop.controller.Kc}
     if name == REPAIR:
@@ -159,14 +198,23 @@ def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, f
 def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
     """Return a loop whose plant and load are as different as the identified one may be."""
     table = loop.to_table()
-    table["plant"] |= {k: table["plant"][k] * factors[k] for k in ("K", "T", "Td") if table["plant"].get(k)}
-    table["disturbance"] = [part | {"amplitude": part["amplitude"] * factors["load"]} for part in table["disturbance"]]
+    table["plant"] |= {
+        k: table["plant"][k] * factors[k] for k in ("K", "T", "Td") if table["plant"].get(k)
+    }
+    table["disturbance"] = [
+        part | {"amplitude": part["amplitude"] * factors["load"]} for part in table["disturbance"]
+    ]
     return Loop.from_table(table, "what if")
 
 
 def _recorded_load(loop: Loop, record: LoopRecord) -> np.ndarray | None:
     """Return PV without what OP did through valve and plant; None but for a first-order plant under P or PI."""
-    if loop.plant.type != "foptd" or loop.controller.type not in ("P", "PI") or loop.outer or record.n != loop.sampling.n:
+    if (
+        loop.plant.type != "foptd"
+        or loop.controller.type not in ("P", "PI")
+        or loop.outer
+        or record.n != loop.sampling.n
+    ):
         return None
     mv = stages_response(tuple(undisturbed(loop).valves), record.op, float(record.op[0]))
     plant = plain_setup(loop.model_copy(update={"valve": Part(name="ideal"), "effect": ()}), 0)
@@ -184,7 +232,9 @@ def _variance(loop: Loop | None, S: float, seed: int, load: np.ndarray | None) -
             setup = resolve_loop(loop, seed)
         else:
             none = np.zeros(load.size)
-            setup = replace(undisturbed(loop), load_in=none, load_out=np.roll(load, seed), pv_add=none)
+            setup = replace(
+                undisturbed(loop), load_in=none, load_out=np.roll(load, seed), pv_add=none
+            )
         record = run_setup(setup, kick=S + _KICK if S > 0 else 0.0).record
     except UserError:
         return float("nan")

@@ -54,6 +54,8 @@ def write_orders(fleet: Fleet, path: str | Path) -> None:
     try:
         frame.map(plain_cell).to_excel(content, index=False)
     except ImportError as error:
-        raise FileError(f"{path}: Excel files need openpyxl ({error}); a name that ends in .csv works without") from None
+        raise FileError(
+            f"{path}: Excel files need openpyxl ({error}); a name that ends in .csv works without"
+        ) from None
     with whole_file(path, "wb") as f:
         f.write(content.getvalue())

@@ -59,7 +59,11 @@ def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
             for i, s in enumerate(members):
                 run = simulate(s.loop, s.seed)
                 record = run.record.without_mv()
-                out.append(Simulated(str(index), s.loop, s.seed, record, run.sticky, Size.of(record), i == pick))
+                out.append(
+                    Simulated(
+                        str(index), s.loop, s.seed, record, run.sticky, Size.of(record), i == pick
+                    )
+                )
         except (UserError, SpecError):
             continue
     return out
@@ -78,14 +82,20 @@ def join(
     """Join effects to the grid one after the other, the one that closes most of the distance first."""
     # a diagnosis misses an effect in some loops that have it, and may not tell where it acts: shares and places are tried
     left = {
-        e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= _FEWEST_LOOPS
+        e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)]
+        for e, s in found.items()
+        if len(s) >= _FEWEST_LOOPS
     }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
     nearest = mmd_squared(ruler, units(simulated), real_x)
     while left and len(out) < _MOST_EFFECTS and nearest > 0.0:
         standing = [s for s in now if s.stands]
-        far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
+        far = {
+            v: mmd_squared(ruler, units(_with(standing, v)), real_x)
+            for ways in left.values()
+            for v in ways
+        }
         best = min(far, key=lambda v: far[v])
         if far[best] >= nearest:
             break
@@ -93,7 +103,9 @@ def join(
         only = _with(simulated, best)
         reached = accuracy(only, verdicts_on(only, methods), methods)
         costs = {m: reached[m] - before[m] for m in methods}
-        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, costs, best.strengths))
+        out.append(
+            Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, costs, best.strengths)
+        )
         now = only if now is simulated else _with(now, best)
         del left[best.effect]
     return out, accuracy(now, verdicts_on(now, methods), methods) if out else before
@@ -117,9 +129,14 @@ def _places(effect: str, strengths: list[dict[str, Any]]) -> list[tuple[dict[str
     return [tuple(s | {"at": at} for s in strengths) for at in choice.names]
 
 
-def _shares(effect: str, strengths: tuple[dict[str, Any], ...], loops: int, rng: np.random.Generator) -> list[Way]:
+def _shares(
+    effect: str, strengths: tuple[dict[str, Any], ...], loops: int, rng: np.random.Generator
+) -> list[Way]:
     found, seed = len(strengths) / loops, int(rng.integers(2**31))
-    return [Way(effect, share, strengths, seed) for share in dict.fromkeys((found, 0.5 * (1.0 + found), 1.0))]
+    return [
+        Way(effect, share, strengths, seed)
+        for share in dict.fromkeys((found, 0.5 * (1.0 + found), 1.0))
+    ]
 
 
 def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
@@ -129,19 +146,29 @@ def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
     drawn = {u: way.strengths[int(rng.integers(len(way.strengths)))] for u in hit}
     # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays sound
     spared = way.effect in FRICTION_EFFECT
-    return [_hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s for s in simulated]
+    return [
+        _hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s
+        for s in simulated
+    ]
 
 
 def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
     """Return a loop with an effect as strong beside the loop as it then is; strengths were found on loops that have it."""
     size, out = s.size, s
-    before = s.loop.model_copy(update={"valve": Part(name="ideal")}) if effect in FRICTION_EFFECT else s.loop
+    before = (
+        s.loop.model_copy(update={"valve": Part(name="ideal")})
+        if effect in FRICTION_EFFECT
+        else s.loop
+    )
     try:
         for _ in range(_ROUNDS):
             loop = with_effect(before, effect, absolute(effect, strength, size))
             run = simulate(loop, s.seed)
             record = run.record.without_mv()
-            size, out = s.size.towards(Size.of(record)), replace(s, loop=loop, record=record, sticky=run.sticky)
+            size, out = (
+                s.size.towards(Size.of(record)),
+                replace(s, loop=loop, record=record, sticky=run.sticky),
+            )
     except (UserError, SpecError):
         pass
     return out
@@ -156,10 +183,14 @@ def units(simulated: list[Simulated]) -> np.ndarray:
 def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
     """Return 1 for stiction, 0 for no stiction, NaN for no decision, shape (loops, methods)."""
     code = {STICTION: 1.0, "no_stiction": 0.0}
-    return np.array([[code.get(v.verdict, np.nan) for v in judge(s.record, methods)] for s in simulated])
+    return np.array(
+        [[code.get(v.verdict, np.nan) for v in judge(s.record, methods)] for s in simulated]
+    )
 
 
-def accuracy(simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]) -> dict[str, float]:
+def accuracy(
+    simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]
+) -> dict[str, float]:
     """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is not right."""
     truth = np.array([float(s.sticky) for s in simulated])
     right = verdicts == truth[:, None]

@@ -16,20 +16,28 @@ def looks(record: LoopRecord) -> dict[str, float]:
     op, pv = (_unit(x) for x in (record.op, record.pv))
     sp = np.full(record.n, record.pv.mean()) if record.sp is None else record.sp
     # OP turned with PV: a direct-acting loop is a reverse one in a mirror
-    turn = np.sign(np.corrcoef(np.diff(op), np.diff(pv))[0, 1]) if np.ptp(op) and np.ptp(pv) else 1.0
+    turn = (
+        np.sign(np.corrcoef(np.diff(op), np.diff(pv))[0, 1]) if np.ptp(op) and np.ptp(pv) else 1.0
+    )
     found = features((turn or 1.0) * op, pv, (sp - record.pv.mean()) / (np.std(record.pv) or 1.0))
     out = {k: float(v) for k, v in found.items() if not k.endswith(" size")}
     swing = find_oscillation(record.op, record.pv, record.Ts)
     period = swing.period_s / record.Ts
     known = np.isfinite(period) and period > 0
-    out["regularity"] = float(np.log1p(max(swing.regularity, 0.0))) if np.isfinite(swing.regularity) else 0.0
-    out["samples per period"] = float(np.log(min(period, _SAMPLES))) if known else float(np.log(_SAMPLES))
+    out["regularity"] = (
+        float(np.log1p(max(swing.regularity, 0.0))) if np.isfinite(swing.regularity) else 0.0
+    )
+    out["samples per period"] = (
+        float(np.log(min(period, _SAMPLES))) if known else float(np.log(_SAMPLES))
+    )
     out["periods"] = float(np.log(record.n / period)) if known else 0.0
     out["sustained"] = float(swing.sustained)
     return {k: v if np.isfinite(v) else 0.0 for k, v in out.items()}
 
 
-def by_unit(rows: list[dict[str, float]], units: list[str]) -> tuple[list[str], np.ndarray, list[str]]:
+def by_unit(
+    rows: list[dict[str, float]], units: list[str]
+) -> tuple[list[str], np.ndarray, list[str]]:
     """Return features averaged over the records of a unit, so that a loop with many records counts once."""
     names, order = list(rows[0]), list(dict.fromkeys(units))
     x = np.array([[row[n] for n in names] for row in rows])

@@ -20,19 +20,38 @@ def write_study(found: Study, path: str | Path) -> None:
     """Write a study as one self-contained HTML page."""
     d, (auc, p) = found.distance, found.classifier
     differ = "differ from" if d["p"] < 0.05 else "cannot be told from"
-    answer = f"{found.loops} loops ({found.records} records) {differ} what grid {found.grid} simulates."
+    answer = (
+        f"{found.loops} loops ({found.records} records) {differ} what grid {found.grid} simulates."
+    )
     tiles = [
-        (f"{d['value']:.2f}", f"kernel distance (95 % interval {d['lo']:.2f} to {d['hi']:.2f}), p = {d['p']:.3f}"),
-        (f"{auc:.2f}", f"AUC of a classifier that tells real from simulated loops (0.5 = cannot), p = {p:.2f}"),
+        (
+            f"{d['value']:.2f}",
+            f"kernel distance (95 % interval {d['lo']:.2f} to {d['hi']:.2f}), p = {d['p']:.3f}",
+        ),
+        (
+            f"{auc:.2f}",
+            f"AUC of a classifier that tells real from simulated loops (0.5 = cannot), p = {p:.2f}",
+        ),
         (str(found.loops), "loops: the unit of every interval and p-value"),
     ]
     says = "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all features"
     parts = [
         section("answer", "The answer", [answer], tiles=tiles),
-        section("features", "By what they differ", pictures=[(_draw_shifts(found.features[:_SHOWN]), says)]),
-        section("effects", "What explains it", _explained(found), table=_effects(found) if found.effects else None),
+        section(
+            "features",
+            "By what they differ",
+            pictures=[(_draw_shifts(found.features[:_SHOWN]), says)],
+        ),
+        section(
+            "effects",
+            "What explains it",
+            _explained(found),
+            table=_effects(found) if found.effects else None,
+        ),
         section("methods", "What it costs each detector", table=_methods(found)),
-        section("limits", "What so few loops can and cannot show", _limits(found), points=found.notes),
+        section(
+            "limits", "What so few loops can and cannot show", _limits(found), points=found.notes
+        ),
     ]
     write(path, f"A plant against grid {found.grid}", "Sim-to-real gap of a benchmark", parts)
 
@@ -52,9 +71,13 @@ def _draw_shifts(features: Sequence[dict[str, float | str]]) -> Figure:
 
 def _explained(found: Study) -> list[str]:
     if not found.effects:
-        return ["No effect was found in two loops and more that brings the grid nearer to these loops."]
+        return [
+            "No effect was found in two loops and more that brings the grid nearer to these loops."
+        ]
     steps = ", ".join(f"with {e.effect} {e.distance_after:.2f}" for e in found.effects)
-    return [f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before it)."]
+    return [
+        f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before it)."
+    ]
 
 
 def _effects(found: Study) -> pd.DataFrame:
@@ -73,7 +96,11 @@ def _effects(found: Study) -> pd.DataFrame:
 def _methods(found: Study) -> pd.DataFrame:
     rows = []
     for m, value in found.simulated.items():
-        row: dict[str, object] = {"method": m, "on the grid": value, "with the effects": found.moved[m]}
+        row: dict[str, object] = {
+            "method": m,
+            "on the grid": value,
+            "with the effects": found.moved[m],
+        }
         if found.real:
             real = found.real[m]
             row |= {"on these loops": real["value"], "from": real["lo"], "to": real["hi"]}

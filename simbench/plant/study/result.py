@@ -20,7 +20,9 @@ class Contribution:
 
     def costly(self) -> dict[str, float]:
         """Return what it costs the methods that it costs half a point or more, the dearest first."""
-        return {m: c for m, c in sorted(self.costs.items(), key=lambda kv: kv[1]) if c <= -_HALF_A_POINT}
+        return {
+            m: c for m, c in sorted(self.costs.items(), key=lambda kv: kv[1]) if c <= -_HALF_A_POINT
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,12 @@ class Study:
             "distance": self.distance,
             "features": self.features,
             "effects": [
-                {"effect": e.effect, "share": e.share, "distance_after": e.distance_after, "costs": e.costs}
+                {
+                    "effect": e.effect,
+                    "share": e.share,
+                    "distance_after": e.distance_after,
+                    "costs": e.costs,
+                }
                 for e in self.effects
             ],
             "simulated": self.simulated,
@@ -71,9 +78,17 @@ class Study:
         for e in self.effects:
             costly = ", ".join(f"{m} {100 * c:+.0f}" for m, c in [*e.costly().items()][:4])
             price = f"accuracy {costly} points" if costly else "no method is less often right"
-            lines.append(f"+ {e.effect}: in {e.share:.0%} of the loops; distance then {e.distance_after:.2f}; {price}")
+            lines.append(
+                f"+ {e.effect}: in {e.share:.0%} of the loops; distance then {e.distance_after:.2f}; {price}"
+            )
         for m, value in self.simulated.items():
             real = self.real.get(m)
-            said = "" if real is None else f", on these loops {real['value']:.2f} ({real['lo']:.2f} to {real['hi']:.2f})"
-            lines.append(f"{m:<18} on the grid {value:.2f}, with the effects {self.moved[m]:.2f}{said}")
+            said = (
+                ""
+                if real is None
+                else f", on these loops {real['value']:.2f} ({real['lo']:.2f} to {real['hi']:.2f})"
+            )
+            lines.append(
+                f"{m:<18} on the grid {value:.2f}, with the effects {self.moved[m]:.2f}{said}"
+            )
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])

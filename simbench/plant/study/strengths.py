@@ -15,7 +15,10 @@ from simbench.loop.effects import EFFECTS, Choice
 
 # what compares with a baseline, not with a grid
 NOT_LACKING = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise")
-FRICTION_EFFECT = ("stiction", "deadband")  # what takes the place of the friction that a loop of the grid has
+FRICTION_EFFECT = (
+    "stiction",
+    "deadband",
+)  # what takes the place of the friction that a loop of the grid has
 _GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
 _REST = 40.0  # samples that stand for the period of a record without one
 
@@ -39,19 +42,31 @@ class Size:
 
     def towards(self, other: Size) -> Size:
         """Return the size of a loop that an effect has changed, by `_GROWN` at most: it may make it run away."""
-        pv, op = (float(np.clip(b, a / _GROWN, a * _GROWN)) for a, b in ((self.pv, other.pv), (self.op, other.op)))
+        pv, op = (
+            float(np.clip(b, a / _GROWN, a * _GROWN))
+            for a, b in ((self.pv, other.pv), (self.op, other.op))
+        )
         return Size(pv, op, self.period)
 
     def factor(self, unit: str) -> float:
         """Return what one of a parameter's unit is on this loop."""
-        of = {"PV units": self.pv, "%": self.op, "% of travel": self.op, "s": self.period, "sqrt(s)": self.period**0.5}
+        of = {
+            "PV units": self.pv,
+            "%": self.op,
+            "% of travel": self.op,
+            "s": self.period,
+            "sqrt(s)": self.period**0.5,
+        }
         above, _, below = unit.partition("/")
         return of.get(above, 1.0) / of.get(below, 1.0)
 
 
 def relative(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str, Any]:
     """Return an effect's parameters measured by the loop they were found on; words stand as they are."""
-    return {k: v if isinstance(v, str) else v / size.factor(_unit(effect, k)) for k, v in parameters.items()}
+    return {
+        k: v if isinstance(v, str) else v / size.factor(_unit(effect, k))
+        for k, v in parameters.items()
+    }
 
 
 def absolute(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str, Any]:
@@ -64,7 +79,9 @@ def absolute(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str
         rule = EFFECTS[effect].parameters[name]
         low, high = getattr(rule, "low", None), getattr(rule, "high", None)
         x = value * size.factor(_unit(effect, name))
-        out[name] = float(np.clip(x, -np.inf if low is None else low, np.inf if high is None else high))
+        out[name] = float(
+            np.clip(x, -np.inf if low is None else low, np.inf if high is None else high)
+        )
     return out
 
 
@@ -78,8 +95,18 @@ def with_effect(loop: Loop, effect: str, parameters: Mapping[str, Any]) -> Loop:
 
 def scales(effect: str, names: Iterable[str]) -> dict[str, str] | None:
     """Return what a grid multiplies an effect's parameters by; None where a grid has no such scale."""
-    words = {"PV units": "pv", "%": "S", "% of travel": "S", "s": "period", "": None, "-": None, "1/sample": None}
-    units = {n: _unit(effect, n) for n in names if not isinstance(EFFECTS[effect].parameters[n], Choice)}
+    words = {
+        "PV units": "pv",
+        "%": "S",
+        "% of travel": "S",
+        "s": "period",
+        "": None,
+        "-": None,
+        "1/sample": None,
+    }
+    units = {
+        n: _unit(effect, n) for n in names if not isinstance(EFFECTS[effect].parameters[n], Choice)
+    }
     if any(u not in words for u in units.values()):
         return None
     return {n: str(words[u]) for n, u in units.items() if words[u]}

@@ -18,11 +18,24 @@ from detectors.verdict import STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.gap import diagnose
 from simbench.plant.resumed import resumed
-from simbench.plant.study.forward_selection import Simulated, accuracy, draw, join, units, verdicts_on
+from simbench.plant.study.forward_selection import (
+    Simulated,
+    accuracy,
+    draw,
+    join,
+    units,
+    verdicts_on,
+)
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Study
 from simbench.plant.study.strengths import NOT_LACKING, Size, relative
-from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
+from simbench.plant.study.two_sample import (
+    FeatureScaler,
+    classifier_test,
+    feature_tests,
+    mmd,
+    mmd_test,
+)
 
 _GROUPS = 40  # of the grid that are simulated
 _BOOTSTRAPS = 500
@@ -41,7 +54,9 @@ def study(
 ) -> Study:
     """Compare a set of records, labelled or not, with a grid."""
     real, chosen = read_fleet(folder, labels), choose_methods(methods)
-    return against(real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep)
+    return against(
+        real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +99,9 @@ def against(
     ruler = FeatureScaler.of(sim_x, real_x)
     found, failed = _effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
     base = verdicts_on(simulated, methods)
-    joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng)
+    joined, moved = join(
+        simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng
+    )
     labelled = _real_accuracy(records, unit, known, methods, rng)
     few = len(set(unit.values()))
     notes = [
@@ -102,7 +119,12 @@ def against(
 
 
 def _effects_of(
-    records: Mapping[str, LoopRecord], unit: Mapping[str, str], folder: Path, *, jobs: int = 1, keep: str | Path | None = None
+    records: Mapping[str, LoopRecord],
+    unit: Mapping[str, str],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    keep: str | Path | None = None,
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
     """Diagnose one record of every unit, and return the effects found with their relative strengths."""
     about = []
@@ -127,8 +149,14 @@ def _diagnosed(record: LoopRecord, baseline: Loop | None) -> dict[str, dict[str,
     except UserError as error:
         return f"not diagnosed: {error}"
     size, parameters = Size.of(record), report.behind.found.parameters
-    shown = dict.fromkeys([*(e["effect"] for e in report.effects), *report.behind.found.situation.proven])
-    return {e: relative(e, parameters[e], size) for e in shown if e in parameters and e not in NOT_LACKING}
+    shown = dict.fromkeys(
+        [*(e["effect"] for e in report.effects), *report.behind.found.situation.proven]
+    )
+    return {
+        e: relative(e, parameters[e], size)
+        for e in shown
+        if e in parameters and e not in NOT_LACKING
+    }
 
 
 def _real_accuracy(
@@ -145,16 +173,30 @@ def _real_accuracy(
         label = known.get(name, {}).get("label", "unknown")
         if label not in ("", "unknown"):
             sticky = label == STICTION
-            right = [v.verdict == (STICTION if sticky else "no_stiction") for v in judge(record, methods)]
+            right = [
+                v.verdict == (STICTION if sticky else "no_stiction") for v in judge(record, methods)
+            ]
             rows.setdefault(unit[name], []).append(np.array(right, dtype=float))
             truth[unit[name]] = sticky
-    positive, negative = ([np.mean(rows[u], axis=0) for u in rows if truth[u] is kind] for kind in (True, False))
+    positive, negative = (
+        [np.mean(rows[u], axis=0) for u in rows if truth[u] is kind] for kind in (True, False)
+    )
     if not positive or not negative:
         return {}
     a, b = np.array(positive), np.array(negative)
     again = [
-        0.5 * (a[rng.integers(len(a), size=len(a))].mean(axis=0) + b[rng.integers(len(b), size=len(b))].mean(axis=0))
+        0.5
+        * (
+            a[rng.integers(len(a), size=len(a))].mean(axis=0)
+            + b[rng.integers(len(b), size=len(b))].mean(axis=0)
+        )
         for _ in range(_BOOTSTRAPS)
     ]
-    value, (lo, hi) = 0.5 * (a.mean(axis=0) + b.mean(axis=0)), np.quantile(again, [0.025, 0.975], axis=0)
-    return {m: {"value": float(value[i]), "lo": float(lo[i]), "hi": float(hi[i])} for i, m in enumerate(methods)}
+    value, (lo, hi) = (
+        0.5 * (a.mean(axis=0) + b.mean(axis=0)),
+        np.quantile(again, [0.025, 0.975], axis=0),
+    )
+    return {
+        m: {"value": float(value[i]), "lo": float(lo[i]), "hi": float(hi[i])}
+        for i, m in enumerate(methods)
+    }

@@ -50,7 +50,9 @@ def mmd_squared(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> flo
     return _squared(ruler.kernel(both, both), np.arange(len(both)) < len(one))
 
 
-def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+def mmd_test(
+    ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator
+) -> dict[str, float]:
     """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that there is none."""
     both = np.vstack([one, other])
     kernel, first = ruler.kernel(both, both), np.arange(len(both)) < len(one)
@@ -58,7 +60,10 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
     shuffled = [_mmd(kernel, rng.permutation(first)) for _ in range(_PERMUTATIONS)]
     again = []
     for _ in range(_BOOTSTRAPS):
-        a, b = rng.integers(len(one), size=len(one)), len(one) + rng.integers(len(other), size=len(other))
+        a, b = (
+            rng.integers(len(one), size=len(one)),
+            len(one) + rng.integers(len(other), size=len(other)),
+        )
         pick = np.r_[a, b]
         again.append(_mmd(kernel[np.ix_(pick, pick)], first, twins=pick[:, None] == pick[None, :]))
     lo, hi = np.quantile(again, [0.025, 0.975])
@@ -66,7 +71,9 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
     return {"value": value, "lo": float(min(lo, value)), "hi": float(max(hi, value)), "p": float(p)}
 
 
-def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99) -> tuple[float, float]:
+def classifier_test(
+    one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99
+) -> tuple[float, float]:
     """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value.
 
     Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR.
@@ -91,7 +98,10 @@ def feature_tests(
 
     shift = np.median(ruler.measured(real), axis=0) - np.median(ruler.measured(simulated), axis=0)
     p = np.array([mannwhitneyu(simulated[:, i], real[:, i]).pvalue for i in range(len(names))])
-    rows = [{"name": n, "shift": float(s), "p": float(q)} for n, s, q in zip(names, shift, holm(np.nan_to_num(p, nan=1.0)))]
+    rows = [
+        {"name": n, "shift": float(s), "p": float(q)}
+        for n, s, q in zip(names, shift, holm(np.nan_to_num(p, nan=1.0)))
+    ]
     return sorted(rows, key=lambda r: (r["p"], -abs(r["shift"])))
 
 

@@ -26,12 +26,23 @@ class NoGrid(ParameterError):
 
 def write_grid(found: Study, path: str | Path) -> list[str]:
     """Write the study's grid with the effects found in it, in their shares and strengths."""
-    base = Path(str(files("scenarios") / "grids" / f"{found.grid}.toml")) if found.grid in grid_names() else Path(found.grid)
+    base = (
+        Path(str(files("scenarios") / "grids" / f"{found.grid}.toml"))
+        if found.grid in grid_names()
+        else Path(found.grid)
+    )
     # a grid's valves have their friction from the grid
-    usable = [e for e in found.effects if e.effect not in FRICTION_EFFECT and scales(e.effect, e.strengths[0]) is not None]
+    usable = [
+        e
+        for e in found.effects
+        if e.effect not in FRICTION_EFFECT and scales(e.effect, e.strengths[0]) is not None
+    ]
     if not usable:
         raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
-    text, own = base.read_text(encoding="utf-8"), read_toml(base).get("draw", {}).get("effect", ["none"])
+    text, own = (
+        base.read_text(encoding="utf-8"),
+        read_toml(base).get("draw", {}).get("effect", ["none"]),
+    )
     line = f"effect = {_toml(_places(usable, own if isinstance(own, list) else [own]))}"
     kept = re.sub(r"(?m)^effect = \[[^\]]*\]$", "", text)
     kept = re.sub(r"(?m)^\[draw\]$", f"[draw]\n{line}", kept, count=1)
@@ -39,7 +50,9 @@ def write_grid(found: Study, path: str | Path) -> list[str]:
         kept += f"\n[draw]\n{line}\n"
     blocks = "".join(_block(e) for e in usable)
     with whole_file(path) as f:
-        f.write(f"# {base.stem}, with the effects found in {found.loops} loops of a plant\n{kept.rstrip()}\n{blocks}")
+        f.write(
+            f"# {base.stem}, with the effects found in {found.loops} loops of a plant\n{kept.rstrip()}\n{blocks}"
+        )
     load_grid(path)
     return [e.effect for e in found.effects if e not in usable]
 
@@ -48,7 +61,9 @@ def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
     """Return the list an effect is drawn from: each found one by its share, what the grid had for the rest."""
     share = sum(e.share for e in effects)
     fit = min(1.0, 1.0 / share)
-    new = [f"found_{e.effect}" for e in effects for _ in range(max(round(_PLACES * fit * e.share), 1))]
+    new = [
+        f"found_{e.effect}" for e in effects for _ in range(max(round(_PLACES * fit * e.share), 1))
+    ]
     rest = max(_PLACES - len(new), 0)
     return new + [own[i * len(own) // rest] for i in range(rest)]
 
@@ -61,9 +76,13 @@ def _block(e: Contribution) -> str:
             ranges[name] = list(dict.fromkeys(values))
         else:
             lo, hi = np.quantile(values, [0.1, 0.9])
-            ranges[name] = [float(f"{lo:.3g}"), float(f"{hi:.3g}")] if hi > lo else float(f"{lo:.3g}")
+            ranges[name] = (
+                [float(f"{lo:.3g}"), float(f"{hi:.3g}")] if hi > lo else float(f"{lo:.3g}")
+            )
     lines = [f"\n[effects.found_{e.effect}]", f'name = "{e.effect}"']
-    lines.append("parameters = { " + ", ".join(f"{k} = {_toml(v)}" for k, v in ranges.items()) + " }")
+    lines.append(
+        "parameters = { " + ", ".join(f"{k} = {_toml(v)}" for k, v in ranges.items()) + " }"
+    )
     by = scales(e.effect, e.strengths[0]) or {}
     if by:
         lines.append("scale = { " + ", ".join(f'{k} = "{v}"' for k, v in by.items()) + " }")

@@ -23,15 +23,29 @@ def write_page(found: Trust, path: str | Path) -> None:
         answer.append(f"{found.power_line()[0].upper()}{found.power_line()[1:]}.")
     tiles = []
     if found.probability is not None:
-        tiles.append((f"{found.probability:.2f}", "probability of stiction, even odds before looking"))
+        tiles.append(
+            (f"{found.probability:.2f}", "probability of stiction, even odds before looking")
+        )
         tiles.append((f"{len(found.twins)}", "twins of this loop simulated and judged"))
     if found.smallest_visible is not None:
-        tiles.append((f"{found.smallest_visible[0]:.2g}", f"smallest S ({record.S_unit}) that shows in 4 of 5 such records"))
+        tiles.append(
+            (
+                f"{found.smallest_visible[0]:.2g}",
+                f"smallest S ({record.S_unit}) that shows in 4 of 5 such records",
+            )
+        )
     parts = [section("answer", "The answer", answer, tiles=tiles)]
     when = found.over_time
-    shaded = "" if when is None or not when.several else f"; {when.sentence()} (orange: stiction, grey: undecided)"
+    shaded = (
+        ""
+        if when is None or not when.several
+        else f"; {when.sentence()} (orange: stiction, grey: undecided)"
+    )
     trend = draw_trend(record, [] if when is None else marks(when))
-    seen = [(trend, f"PV (red), SP (grey), OP (blue){shaded}"), (draw_pv_op(record), "PV against OP")]
+    seen = [
+        (trend, f"PV (red), SP (grey), OP (blue){shaded}"),
+        (draw_pv_op(record), "PV against OP"),
+    ]
     parts.append(section("record", "The record", pictures=seen))
     if found.power:
         best = [m for m in found.methods if m.verdict.applicable is not False][:_SHOWN]
@@ -41,14 +55,26 @@ def write_page(found: Trust, path: str | Path) -> None:
             "as best read, the others by their own rules, the dashed line 0.8"
         )
         ratios = sorted({round(c.J / c.S, 6) for c in found.power})
-        pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]
+        pictures = [
+            (draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S")
+            for ratio in ratios
+        ]
         parts.append(section("power", "What this record could have shown", pictures=pictures))
-    parts.append(section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"]))
+    parts.append(
+        section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"])
+    )
     points = [*(r.sentence() for r in found.helps), *found.notes]
-    points += summary.notes_of([m.verdict for m in found.methods], record)  # what reading it assumed stands among them
+    points += summary.notes_of(
+        [m.verdict for m in found.methods], record
+    )  # what reading it assumed stands among them
     if points:
         parts.append(section("next", "What would help, and what to know", points=points))
-    write(path, f"Stiction in {record.tag or 'this loop'}: what can be believed", "Detectors on twins of one loop", parts)
+    write(
+        path,
+        f"Stiction in {record.tag or 'this loop'}: what can be believed",
+        "Detectors on twins of one loop",
+        parts,
+    )
 
 
 def _table(found: Trust) -> pd.DataFrame:
@@ -56,7 +82,9 @@ def _table(found: Trust) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "method": m.verdict.method,
-            "verdict here": "not made for it" if m.verdict.applicable is False else m.verdict.verdict.replace("_", " "),
+            "verdict here": "not made for it"
+            if m.verdict.applicable is False
+            else m.verdict.verdict.replace("_", " "),
             "right on twins": m.rule.right,
             "false alarms": m.false_alarms,
             "found, all sizes": sum(c.found for c in m.power) / len(m.power) if m.power else None,

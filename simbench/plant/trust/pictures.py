@@ -8,7 +8,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from detectors.record import LoopRecord
-from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, SIGNAL, SKY, label, panels, styled
+from simbench.figures._style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    SIGNAL,
+    SKY,
+    label,
+    panels,
+    styled,
+)
 from simbench.plant.trust.power import POWER, Cell
 
 _POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
@@ -58,7 +69,9 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
         S = [c.S for c in line]
         ax.plot(S, [c.found for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
         if name == next(iter(curves)):
-            ax.fill_between(S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0)
+            ax.fill_between(
+                S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0
+            )
     ax.axhline(POWER, color=GREY, lw=0.7, ls="--")
     ax.set_xscale("log")
     ax.set_xticks(S, [f"{s:.2g}" for s in S])
@@ -85,5 +98,7 @@ def _thin(x: np.ndarray) -> np.ndarray:
         return np.arange(x.size)
     size = -(-x.size // _POINTS)
     pieces = np.pad(x, (0, -x.size % size), mode="edge").reshape(-1, size)
-    ends = np.concatenate([pieces.argmin(axis=1), pieces.argmax(axis=1)]) + np.tile(np.arange(len(pieces)) * size, 2)
+    ends = np.concatenate([pieces.argmin(axis=1), pieces.argmax(axis=1)]) + np.tile(
+        np.arange(len(pieces)) * size, 2
+    )
     return np.unique(np.minimum(ends, x.size - 1))

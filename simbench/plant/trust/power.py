@@ -42,7 +42,13 @@ class Rule:
         """Return what this rule reads out of a verdict."""
         if self.cut is None:
             return verdict.verdict
-        return STICTION if verdict.score > self.cut else NO_STICTION if np.isfinite(verdict.score) else NO_DECISION
+        return (
+            STICTION
+            if verdict.score > self.cut
+            else NO_STICTION
+            if np.isfinite(verdict.score)
+            else NO_DECISION
+        )
 
     def calls(self, verdict: Verdict) -> bool:
         """Return whether this rule calls a verdict stiction."""
@@ -89,7 +95,9 @@ def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> li
     if not np.isfinite(cut):
         return [published]
     half = np.arange(sticky.size) % 2 == 0
-    tried = [_right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)]
+    tried = [
+        _right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)
+    ]
     chosen = Rule(method, cut, float(np.mean(tried)))
     return [chosen, published] if chosen.right > published.right + _BETTER else [published, chosen]
 
@@ -106,4 +114,7 @@ def _cut(healthy: np.ndarray) -> float:
 def likelihood_ratio(said: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
     """Return how much more often sticky twins get this verdict than healthy ones (half a twin added to each count)."""
     same = np.array([v == said for v in verdicts])
-    return float(((same[sticky].sum() + 0.5) / (sticky.sum() + 1.5)) / ((same[~sticky].sum() + 0.5) / ((~sticky).sum() + 1.5)))
+    return float(
+        ((same[sticky].sum() + 0.5) / (sticky.sum() + 1.5))
+        / ((same[~sticky].sum() + 0.5) / ((~sticky).sum() + 1.5))
+    )

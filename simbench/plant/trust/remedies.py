@@ -51,13 +51,22 @@ class Remedy:
 
 
 def remedies(
-    behind: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], percent: float, unit: str, seed: int
+    behind: CandidateLoops,
+    methods: Sequence[str],
+    cell: tuple[float, float],
+    percent: float,
+    unit: str,
+    seed: int,
 ) -> tuple[Remedy, ...]:
     """Simulate what could be recorded otherwise, and return what would show more, best first."""
-    before = max(found - alarms for _, found, alarms in _shares(behind, methods, cell, Change(), seed))
+    before = max(
+        found - alarms for _, found, alarms in _shares(behind, methods, cell, Change(), seed)
+    )
     S, tried = cell[0] * percent, []
     for what, change in _changes(behind, cell[0]):
-        name, found, alarms = max(_shares(behind, methods, cell, change, seed), key=lambda row: row[1] - row[2])
+        name, found, alarms = max(
+            _shares(behind, methods, cell, change, seed), key=lambda row: row[1] - row[2]
+        )
         tried.append(Remedy(what, name, S, unit, found, alarms, before))
     worth = sorted((r for r in tried if r.gain >= _WORTH), key=lambda r: -r.gain)
     return tuple(worth) or (Remedy("", "", S, unit, 0.0, 0.0, before),)
@@ -67,15 +76,34 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
     record, loop = a.record, a.healthy[0]
     out = []
     if record.n * 4 <= _LONGEST:
-        out.append((f"{_hours(4 * record.duration)} of record in place of {_hours(record.duration)}", Change(longer=4.0)))
-        out.append((f"a sample every {record.Ts / 3:.3g} s in place of every {record.Ts:.3g} s", Change(faster=3)))
+        out.append(
+            (
+                f"{_hours(4 * record.duration)} of record in place of {_hours(record.duration)}",
+                Change(longer=4.0),
+            )
+        )
+        out.append(
+            (
+                f"a sample every {record.Ts / 3:.3g} s in place of every {record.Ts:.3g} s",
+                Change(faster=3),
+            )
+        )
     # as much PV as three times the band moves it; an integrating plant has no gain of that kind
-    high = abs(loop.plant.K) * 3.0 * S if not loop.plant.integrating else 4.0 * float(np.std(record.pv))
+    high = (
+        abs(loop.plant.K) * 3.0 * S
+        if not loop.plant.integrating
+        else 4.0 * float(np.std(record.pv))
+    )
     out.append((f"set-point steps of {high:.2g} PV units", Change(step=high)))
     if record.mv is None:
         out.append(("the valve's position (MV) recorded", Change(mv=True)))
     if archived(loop):
-        out.append(("an archive without compression and rounding", Change(loop=lambda table: without(table, ARCHIVE))))
+        out.append(
+            (
+                "an archive without compression and rounding",
+                Change(loop=lambda table: without(table, ARCHIVE)),
+            )
+        )
     return out
 
 
@@ -88,8 +116,17 @@ def _shares(
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]
     called = np.array([[v.verdict == STICTION for v in judge(t.record, methods)] for t in twins])
-    return [(m, float(called[sticky, i].mean()), float(called[~sticky, i].mean())) for i, m in enumerate(methods)]
+    return [
+        (m, float(called[sticky, i].mean()), float(called[~sticky, i].mean()))
+        for i, m in enumerate(methods)
+    ]
 
 
 def _hours(seconds: float) -> str:
-    return f"{seconds / 3600:.1f} h" if seconds >= 3600 else f"{seconds / 60:.0f} min" if seconds >= 120 else f"{seconds:.0f} s"
+    return (
+        f"{seconds / 3600:.1f} h"
+        if seconds >= 3600
+        else f"{seconds / 60:.0f} min"
+        if seconds >= 120
+        else f"{seconds:.0f} s"
+    )

@@ -72,12 +72,16 @@ def draw_twins(
     seed: int = 0,
 ) -> list[Twin]:
     """Simulate twins of a record."""
-    plan = [(0.0, 0.0)] * healthy + [cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)]
+    plan = [(0.0, 0.0)] * healthy + [
+        cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)
+    ]
     drawn = (_twin(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan))
     return [t for t in drawn if t is not None]
 
 
-def _twin(a: CandidateLoops, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
+def _twin(
+    a: CandidateLoops, S: float, J: float, change: Change, stream: list[int], number: int
+) -> Twin | None:
     rng = np.random.default_rng(stream)
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
     # friction that explains the record leaves nothing to be swung from outside
@@ -96,7 +100,11 @@ def _twin(a: CandidateLoops, S: float, J: float, change: Change, stream: list[in
             if not _alike(run, a.record, change, own=S <= 0):
                 continue
             # a record that swings is told from a sound loop that swings too, not from one that rests
-            if S <= 0 and a.period is not None and not find_oscillation(run.op, run.pv, run.Ts).sustained:
+            if (
+                S <= 0
+                and a.period is not None
+                and not find_oscillation(run.op, run.pv, run.Ts).sustained
+            ):
                 continue
             if S > 0:
                 # at rest a sticky loop may stay there for ever; the plant's has been moving for years
@@ -121,17 +129,36 @@ def _after(run: LoopRecord, ahead: int) -> LoopRecord:
 
 
 def _driven(
-    table: dict[str, Any], a: CandidateLoops, kind: str, seed: int, ahead: int, rng: np.random.Generator
+    table: dict[str, Any],
+    a: CandidateLoops,
+    kind: str,
+    seed: int,
+    ahead: int,
+    rng: np.random.Generator,
 ) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
     own = [part | {"amplitude": _QUIETER * part["amplitude"]} for part in table["disturbance"]]
-    calm = table | {"disturbance": own, "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"]}
-    drive: dict[str, Any] = {"type": kind, "amplitude": 1.0, "period": a.period * float(np.exp(0.05 * rng.standard_normal()))}
+    calm = table | {
+        "disturbance": own,
+        "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"],
+    }
+    drive: dict[str, Any] = {
+        "type": kind,
+        "amplitude": 1.0,
+        "period": a.period * float(np.exp(0.05 * rng.standard_normal())),
+    }
     if kind == "propagated":
-        drive |= {"S": 5.0, "J": float(rng.uniform(2.0, 5.0)), "noise": 0.05, "lag": a.period * float(rng.uniform(0.02, 0.2))}
+        drive |= {
+            "S": 5.0,
+            "J": float(rng.uniform(2.0, 5.0)),
+            "noise": 0.05,
+            "lag": a.period * float(rng.uniform(0.02, 0.2)),
+        }
     swung = calm | {"disturbance": [*own, drive]}
-    without, with_ = (_after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung))
+    without, with_ = (
+        _after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung)
+    )
     missing = np.sqrt(max(np.var(a.record.pv) - np.var(without), 0.1 * np.var(a.record.pv)))
     drive["amplitude"] = float(missing / max(np.std(with_ - without), 1e-12))
     return swung
@@ -148,7 +175,9 @@ def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bo
     return True
 
 
-def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Generator) -> dict[str, Any]:
+def _perturbed(
+    table: dict[str, Any], by: dict[str, float], rng: np.random.Generator
+) -> dict[str, Any]:
     """Return a loop's table with plant, loads and noise drawn around what stands in it.
 
     In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
@@ -158,7 +187,9 @@ def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Gener
     if plant["type"] == "tf":
         own = Plant.model_validate(plant)
         slow = 1.0 if own.integrating else z["slow"]
-        return _loads_perturbed(table, z) | {"plant": stretched(own, z["K"] * slow, slow, own.Td * z["Td"])}
+        return _loads_perturbed(table, z) | {
+            "plant": stretched(own, z["K"] * slow, slow, own.Td * z["Td"])
+        }
     plant["K"] *= z["K"]
     if plant["type"] == "foptd":
         plant["K"] *= z["slow"]
@@ -193,7 +224,9 @@ def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
         # the same moves again, as often as they fit
         period, own = record.n * record.Ts, list(steps)
         for again in range(1, int(np.ceil(change.longer))):
-            steps += [[t + again * period, v] for t, v in own if t + again * period < (n + ahead) * Ts]
+            steps += [
+                [t + again * period, v] for t, v in own if t + again * period < (n + ahead) * Ts
+            ]
     if change.step:
         at = (ahead + np.arange(1, 6) * n // 6) * Ts
         steps = [[float(t), float(last + change.step * (i % 2 == 0))] for i, t in enumerate(at)]

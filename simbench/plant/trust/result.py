@@ -126,7 +126,11 @@ class Trust:
         best = self.best
         if best is not None:
             agrees = best.says == likely(self.probability or 0.0)
-            why = "of those that agree with the probability" if agrees else "though none agrees with the probability,"
+            why = (
+                "of those that agree with the probability"
+                if agrees
+                else "though none agrees with the probability,"
+            )
             lines += [
                 f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its simulated replicates"
                 f" ({best.rule.right:.0%}, sticky and healthy counting the same); here it says {best.says.replace('_', ' ')}.",
@@ -154,7 +158,11 @@ def _as_row(m: MethodTrust) -> dict[str, Any]:
 
 
 def _reading(rule: Rule) -> str:
-    return rule.method if rule.cut is None else f"{rule.method} (calling stiction from a score of {rule.cut:.3g} on)"
+    return (
+        rule.method
+        if rule.cut is None
+        else f"{rule.method} (calling stiction from a score of {rule.cut:.3g} on)"
+    )
 
 
 def _table(methods: Sequence[MethodTrust]) -> list[str]:
@@ -165,7 +173,9 @@ def _table(methods: Sequence[MethodTrust]) -> list[str]:
         where = "not made for it" if v.applicable is False else v.verdict.replace("_", " ")
         found = " ".join(f"{c.found:.2f}" for c in m.power)
         cut = "" if m.rule.cut is None else f"  above {m.rule.cut:.3g}"
-        lines.append(f"{v.method:<18} {where:<12} {m.rule.right:>6.2f} {m.false_alarms:>7.2f}  {found}{cut}")
+        lines.append(
+            f"{v.method:<18} {where:<12} {m.rule.right:>6.2f} {m.false_alarms:>7.2f}  {found}{cut}"
+        )
     if methods and methods[0].power:
         lines.append(f"{'S':<46}  " + " ".join(f"{c.S:.2g}".rjust(4) for c in methods[0].power))
     return lines

@@ -21,7 +21,14 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loop
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
 from simbench.plant.episodes import over_time
-from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
+from simbench.plant.trust.power import (
+    Cell,
+    Rule,
+    cells_of,
+    likelihood_ratio,
+    readings,
+    smallest_visible,
+)
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import MethodTrust, Trust, likely
@@ -30,8 +37,14 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _HEALTHY, _EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
-LONG_RECORD, _THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
-FEW, _FEWEST_OF_LONG = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
+LONG_RECORD, _THINNEST = (
+    8000,
+    0.3,
+)  # samples of a record from which fewer twins are drawn, and at least this share of them
+FEW, _FEWEST_OF_LONG = (
+    10,
+    16,
+)  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
 
 
 def trust(
@@ -91,7 +104,14 @@ def trust(
     """
     asked, own = named_methods(methods)
     with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
-        return _trust(as_record(record, **signals), loop, choose_methods(asked), (healthy, each), help_wanted, seed)
+        return _trust(
+            as_record(record, **signals),
+            loop,
+            choose_methods(asked),
+            (healthy, each),
+            help_wanted,
+            seed,
+        )
 
 
 def _trust(
@@ -141,13 +161,18 @@ def _weighed(
     shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
     # nor is a reading that contradicts what is more probable here
     wanted = likely(conclusion.probability or 0.0)
-    read = [next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0]) for i in range(len(names))]
+    read = [
+        next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0])
+        for i in range(len(names))
+    ]
     rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
     rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
     seen = smallest_visible(shown)
     helps: tuple[Remedy, ...] = ()
     if help_wanted and conclusion.verdict != STICTION:
-        helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
+        helps = remedies(
+            behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed
+        )
     scaled = tuple(_in_units(c, behind.percent) for c in shown)
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
@@ -159,12 +184,16 @@ def _weighed(
     )  # fmt: skip
 
 
-def _row(said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
+def _row(
+    said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray
+) -> MethodTrust:
     sticky = S > 0
     # what is claimed of a method is claimed of its published rule, the one that gave the verdict
     called = np.array([v.verdict == STICTION for v in verdicts])
     ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
-    return MethodTrust(said, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
+    return MethodTrust(
+        said, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio
+    )
 
 
 def _invisible(cells: list[Cell], seen: tuple[float, float] | None) -> tuple[float, float]:
@@ -179,7 +208,11 @@ def _in_units(c: Cell, percent: float) -> Cell:
 
 
 def _without_twins(
-    record: LoopRecord, said: list[Verdict], why: str, conclusion: Conclusion, behind: CandidateLoops | None = None
+    record: LoopRecord,
+    said: list[Verdict],
+    why: str,
+    conclusion: Conclusion,
+    behind: CandidateLoops | None = None,
 ) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
     notes = () if behind is None else behind.notes

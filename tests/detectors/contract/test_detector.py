@@ -117,25 +117,35 @@ def test_a_memory_of_the_last_set_point_is_found(contract_of):
         return Verdict("own", NO_STICTION, -9.0, reason="a sibling")
 """
     found = contract_of(SOUND.replace("    CALLS.append(None)\n", remembers))
-    assert any("depends on what was asked before" in sentence for sentence in found.broken), found.broken
+    assert any("depends on what was asked before" in sentence for sentence in found.broken), (
+        found.broken
+    )
 
 
 def test_a_verdict_that_knows_a_record_by_its_last_digits_is_found(contract_of):
     text = SOUND.replace("CALLS = []", "CALLS, MORE = [], []")
-    found = contract_of(text.replace("more > least", "(MORE.append(more) or abs(more - MORE[0]) < 1e-12)"))
-    assert any("hangs on the last digits: 'stiction' becomes" in sentence for sentence in found.broken), found.broken
+    found = contract_of(
+        text.replace("more > least", "(MORE.append(more) or abs(more - MORE[0]) < 1e-12)")
+    )
+    assert any(
+        "hangs on the last digits: 'stiction' becomes" in sentence for sentence in found.broken
+    ), found.broken
 
 
 def test_the_direction_of_time_counts_only_for_a_method_that_claims_to_be_free_of_it(contract_of):
     directed = SOUND.replace("more > least", "more > least and pv.argmax() < pv.size // 2")
     claims = directed.replace("front_end=False", "front_end=False, reversible=True")
     assert not any("direction of time" in sentence for sentence in contract_of(directed).broken)
-    assert any("follows the direction of time" in sentence for sentence in contract_of(claims).broken)
+    assert any(
+        "follows the direction of time" in sentence for sentence in contract_of(claims).broken
+    )
     assert contract_of(SOUND.replace("front_end=False", "front_end=False, reversible=True")).kept
 
 
 def test_an_exempt_case_needs_its_reason(contract_of):
-    named = SOUND.replace("more > least", "more < least").replace("min_samples=3", 'min_samples=3, exempt={"stiction": "R"}')
+    named = SOUND.replace("more > least", "more < least").replace(
+        "min_samples=3", 'min_samples=3, exempt={"stiction": "R"}'
+    )
     assert contract_of(named).broken == ("METHOD.exempt: 'stiction' is left out without a reason",)
 
 
@@ -158,12 +168,19 @@ def pairs():
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_no_unit_of_pv_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [replace(example_record(case, process), mv=None) for case in ("stiction", "healthy", "sine")]
+    kept = [
+        replace(example_record(case, process), mv=None) for case in ("stiction", "healthy", "sine")
+    ]
     if methods.load(name).METHOD.needs_mv and process == "integrating":
         kept = [example_record(case, process) for case in ("stiction", "healthy")]
     expected = [judge(record, [name])[0].verdict for record in kept]
 
-    @settings(max_examples=8 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=8 if fast else 2,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(st.floats(0.01, 100.0), st.sampled_from([1.0, -1.0]), st.floats(-1e4, 1e4))
     def holds(scale, sign, shift):
         for record, verdict in zip(kept, expected, strict=True):
@@ -176,14 +193,24 @@ def test_no_unit_of_pv_changes_a_verdict(name, process):
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_no_unit_of_op_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [replace(example_record(case, process), op_span=(0.0, 100.0)) for case in ("stiction", "healthy", "sine")]
+    kept = [
+        replace(example_record(case, process), op_span=(0.0, 100.0))
+        for case in ("stiction", "healthy", "sine")
+    ]
     expected = [judge(record, [name])[0].verdict for record in kept]
 
-    @settings(max_examples=6 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=6 if fast else 2,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(st.floats(0.01, 100.0), st.floats(-1e3, 1e3))
     def holds(scale, shift):
         for record, verdict in zip(kept, expected, strict=True):
-            moved = replace(record, op=scale * record.op + shift, op_span=(shift, 100.0 * scale + shift))
+            moved = replace(
+                record, op=scale * record.op + shift, op_span=(shift, 100.0 * scale + shift)
+            )
             assert judge(moved, [name])[0].verdict == verdict
 
     holds()
@@ -192,5 +219,7 @@ def test_no_unit_of_op_changes_a_verdict(name, process):
 @pytest.mark.parametrize("case", CASES)
 def test_example_records_are_what_they_are_called(case):
     record = example_record(case, "self-regulating")
-    assert record.n == (20 if case == "short" else 2500 if case in ("stiction", "healthy") else 2000)
+    assert record.n == (
+        20 if case == "short" else 2500 if case in ("stiction", "healthy") else 2000
+    )
     assert (record.op.std() == 0.0) == (case == "constant")

@@ -61,7 +61,9 @@ def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
     here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
     assert here == temporary == home != os.environ.get("HOME")
     assert Path(here).is_dir()
-    assert all(Path(cache).is_relative_to(cache_folder() / "plugins" / "detector-mine") for cache in caches)
+    assert all(
+        Path(cache).is_relative_to(cache_folder() / "plugins" / "detector-mine") for cache in caches
+    )
     methods.forget("mine")
     assert not Path(here).exists()
 
@@ -83,7 +85,10 @@ def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
 
 
 def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
-    ask("import time; time.sleep(6.0 * (prepared.record.op[0] < 90)); return say('x', prepared.record.op[0])", times=0)
+    ask(
+        "import time; time.sleep(6.0 * (prepared.record.op[0] < 90)); return say('x', prepared.record.op[0])",
+        times=0,
+    )
     judge(RECORD, ["horch"])  # what is imported and compiled here first must not be interrupted
     threading.Timer(1.5, _thread.interrupt_main).start()
     with pytest.raises(KeyboardInterrupt):
@@ -115,7 +120,10 @@ def test_lines_and_controls_become_spaces():
     ("more", "words"),
     [
         ("detect = 3", "detect = 3 is no function"),
-        ("def detect(op, pv): pass", r"detect\(op, pv\) cannot be called .* the right form is: def detect\(prepared\)"),
+        (
+            "def detect(op, pv): pass",
+            r"detect\(op, pv\) cannot be called .* the right form is: def detect\(prepared\)",
+        ),
         ("def detect(prepared, least): pass", r"the right form is: def detect\(prepared\)"),
     ],
 )
@@ -128,7 +136,9 @@ def test_a_function_of_the_wrong_form_is_refused_when_the_file_is_read(tmp_path,
 
 @pytest.mark.parametrize("answer", ["0.7", "None", "'stiction'", "dict(verdict='stiction')"])
 def test_an_answer_that_is_no_verdict_is_refused_before_any_record_is_judged(ask, answer):
-    with pytest.raises(AnswerError, match=r'detector .mine.: answers .* return Verdict\("mine", "stiction"'):
+    with pytest.raises(
+        AnswerError, match=r'detector .mine.: answers .* return Verdict\("mine", "stiction"'
+    ):
         ask(f"return {answer}")
 
 
@@ -178,18 +188,32 @@ def detect(prepared):
 def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_verdict(tmp_path):
     """In a copy of the package, as it writes beside the modules too."""
     house = tmp_path / "house"
-    shutil.copytree(ROOT / "detectors", house / "detectors", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROOT / "detectors", house / "detectors", ignore=shutil.ignore_patterns("__pycache__")
+    )
     for folder in ("home", "tmp", "cache"):
         (tmp_path / folder).mkdir()
     (tmp_path / "vandal.py").write_text(VANDAL.format(mine=str(tmp_path)))
     rows = zip(T, RECORD.op + 3 * np.sign(np.sin(T / 8)), RECORD.pv, strict=True)
-    (tmp_path / "rec.csv").write_text("t,op,pv\n" + "".join(f"{t},{op},{pv}\n" for t, op, pv in rows))
+    (tmp_path / "rec.csv").write_text(
+        "t,op,pv\n" + "".join(f"{t},{op},{pv}\n" for t, op, pv in rows)
+    )
     known = {**os.environ, "PYTHONPATH": str(house), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "tmp"),
              "XDG_CACHE_HOME": str(tmp_path / "cache")}  # fmt: skip
-    known = {k: v for k, v in known.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")}
+    known = {
+        k: v for k, v in known.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")
+    }
 
     def detected(*words: str) -> str:
-        command = [sys.executable, "-m", "detectors", str(tmp_path / "rec.csv"), "--json", "--raw", *words]
+        command = [
+            sys.executable,
+            "-m",
+            "detectors",
+            str(tmp_path / "rec.csv"),
+            "--json",
+            "--raw",
+            *words,
+        ]
         done = subprocess.run(command, cwd=tmp_path, env=known, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr[-2000:]
         return done.stdout

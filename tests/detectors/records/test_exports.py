@@ -33,7 +33,9 @@ def stamps(form="%Y-%m-%d %H:%M:%S"):
 
 
 def wide(head, *columns, sep=","):
-    return "\n".join([head, *(sep.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+    return (
+        "\n".join([head, *(sep.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+    )
 
 
 def three(time, pv, op, sp, form="%Y-%m-%d %H:%M:%S", sep=","):
@@ -80,7 +82,15 @@ def sheet(table, **options):
 
 
 def excel(*above):
-    return sheet([*above, *([t.to_pydatetime() if hasattr(t, "to_pydatetime") else t, *v] for t, *v in zip(T, PV, OP, SP))])
+    return sheet(
+        [
+            *above,
+            *(
+                [t.to_pydatetime() if hasattr(t, "to_pydatetime") else t, *v]
+                for t, *v in zip(T, PV, OP, SP)
+            ),
+        ]
+    )
 
 
 def german(values):
@@ -101,7 +111,10 @@ ZULU = [datetime(2026, 10, 25, 0, 50, tzinfo=UTC) + timedelta(seconds=TS * k) fo
 SUMMER = [t.astimezone(timezone(timedelta(hours=1 + (t.hour == 0)))).isoformat() for t in ZULU]
 ALL = {tag: range(N) for tag, _ in LOOP}
 WORDS = "%d-%b-%y %H:%M:%S"
-DA, BAD = [0 if k in (40, 41) else 192 for k in K], [0.0 if k in (40, 41) else v for k, v in enumerate(PV)]
+DA, BAD = (
+    [0 if k in (40, 41) else 192 for k in K],
+    [0.0 if k in (40, 41) else v for k, v in enumerate(PV)],
+)
 FLAG = ["Bad" if k in (40, 41) else "Good" for k in K]
 FINE = ["Good"] * N
 SERIAL = [f"{45355 + (22 * 3600 + 50 * 60 + TS * k) / 86400:.9f}" for k in K]
@@ -336,8 +349,13 @@ def right(record, compressed=False):
         return False
     # of two samples that some exports call bad a straight line is the best guess
     assert np.abs(record.pv - PV).max() < 5 * BAND_PV
-    far = [np.abs(record.op - OP).max() / BAND_OP, np.abs(record.pv - PV)[[k for k in K if k not in (40, 41)]].max() / BAND_PV]
-    return max(far) <= (1.0 if compressed else 0.0) and (record.sp is None or np.array_equal(record.sp, SP))
+    far = [
+        np.abs(record.op - OP).max() / BAND_OP,
+        np.abs(record.pv - PV)[[k for k in K if k not in (40, 41)]].max() / BAND_PV,
+    ]
+    return max(far) <= (1.0 if compressed else 0.0) and (
+        record.sp is None or np.array_equal(record.sp, SP)
+    )
 
 
 def test_there_are_60_exports_of_twelve_systems_and_their_kin():
@@ -382,10 +400,22 @@ NAMED = {
 
 
 def options_of(words):
-    values = dict.fromkeys(["--columns"], column_pairs(words[1:])) if words[0] == "--columns" else {}
-    values |= {"--tag": words[-1]} if words[0] == "--tag" else {"--ts": float(words[-1])} if words[0] == "--ts" else {}
+    values = (
+        dict.fromkeys(["--columns"], column_pairs(words[1:])) if words[0] == "--columns" else {}
+    )
+    values |= (
+        {"--tag": words[-1]}
+        if words[0] == "--tag"
+        else {"--ts": float(words[-1])}
+        if words[0] == "--ts"
+        else {}
+    )
     names = {"--columns": "columns", "--tag": "tag", "--ts": "Ts"}
-    return {"op_span": tuple(map(float, words[1:]))} if words[0] == "--op-span" else {names[k]: v for k, v in values.items()}
+    return (
+        {"op_span": tuple(map(float, words[1:]))}
+        if words[0] == "--op-span"
+        else {names[k]: v for k, v in values.items()}
+    )
 
 
 @pytest.mark.parametrize("name", ASKED)
@@ -407,7 +437,9 @@ def test_a_mark_behind_a_value_is_the_quality_of_the_sample(tmp_path, mark):
     marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
     assert np.allclose(record.pv, PV)
-    assert any("5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes)
+    assert any(
+        "5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes
+    )
 
 
 LARGE = [("MOST_PARQUET_ROWS", "has 400 rows; at most 100"), ("MOST_PARQUET_BYTES", "unpacks to")]
@@ -437,12 +469,17 @@ def test_a_hint_names_no_column_whose_header_does_not_say_what_it_is(tmp_path):
     with pytest.raises(RecordError) as caught:
         read_record(file)
     assert caught.value.cure == "--columns op=NAME,pv=NAME"
-    assert f"A ({OP.min():.4g} to {OP.max():.4g}), B ({PV.min():.4g} to {PV.max():.4g})" in str(caught.value)
+    assert f"A ({OP.min():.4g} to {OP.max():.4g}), B ({PV.min():.4g} to {PV.max():.4g})" in str(
+        caught.value
+    )
 
 
 def test_of_qualities_beside_every_signal_each_blanks_its_own(tmp_path):
     op = [0.0 if k in (40, 41) else v for k, v in enumerate(OP)]
-    orders = ("Time,PV,Quality,OP,Quality", PV, FINE, op, FLAG), ("Time,Quality,PV,Quality,OP", FINE, PV, FLAG, op)
+    orders = (
+        ("Time,PV,Quality,OP,Quality", PV, FINE, op, FLAG),
+        ("Time,Quality,PV,Quality,OP", FINE, PV, FLAG, op),
+    )
     for head, *cells in orders:
         record = read_record(written(tmp_path, wide(head, stamps(), *cells), "csv"))
         assert np.array_equal(record.pv, PV)
@@ -450,22 +487,34 @@ def test_of_qualities_beside_every_signal_each_blanks_its_own(tmp_path):
 
 
 def test_who_writes_am_and_pm_writes_the_month_first_and_what_else_is_open_is_said(tmp_path):
-    american = read_record(written(tmp_path, three("Time", "PV", "OP", "SP", "%m/%d/%Y %I:%M:%S %p"), "csv"))
-    open_ = read_record(written(tmp_path, three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S"), "csv"))
-    assert american.meta["start"] == open_.meta["start"] == pytest.approx((START - datetime(1970, 1, 1)).total_seconds())
+    american = read_record(
+        written(tmp_path, three("Time", "PV", "OP", "SP", "%m/%d/%Y %I:%M:%S %p"), "csv")
+    )
+    open_ = read_record(
+        written(tmp_path, three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S"), "csv")
+    )
+    assert (
+        american.meta["start"]
+        == open_.meta["start"]
+        == pytest.approx((START - datetime(1970, 1, 1)).total_seconds())
+    )
     assert "day and month may stand the other way round" in open_.notes[0]
 
 
 def test_a_table_without_a_header_is_refused_without_a_guess(tmp_path):
     with pytest.raises(RecordError, match="no header line"):
-        read_record(written(tmp_path, "\n".join(wide("", stamps(), PV, OP).splitlines()[1:]), "csv"))
+        read_record(
+            written(tmp_path, "\n".join(wide("", stamps(), PV, OP).splitlines()[1:]), "csv")
+        )
 
 
 @pytest.mark.parametrize("name", ["Time", None])
 def test_a_data_frame_stored_with_its_index_is_read_with_its_flags(tmp_path, name):
     bad = np.isin(K, (40, 41))
     for flag in (~bad, np.where(bad, 0, 192)):
-        frame = pd.DataFrame({"PV": BAD, "OP": OP, "Quality": flag}, index=pd.DatetimeIndex(T, name=name))
+        frame = pd.DataFrame(
+            {"PV": BAD, "OP": OP, "Quality": flag}, index=pd.DatetimeIndex(T, name=name)
+        )
         frame.to_parquet(tmp_path / "loop.parquet")
         record = read_record(tmp_path / "loop.parquet")
         assert np.array_equal(record.pv[~bad], PV[~bad])
@@ -474,7 +523,11 @@ def test_a_data_frame_stored_with_its_index_is_read_with_its_flags(tmp_path, nam
 
 def test_samples_that_are_alike_under_a_coarse_stamp_are_no_repetition(tmp_path):
     pv = np.where(K < 20, PV[0], PV)
-    file = written(tmp_path, wide("Time,PV,OP", stamps("%Y-%m-%d %H:%M"), pv, np.where(K < 20, OP[0], OP)), "csv")
+    file = written(
+        tmp_path,
+        wide("Time,PV,OP", stamps("%Y-%m-%d %H:%M"), pv, np.where(K < 20, OP[0], OP)),
+        "csv",
+    )
     with pytest.raises(RecordError, match="does not rise") as caught:
         read_record(file)
     assert caught.value.cure.startswith("--ts 4.8")
@@ -482,7 +535,9 @@ def test_samples_that_are_alike_under_a_coarse_stamp_are_no_repetition(tmp_path)
 
 
 def test_every_sheet_of_a_workbook_is_a_loop_and_a_wrong_tag_is_none(tmp_path):
-    file = written(tmp_path, book(FIC101=TABLE, LIC7=[[t, b, a, c] for t, a, b, c in TABLE]), "xlsx")
+    file = written(
+        tmp_path, book(FIC101=TABLE, LIC7=[[t, b, a, c] for t, a, b, c in TABLE]), "xlsx"
+    )
     records, _ = read_records(file)
     assert [r.pv[0] for r in records.values()] == [PV[0], PV[0]]
     assert np.array_equal(read_record(file, tag="LIC7").op, OP)
@@ -492,7 +547,10 @@ def test_every_sheet_of_a_workbook_is_a_loop_and_a_wrong_tag_is_none(tmp_path):
 
 
 def test_cure_takes_the_place_of_the_option_that_was_wrong():
-    assert cured(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y") == "simbench detect a.csv --json --tag Y"
+    assert (
+        cured(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y")
+        == "simbench detect a.csv --json --tag Y"
+    )
     typed = ["simbench", "trust", "a.csv", "--columns", "pv=A"]
     assert cured(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
 
@@ -504,7 +562,9 @@ def test_every_loop_of_a_file_is_a_record(tmp_path):
     assert np.array_equal(records["LIC7"].op, PV)
     assert not refused
     tags = [(f"{loop}.{tag}", x) for loop in ("FIC101", "LIC7") for tag, x in LOOP]
-    long = "Tag,Time,Value\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, "{}")
+    long = "Tag,Time,Value\n" + rows(
+        "%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, "{}"
+    )
     records, _ = read_records(written(tmp_path, long, "txt"))
     assert [right(r) for r in records.values()] == [True, True]
 
@@ -514,14 +574,18 @@ def test_only_the_longest_stretch_in_automatic_is_read_and_the_shares_are_said(t
     file = written(tmp_path, wide("Time,PV,OP,Mode", stamps(), PV, OP, modes), "csv")
     record = read_record(file)
     assert np.array_equal(record.pv, PV[60:260])
-    assert "AUTO 67%, CAS 10%, MAN 23%; judged samples 60 to 259 of 300 (67%)" in " ".join(record.notes)
+    assert "AUTO 67%, CAS 10%, MAN 23%; judged samples 60 to 259 of 300 (67%)" in " ".join(
+        record.notes
+    )
     assert read_record(file, automatic=False).n == N
 
 
 def test_a_mode_stored_on_change_holds_until_the_next(tmp_path):
     tags = (*LOOP, ("MODE", ["MAN" if k < 100 else "AUTO" for k in K]))
     keep = {**ALL, "MODE": [0, 100]}
-    long = "Tag,Time,Value\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, keep=keep)
+    long = "Tag,Time,Value\n" + rows(
+        "%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, keep=keep
+    )
     record = read_record(written(tmp_path, long, "csv"))
     assert np.array_equal(record.op, OP[100:])
 
@@ -530,7 +594,9 @@ def test_an_output_that_may_be_in_milliamperes_or_counts_is_said(tmp_path):
     low = written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(4 + 0.16 * OP, 3)), "csv")
     assert "add --op-span 4 20" in read_record(low).notes[-1]
     assert read_record(low, op_span=(4, 20)).op_percent == pytest.approx(OP, abs=0.01)
-    counts = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(40.95 * OP)), "txt"))
+    counts = read_record(
+        written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(40.95 * OP)), "txt")
+    )
     assert "add --op-span 0 4095" in counts.notes[-1]
     assert counts.S_unit == "OP units"
 
@@ -541,7 +607,11 @@ def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
     table.write_text('[[loop]]\ntag = "FIC1"\nkind = "flow"\nop_span = [0, 200]\ncolumns = {pv = "A", op = "B"}\n'
                      '[[loop]]\ntag = "LIC2"\ncolumns = {pv = "C", op = "D"}\n')  # fmt: skip
     records, _ = read_records(file, loops=table)
-    assert (records["FIC1"].kind, records["FIC1"].op_span, records["FIC1"].tag) == ("flow", (0.0, 200.0), "FIC1")
+    assert (records["FIC1"].kind, records["FIC1"].op_span, records["FIC1"].tag) == (
+        "flow",
+        (0.0, 200.0),
+        "FIC1",
+    )
     assert np.array_equal(records["LIC2"].pv, OP)
     assert np.array_equal(read_record(file, loops=table, tag="LIC2").pv, OP)
     table.write_text('[[loop]]\ntag = "A"\nknd = "flow"\n')
@@ -551,7 +621,11 @@ def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
 
 def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every_file(tmp_path):
     file = written(tmp_path, three("Time", "PV", "OP", "SP"), "csv")
-    for record in (read_record(file, tag="FIC1"), read_record(file, loop="FIC1"), *read_records(file, tag="FIC1")[0].values()):
+    for record in (
+        read_record(file, tag="FIC1"),
+        read_record(file, loop="FIC1"),
+        *read_records(file, tag="FIC1")[0].values(),
+    ):
         assert record.tag == "FIC1"
         assert "tag: no column names a loop; the only one is read as FIC1" in record.notes
         assert np.array_equal(record.pv, PV)

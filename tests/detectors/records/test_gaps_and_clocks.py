@@ -17,13 +17,17 @@ PV = 20.0 + np.sin(np.arange(N) / 5.0 - 1.0) + 0.01 * (np.arange(N) * 7 % 11)
 
 
 def write(path, times, pv=PV):
-    lines = [f"{t},{op:.4f},{p if isinstance(p, str) else f'{p:.4f}'}" for t, op, p in zip(times, OP, pv)]
+    lines = [
+        f"{t},{op:.4f},{p if isinstance(p, str) else f'{p:.4f}'}" for t, op, p in zip(times, OP, pv)
+    ]
     path.write_text("\n".join(["time,OP,PV", *lines]) + "\n")
     return path
 
 
 def stamps(start, zone=UTC, hours_after=0, step=1):
-    times = [start + timedelta(seconds=step * k + 3600 * hours_after * (k >= 400)) for k in range(N)]
+    times = [
+        start + timedelta(seconds=step * k + 3600 * hours_after * (k >= 400)) for k in range(N)
+    ]
     return [t.astimezone(zone).strftime("%Y-%m-%d %H:%M:%S") for t in times]
 
 
@@ -33,7 +37,8 @@ AUTUMN = stamps(datetime(2024, 10, 27, 0, 55, tzinfo=UTC), BERLIN)
 
 
 @pytest.mark.parametrize(
-    ("times", "said"), [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")]
+    ("times", "said"),
+    [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")],
 )
 def test_the_command_proposed_for_a_clock_change_reads_every_sample(tmp_path, capsys, times, said):
     file = write(tmp_path / "rec.csv", times)
@@ -48,24 +53,38 @@ def test_the_command_proposed_for_a_clock_change_reads_every_sample(tmp_path, ca
 
 
 def test_a_long_record_is_told_that_its_clock_jumped(tmp_path):
-    file = write(tmp_path / "rec.csv", stamps(datetime(2024, 3, 31, 0, 0, tzinfo=UTC), BERLIN, step=60))
-    assert any("local time jumps by an hour" in note and "--ts 60" in note for note in read_record(file).notes)
+    file = write(
+        tmp_path / "rec.csv", stamps(datetime(2024, 3, 31, 0, 0, tzinfo=UTC), BERLIN, step=60)
+    )
+    assert any(
+        "local time jumps by an hour" in note and "--ts 60" in note
+        for note in read_record(file).notes
+    )
 
 
 def test_an_hour_without_samples_at_another_time_is_no_clock_change(tmp_path):
     with pytest.raises(RecordError, match="samples are missing") as caught:
-        read_record(write(tmp_path / "rec.csv", stamps(datetime(2024, 3, 31, 7, 20, 30, tzinfo=UTC), hours_after=1)))
+        read_record(
+            write(
+                tmp_path / "rec.csv",
+                stamps(datetime(2024, 3, 31, 7, 20, 30, tzinfo=UTC), hours_after=1),
+            )
+        )
     assert caught.value.cure == "--longest-segment"
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
 def test_a_leap_second_is_a_second_of_its_own(tmp_path, newest_first):
     began = datetime(2016, 12, 31, 23, 57, tzinfo=UTC)
-    times = [(began + timedelta(seconds=k - (k > 180))).strftime("%Y-%m-%d %H:%M:%S") for k in range(N)]
+    times = [
+        (began + timedelta(seconds=k - (k > 180))).strftime("%Y-%m-%d %H:%M:%S") for k in range(N)
+    ]
     times[180] = "2016-12-31 23:59:60"
     order = slice(None, None, -1 if newest_first else 1)
     file = tmp_path / "rec.csv"
-    file.write_text("time,OP,PV\n" + "\n".join([f"{t},{a},{b}" for t, a, b in zip(times, OP, PV)][order]) + "\n")
+    file.write_text(
+        "time,OP,PV\n" + "\n".join([f"{t},{a},{b}" for t, a, b in zip(times, OP, PV)][order]) + "\n"
+    )
     record = read_record(file)
     assert (record.Ts, record.n) == (1.0, N)
     assert np.allclose(record.pv, PV)
@@ -73,7 +92,11 @@ def test_a_leap_second_is_a_second_of_its_own(tmp_path, newest_first):
 
 
 def long_table(path, times):
-    rows = [f"{t},FIC1.{tag},{x:.4f}" for t, op, pv in zip(times, OP, PV) for tag, x in (("OP", op), ("PV", pv))]
+    rows = [
+        f"{t},FIC1.{tag},{x:.4f}"
+        for t, op, pv in zip(times, OP, PV)
+        for tag, x in (("OP", op), ("PV", pv))
+    ]
     path.write_text("\n".join(["time,tag,value", *rows]) + "\n")
     return path
 
@@ -92,12 +115,17 @@ def test_a_gap_of_hours_names_the_option_that_takes_the_longest_segment(tmp_path
 
 def test_the_option_is_not_proposed_where_no_segment_can_be_judged(tmp_path):
     with pytest.raises(RecordError) as caught:
-        read_record(write(tmp_path / "rec.csv", np.cumsum(np.where(np.arange(N) % 2, 1, 9))), longest_segment=True)
+        read_record(
+            write(tmp_path / "rec.csv", np.cumsum(np.where(np.arange(N) % 2, 1, 9))),
+            longest_segment=True,
+        )
     assert caught.value.cure == ""
 
 
 def test_a_mark_that_says_bad_makes_a_sample_missing(tmp_path):
-    marked = [f"{x:.4f}{' (B)' if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)]
+    marked = [
+        f"{x:.4f}{' (B)' if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)
+    ]
     record = read_record(write(tmp_path / "rec.csv", range(N), marked))
     assert any("2 samples of PV marked as bad count as missing" in note for note in record.notes)
     assert not any("doubt" in note for note in record.notes)

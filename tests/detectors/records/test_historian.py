@@ -28,7 +28,9 @@ def stamps(form="%Y-%m-%d %H:%M:%S"):
 
 
 def text(head, *columns, sep=","):
-    return "\n".join([head, *(sep.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+    return (
+        "\n".join([head, *(sep.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+    )
 
 
 def losing(values, word):
@@ -63,15 +65,27 @@ def long_rows(*tags, keep=lambda tag, k: True):
 
 
 def long_text(rows, head="Timestamp,Tag,Value"):
-    return "\n".join([head, *(f"{t:%d-%b-%y %H:%M:%S},{name},{value}" for t, name, value in rows)]) + "\n"
+    return (
+        "\n".join([head, *(f"{t:%d-%b-%y %H:%M:%S},{name},{value}" for t, name, value in rows)])
+        + "\n"
+    )
 
 
 def excel(path):
-    rows = [["Report of FIC101", "", "", ""], ["", "", "", ""], ["Timestamp", "SP", "OP", "PV"], *zip(T, SP, OP, PV)]
+    rows = [
+        ["Report of FIC101", "", "", ""],
+        ["", "", "", ""],
+        ["Timestamp", "SP", "OP", "PV"],
+        *zip(T, SP, OP, PV),
+    ]
     pd.DataFrame(rows).to_excel(path, header=False, index=False)
 
 
-KEPT = {"FIC101.OP": set(changes(OP, BAND_OP)), "FIC101.PV": set(changes(PV, BAND_PV)), "FIC101.SP": {0}}
+KEPT = {
+    "FIC101.OP": set(changes(OP, BAND_OP)),
+    "FIC101.PV": set(changes(PV, BAND_PV)),
+    "FIC101.SP": {0},
+}
 GOOD = ["Bad" if k in LOST else "Good" for k in K]
 DA = [0 if k in LOST else 192 for k in K]
 WRONG = [0.0 if k in LOST else v for k, v in enumerate(PV)]
@@ -177,15 +191,21 @@ def test_the_loop_of_a_table_with_several_is_named(tmp_path):
 
 
 def test_milliamperes_are_a_standard_and_said(tmp_path):
-    record = read_record(written(tmp_path, text("Time,OP [mA],PV", stamps(), 4 + 0.16 * OP, PV), "csv"))
+    record = read_record(
+        written(tmp_path, text("Time,OP [mA],PV", stamps(), 4 + 0.16 * OP, PV), "csv")
+    )
     assert record.op_percent == pytest.approx(OP)
     assert "4 to 20 mA" in record.notes[0]
 
 
 def test_days_of_a_spreadsheet_and_a_time_that_counts_seconds_are_told_apart(tmp_path):
     days = [f"{45000 + k * TS / 86400:.9f}" for k in K]
-    assert read_record(written(tmp_path, text("time,OP,PV", days, OP, PV), "csv")).Ts == pytest.approx(TS, abs=2e-3)
-    assert read_record(written(tmp_path, text("t_s,OP,PV", 45000 + 0.1 * K, OP, PV), "csv")).Ts == pytest.approx(0.1)
+    assert read_record(
+        written(tmp_path, text("time,OP,PV", days, OP, PV), "csv")
+    ).Ts == pytest.approx(TS, abs=2e-3)
+    assert read_record(
+        written(tmp_path, text("t_s,OP,PV", 45000 + 0.1 * K, OP, PV), "csv")
+    ).Ts == pytest.approx(0.1)
 
 
 def test_a_sampled_signal_is_not_taken_for_one_stored_on_change():
@@ -202,20 +222,25 @@ def test_a_sampled_signal_is_not_taken_for_one_stored_on_change():
 
 
 def test_times_of_their_own_are_joined_when_the_period_is_given_and_refused_otherwise(tmp_path):
-    rows = [(t, "X.OP", v) for t, v in zip(T, OP)] + [(t + timedelta(seconds=2), "X.PV", v) for t, v in zip(T, PV)]
+    rows = [(t, "X.OP", v) for t, v in zip(T, OP)] + [
+        (t + timedelta(seconds=2), "X.PV", v) for t, v in zip(T, PV)
+    ]
     record = read_record(written(tmp_path, long_text(sorted(rows)), "csv"))
     assert record.Ts == TS
     assert np.array_equal(record.pv, PV[: record.n])
     assert "last value before" in " ".join(record.notes) or "holds" in " ".join(record.notes)
     uneven = [
-        (t + timedelta(seconds=int(d)), n, v) for (t, n, v), d in zip(rows, np.random.default_rng(0).integers(0, 4, 2 * N))
+        (t + timedelta(seconds=int(d)), n, v)
+        for (t, n, v), d in zip(rows, np.random.default_rng(0).integers(0, 4, 2 * N))
     ]
     with pytest.raises(RecordError, match="say which sampling period Ts"):
         read_record(written(tmp_path, long_text(sorted(uneven)), "txt"))
 
 
 def test_three_decimals_beside_whole_numbers_of_their_size_are_decimals(tmp_path):
-    rows = [f"{k},{50 + k % 7},{500 + 3 * (k % 9)},{'514.503' if k > 60 else '512'}" for k in range(120)]
+    rows = [
+        f"{k},{50 + k % 7},{500 + 3 * (k % 9)},{'514.503' if k > 60 else '512'}" for k in range(120)
+    ]
     path = tmp_path / "r.csv"
     path.write_text("t,op,pv,sp\n" + "\n".join(rows) + "\n", encoding="utf-8")
     record = read_record(path)

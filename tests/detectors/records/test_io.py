@@ -40,16 +40,27 @@ def same(record):
     assert record.notes == ()
 
 
-@pytest.mark.parametrize("head", ["t,op,pv", "T_S,OP,PV", "Time,FIC101.OP,PV (m3/h)", "timestamp , Op, pV"])
+@pytest.mark.parametrize(
+    "head", ["t,op,pv", "T_S,OP,PV", "Time,FIC101.OP,PV (m3/h)", "timestamp , Op, pV"]
+)
 def test_columns_are_found_by_name_in_any_case(tmp_path, head):
     same(read_record(write(tmp_path, rows(), head)))
 
 
 @pytest.mark.parametrize(
-    "form", ["%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"]
+    "form",
+    [
+        "%Y-%m-%d %H:%M:%S",
+        "%Y-%m-%dT%H:%M:%SZ",
+        "%d.%m.%Y %H:%M:%S",
+        "%d/%m/%Y %H:%M:%S",
+        "%m/%d/%Y %H:%M:%S",
+    ],
 )
 def test_timestamps_give_seconds(tmp_path, form):
-    stamps = (pd.Timestamp("2024-05-31 23:59:30") + pd.to_timedelta(2 * np.arange(N), unit="s")).strftime(form)
+    stamps = (
+        pd.Timestamp("2024-05-31 23:59:30") + pd.to_timedelta(2 * np.arange(N), unit="s")
+    ).strftime(form)
     same(read_record(write(tmp_path, rows(stamps))))
 
 
@@ -60,9 +71,9 @@ def test_semicolon_file_with_decimal_comma_gives_the_same_record(tmp_path):
 
 def test_parquet_and_excel_give_the_same_record(tmp_path):
     frame().to_parquet(tmp_path / "a.parquet")
-    frame().assign(t_s=pd.Timestamp("2024-01-01") + pd.to_timedelta(2 * np.arange(N), unit="s")).to_excel(
-        tmp_path / "a.xlsx", index=False
-    )
+    frame().assign(
+        t_s=pd.Timestamp("2024-01-01") + pd.to_timedelta(2 * np.arange(N), unit="s")
+    ).to_excel(tmp_path / "a.xlsx", index=False)
     for name in ("a.parquet", "a.xlsx"):
         record = read_record(tmp_path / name)
         same(record)
@@ -71,10 +82,32 @@ def test_parquet_and_excel_give_the_same_record(tmp_path):
 
 
 def isdb(folder):
-    loop = {"SP": 10.0, "PV": PV, "OP": OP, "Ts": 2, "Type": 1, "Comments": "Level control; no stiction"}
-    other = {"SP": np.full(N, 3.0), "PV": PV, "OP": OP, "Ts": 5.0, "Type": "Flow", "Comments": ["FC145", "stiction"]}
+    loop = {
+        "SP": 10.0,
+        "PV": PV,
+        "OP": OP,
+        "Ts": 2,
+        "Type": 1,
+        "Comments": "Level control; no stiction",
+    }
+    other = {
+        "SP": np.full(N, 3.0),
+        "PV": PV,
+        "OP": OP,
+        "Ts": 5.0,
+        "Type": "Flow",
+        "Comments": ["FC145", "stiction"],
+    }
     file = folder / "isdb10.mat"
-    savemat(file, {"cdata": {"chemicals": {"loop1": loop, "loop2": other}, "mining": {"loop1": {**other, "OP": OP[:3]}}}})
+    savemat(
+        file,
+        {
+            "cdata": {
+                "chemicals": {"loop1": loop, "loop2": other},
+                "mining": {"loop1": {**other, "OP": OP[:3]}},
+            }
+        },
+    )
     return file
 
 
@@ -95,7 +128,9 @@ def test_isdb_file_reads_as_a_folder_and_names_what_it_refuses(tmp_path):
 
 
 def test_isdb_file_with_several_loops_asks_which(tmp_path):
-    with pytest.raises(RecordError, match="holds 3 loops; name one of them, which is needed, like chemicals"):
+    with pytest.raises(
+        RecordError, match="holds 3 loops; name one of them, which is needed, like chemicals"
+    ):
         read_record(isdb(tmp_path))
     with pytest.raises(RecordError, match=r"no loop 'chemicals.loop9', did you mean"):
         read_record(isdb(tmp_path), loop="chemicals.loop9")
@@ -109,8 +144,19 @@ def test_column_mapping_goes_before_names(tmp_path):
 
 
 def test_what_the_caller_knows_reaches_the_record(tmp_path):
-    record = read_record(write(tmp_path, rows()), kind="diff_pressure", process="integrating", op_span=(0, 200), Ts=7.0)
-    assert (record.kind, record.process, record.op_span, record.Ts) == ("pressure", "integrating", (0, 200), 7.0)
+    record = read_record(
+        write(tmp_path, rows()),
+        kind="diff_pressure",
+        process="integrating",
+        op_span=(0, 200),
+        Ts=7.0,
+    )
+    assert (record.kind, record.process, record.op_span, record.Ts) == (
+        "pressure",
+        "integrating",
+        (0, 200),
+        7.0,
+    )
 
 
 def test_holes_of_three_samples_are_bridged_by_straight_lines_and_said(tmp_path):
@@ -164,24 +210,33 @@ def test_empty_set_point_means_unknown_and_a_partial_one_is_held(tmp_path):
     assert read_record(write(tmp_path, [r + "," for r in lines], head)).sp is None
     sp[20:] = 12.0
     sp[18:20] = ""
-    record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head))
+    record = read_record(
+        write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head)
+    )
     assert record.sp is not None
     assert np.array_equal(record.sp, np.repeat([10.0, 12.0], 20))
     assert record.notes == ("gaps: 2 of 40 samples of SP missing, bridged",)
     sp[1:39] = ""
-    record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head))
+    record = read_record(
+        write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head)
+    )
     assert record.sp is None
     assert "SP has holes" in record.notes[0]
 
 
 @pytest.mark.parametrize("name", ["sp", "mv"])
 @pytest.mark.parametrize(
-    ("hole", "n", "known"), [(slice(8, 11), 40, True), (slice(8, 12), 28, True), (slice(15, 30), 40, False)]
+    ("hole", "n", "known"),
+    [(slice(8, 11), 40, True), (slice(8, 12), 28, True), (slice(15, 30), 40, False)],
 )
-def test_holes_of_mv_and_of_sp_split_like_any_unless_that_costs_half_of_the_record(tmp_path, name, hole, n, known):
+def test_holes_of_mv_and_of_sp_split_like_any_unless_that_costs_half_of_the_record(
+    tmp_path, name, hole, n, known
+):
     x = np.arange(N).astype(object)
     x[hole] = ""
-    record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(rows(), x, strict=True)], f"t,op,pv,{name}"))
+    record = read_record(
+        write(tmp_path, [f"{r},{s}" for r, s in zip(rows(), x, strict=True)], f"t,op,pv,{name}")
+    )
     assert record.n == n
     assert (getattr(record, name) is not None) is known
     assert np.array_equal(record.pv, PV[N - n :])
@@ -199,7 +254,10 @@ BAD = {
     "missing": (None, "does not exist"),
     "empty": (b"", "is empty"),
     "binary": (bytes(range(256)) * 9, "is binary"),
-    "number with its unit": ("t,op,pv\n0,1,2\n1,1,2 °C\n".encode("latin-1"), "line 3: pv is '2 °C'"),
+    "number with its unit": (
+        "t,op,pv\n0,1,2\n1,1,2 °C\n".encode("latin-1"),
+        "line 3: pv is '2 °C'",
+    ),
     "no PV column": (b"t,op\n0,1\n", "no PV column; columns are: t, op"),
     "text in PV": (b"t,op,pv\n0,1,2\n1,1,2\n2,1,high\n3,1,2\n", "line 4: pv is 'high'"),
     "infinite PV": (b"t,op,pv\n0,1,2\n1,1,inf\n2,1,2\n", "line 3: pv is infinite"),
@@ -259,7 +317,11 @@ def test_folder_keeps_good_records_and_names_the_others(tmp_path):
 
 
 def test_labels_read_with_underscores_as_hyphens(tmp_path):
-    file = write(tmp_path, ["a,stiction,diff_pressure,self_regulating", "b,no_stiction,none,"], "id,label,type,dynamics")
+    file = write(
+        tmp_path,
+        ["a,stiction,diff_pressure,self_regulating", "b,no_stiction,none,"],
+        "id,label,type,dynamics",
+    )
     table = read_labels(file)
     assert (table["a"]["kind"], table["a"]["process"], table["a"]["unit_group"]) == (
         "diff-pressure",

@@ -8,7 +8,10 @@ from detectors.records.mode import mode
 @pytest.mark.parametrize(
     ("cells", "said"),
     [
-        (["AUTO", "man", "Cas", "RCAS", "Hand", "Automatik", "自动", "手动"], "AUTO MAN CAS CAS MAN AUTO AUTO MAN"),
+        (
+            ["AUTO", "man", "Cas", "RCAS", "Hand", "Automatik", "自动", "手动"],
+            "AUTO MAN CAS CAS MAN AUTO AUTO MAN",
+        ),
         ([0, 1, 2], "MAN AUTO CAS"),
         (["16", "8.0", "4"], "MAN AUTO CAS"),
         (["AUT", "IMAN", "P-AUTO"], "AUTO MAN AUTO"),

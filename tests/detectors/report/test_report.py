@@ -36,7 +36,9 @@ def folder(loop, tmp_path):
 
 
 def test_single_file_gives_one_object_per_method_with_the_agreed_keys(folder):
-    report = judge_files(folder / "sticky.csv", ["horch,he"], kind="flow", process="self-regulating")
+    report = judge_files(
+        folder / "sticky.csv", ["horch,he"], kind="flow", process="self-regulating"
+    )
     data = json.loads(json.dumps(report.as_json(), allow_nan=False))
     assert [d["method"] for d in data] == ["horch", "he"]
     assert all(set(d) == KEYS for d in data)
@@ -74,8 +76,15 @@ def test_sets_of_methods():
 
 
 def test_a_unit_that_a_method_is_not_made_for_is_not_undecided(folder):
-    horch = judge_files(folder, ["horch"], labels=folder / "labels.csv", process="integrating").scores[0]
-    assert (horch["n_stiction"], horch["n_other"], horch["undecided"], horch["not_applicable"]) == (0, 0, 0, 2)
+    horch = judge_files(
+        folder, ["horch"], labels=folder / "labels.csv", process="integrating"
+    ).scores[0]
+    assert (horch["n_stiction"], horch["n_other"], horch["undecided"], horch["not_applicable"]) == (
+        0,
+        0,
+        0,
+        2,
+    )
 
 
 def test_units_count_once_and_undecided_records_do_not_vote():
@@ -87,10 +96,24 @@ def test_units_count_once_and_undecided_records_do_not_vote():
         ("b1", one("no_stiction", -1.0)), ("b2", one("stiction", 1.0)), ("c", one("no_decision", 0.5)),
         ("d", one("stiction", 9.0)),
     ]  # fmt: skip
-    truth = {"a": ("stiction", "A"), "b": ("tuning", "B"), "c": ("no_stiction", "C"), "d": ("unknown", "D")}
-    labels = {name: dict(zip(("label", "unit_group"), truth[name[0]], strict=True)) for name, _ in verdicts}
+    truth = {
+        "a": ("stiction", "A"),
+        "b": ("tuning", "B"),
+        "c": ("no_stiction", "C"),
+        "d": ("unknown", "D"),
+    }
+    labels = {
+        name: dict(zip(("label", "unit_group"), truth[name[0]], strict=True))
+        for name, _ in verdicts
+    }
     row = score_units(verdicts, labels)[0]
-    assert (row["n_stiction"], row["found"], row["n_other"], row["false_alarms"], row["undecided"]) == (1, 1, 2, 0, 1)
+    assert (
+        row["n_stiction"],
+        row["found"],
+        row["n_other"],
+        row["false_alarms"],
+        row["undecided"],
+    ) == (1, 1, 2, 0, 1)
     assert row["auc"] == pytest.approx(0.25)
     # A found, B as often yes as no and so not called sticky, C undecided
     assert row["cost"] == pytest.approx(0.5 / 3)
@@ -98,18 +121,37 @@ def test_units_count_once_and_undecided_records_do_not_vote():
 
 
 def test_units_are_ranked_by_cost_beside_what_always_no_and_always_yes_cost():
-    said = {"m": ("stiction", "no_decision"), "n": ("no_stiction", "no_stiction"), "o": ("stiction", "no_stiction")}
-    verdicts = [(f"r{k}", Verdict(m, word, 0.0, reason="-")) for m, words in said.items() for k, word in enumerate(words)]
-    labels = {"r0": {"label": "stiction", "unit_group": "A"}, "r1": {"label": "tuning", "unit_group": "B"}}
+    said = {
+        "m": ("stiction", "no_decision"),
+        "n": ("no_stiction", "no_stiction"),
+        "o": ("stiction", "no_stiction"),
+    }
+    verdicts = [
+        (f"r{k}", Verdict(m, word, 0.0, reason="-"))
+        for m, words in said.items()
+        for k, word in enumerate(words)
+    ]
+    labels = {
+        "r0": {"label": "stiction", "unit_group": "A"},
+        "r1": {"label": "tuning", "unit_group": "B"},
+    }
     rows = score_units(verdicts, labels)
     assert [(row["method"], row["cost"]) for row in rows] == [("o", 0.0), ("m", 0.25), ("n", 0.5)]
-    assert "of 2 units always no costs 0.50, always yes 0.50" in Report(verdicts, scores=rows).as_text()
+    assert (
+        "of 2 units always no costs 0.50, always yes 0.50"
+        in Report(verdicts, scores=rows).as_text()
+    )
 
 
 def test_a_loop_that_does_not_oscillate_counts_in_the_area_below_every_score():
     scores = {"a": -math.inf, "b": 0.3, "c": -math.inf, "d": -math.inf, "e": 0.1, "f": math.nan}
-    verdicts = [(name, Verdict("m", "no_stiction", score, reason="-")) for name, score in scores.items()]
-    labels = {name: {"label": "stiction" if name in "ab" else "tuning", "unit_group": name} for name in scores}
+    verdicts = [
+        (name, Verdict("m", "no_stiction", score, reason="-")) for name, score in scores.items()
+    ]
+    labels = {
+        name: {"label": "stiction" if name in "ab" else "tuning", "unit_group": name}
+        for name in scores
+    }
     # a against c, d, e: 1/2, 1/2, 0; b against them: 1, 1, 1; f has no score at all
     assert score_units(verdicts, labels)[0]["auc"] == pytest.approx(4 / 6)
 
@@ -135,14 +177,24 @@ def test_plugin_file_is_judged_beside_the_others(folder, tmp_path):
 
 
 def test_command_prints_json_and_nothing_else(folder, capsys):
-    assert command.main([str(folder), "--method", "he", "--labels", str(folder / "labels.csv"), "--json"]) == 0
+    assert (
+        command.main(
+            [str(folder), "--method", "he", "--labels", str(folder / "labels.csv"), "--json"]
+        )
+        == 0
+    )
     out, err = capsys.readouterr()
     assert len(json.loads(out)) == 2
     assert "score by unit" in err
 
 
 def test_command_prints_lines_for_people(folder, capsys):
-    assert command.main([str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]) == 0
+    assert (
+        command.main(
+            [str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]
+        )
+        == 0
+    )
     out = capsys.readouterr().out
     assert out.splitlines()[1] == "Methods: hammerstein says stiction."
     assert "S (% of travel)" in out
@@ -167,8 +219,25 @@ def test_user_errors_are_one_sentence_and_exit_code_2(folder, capsys, arguments,
 
 
 def test_level_is_a_number_or_an_interval_in_the_text():
-    shown = Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))]).as_text().splitlines()
-    assert shown[2].split() == ["method", "verdict", "score", "S", "(%", "of", "travel)", "J", "made", "for", "this", "loop"]
+    shown = (
+        Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))])
+        .as_text()
+        .splitlines()
+    )
+    assert shown[2].split() == [
+        "method",
+        "verdict",
+        "score",
+        "S",
+        "(%",
+        "of",
+        "travel)",
+        "J",
+        "made",
+        "for",
+        "this",
+        "loop",
+    ]
     assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
 
 

@@ -34,10 +34,16 @@ from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
 
 def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
     nobody = rank_methods(np.zeros((0, 5), dtype=bool))
-    assert (nobody.rank.size, math.isnan(nobody.resolution), math.isnan(nobody.spread)) == (0, True, True)
+    assert (nobody.rank.size, math.isnan(nobody.resolution), math.isnan(nobody.spread)) == (
+        0,
+        True,
+        True,
+    )
     assert rank_methods(np.zeros((2, 0), dtype=bool)).rank.tolist() == [1, 1]
     half = np.arange(98) % 2 == 0
-    one = rank_methods(half[None])  # p = 50/100 with one success and one failure more: spread 2 * 1/4
+    one = rank_methods(
+        half[None]
+    )  # p = 50/100 with one success and one failure more: spread 2 * 1/4
     assert (one.rank.tolist(), one.spread) == ([1], pytest.approx(0.5))
     assert one.resolution == pytest.approx(1.959964 * math.sqrt(0.5 / 98), rel=1e-6)
     two = rank_methods(np.array([half, ~half]))  # alone right in every loop
@@ -48,7 +54,9 @@ def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
 def test_statistics_of_the_fewest_cases():
     assert str(of.Estimate(0.8123, 0.79, 0.8305)) == "0.812 (0.790 to 0.831)"
     assert of.rate_drop(1, 1, 0, 0) == 1.0
-    assert of.rate_drop(3, 4, 2, 4) == pytest.approx(norm.sf((4 / 6 - 3 / 6) / math.sqrt(8 / 216 + 9 / 216)))
+    assert of.rate_drop(3, 4, 2, 4) == pytest.approx(
+        norm.sf((4 / 6 - 3 / 6) / math.sqrt(8 / 216 + 9 / 216))
+    )
     up, down = [1, 2, 3, 4], [4, 3, 2, 1]
     two, one = [False, False, True, True], [False, False, False, True]
     assert of.auc_drop(up, down, two) == 0.0  # no spread, and a fall
@@ -69,7 +77,13 @@ def test_statistics_of_the_fewest_cases():
 def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
     names = [b"a", b"b", b"c"]
     now = book([0, 0, 0], [1, 1, 1], ids=names, hashes=names, places=["0", "1", "2"])
-    moved = book([0, 0, 0], [1, 1, 1], ids=[b"c", b"x", b"y"], hashes=[b"c", b"b", b"y"], places=["2", "1", "5"])
+    moved = book(
+        [0, 0, 0],
+        [1, 1, 1],
+        ids=[b"c", b"x", b"y"],
+        hashes=[b"c", b"b", b"y"],
+        places=["2", "1", "5"],
+    )
     found = pair(now, moved)
     assert (found.now.tolist(), found.before.tolist(), found.same.tolist(), found.one_grid) == (
         [1, 2],
@@ -77,16 +91,25 @@ def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
         [True, True],
         True,
     )
-    other = book([0, 0, 0], [1, 1, 1], ids=[b"c", b"x", b"y"], hashes=[b"c", b"x", b"y"], grid_hash="h")
+    other = book(
+        [0, 0, 0], [1, 1, 1], ids=[b"c", b"x", b"y"], hashes=[b"c", b"x", b"y"], grid_hash="h"
+    )
     found = pair(now, other)
     assert (found.now.tolist(), found.before.tolist(), found.one_grid) == ([2], [0], False)
-    chance = book([0, 0, 0], [1, 1, 1], ids=[b"c", b"b", b"y"], hashes=[b"c", b"z", b"y"], grid_hash="h")
+    chance = book(
+        [0, 0, 0], [1, 1, 1], ids=[b"c", b"b", b"y"], hashes=[b"c", b"z", b"y"], grid_hash="h"
+    )
     assert pair(now, chance).now.size == pair(now, chance).same.size == 0
 
 
 def test_a_piece_of_a_table_keeps_its_types_and_its_number():
     columns = {field.name: [None, None] for field in VERDICT_SCHEMA}
-    columns.update(scenario_id=["a", "b"], score=[math.nan, 1.5], applicable=[True, None], runtime_s=[0.0, -math.inf])
+    columns.update(
+        scenario_id=["a", "b"],
+        score=[math.nan, 1.5],
+        applicable=[True, None],
+        runtime_s=[0.0, -math.inf],
+    )
     read = pq.read_table(io.BytesIO(encode(columns, VERDICT_SCHEMA, 7)))
     assert read.schema.metadata[b"piece"] == b"7"
     assert read.schema.metadata[b"format"] == b"1"
@@ -94,20 +117,31 @@ def test_a_piece_of_a_table_keeps_its_types_and_its_number():
     assert read["runtime_s"].to_pylist() == [0.0, -math.inf]
     assert read["applicable"].to_pylist() == [True, None]
     assert set(AXES) < set(SCENARIOS.names)
-    assert {str(SCENARIOS.field(n).type) for n in ("cell", "repeat", "group", "seed", "n")} == {"int64"}
-    assert {str(SCENARIOS.field(n).type) for n in ("block", "process", "disturbance", "tuning", "cycled")} == {"string"}
-    assert {str(SCENARIOS.field(n).type) for n in ("Td_over_T", "noise_ratio", "samples_per_period")} == {"double"}
+    assert {str(SCENARIOS.field(n).type) for n in ("cell", "repeat", "group", "seed", "n")} == {
+        "int64"
+    }
+    assert {
+        str(SCENARIOS.field(n).type)
+        for n in ("block", "process", "disturbance", "tuning", "cycled")
+    } == {"string"}
+    assert {
+        str(SCENARIOS.field(n).type) for n in ("Td_over_T", "noise_ratio", "samples_per_period")
+    } == {"double"}
 
 
 def test_a_motion_with_few_reversals_says_what_it_can():
-    none, one, two, three = (Motion(np.arange(k) * 10, np.array([0.0, 4.0, 1.0])[:k], 90) for k in range(4))
+    none, one, two, three = (
+        Motion(np.arange(k) * 10, np.array([0.0, 4.0, 1.0])[:k], 90) for k in range(4)
+    )
     assert [m.swing for m in (none, one, two, three)] == [0.0, 0.0, 4.0, 3.5]
     assert [math.isnan(m.period) for m in (none, one, two, three)] == [True, True, True, False]
     assert three.period == 20.0
     assert (none.lasting, three.lasting) == (0.0, 0.0)  # nothing in the last third
     late = Motion(np.array([70, 80]), np.array([0.0, 1.0]), 90)
     assert late.lasting == math.inf
-    fading = Motion(np.array([0, 20, 50, 70]), np.array([0.0, 4.0, 0.0, 1.0]), 90)  # swings 4, 4, 1 about 10, 35, 60
+    fading = Motion(
+        np.array([0, 20, 50, 70]), np.array([0.0, 4.0, 0.0, 1.0]), 90
+    )  # swings 4, 4, 1 about 10, 35, 60
     assert fading.lasting == 0.25
 
 
@@ -120,7 +154,10 @@ def test_a_turn_counts_when_it_goes_back_by_more_than_the_least():
     assert motion(wave, 1.0).at.tolist() == [3, 5]  # the last sample before the valve turns
 
 
-@pytest.mark.parametrize(("period", "inside"), [(100.0, True), (34.0, True), (290.0, True), (30.0, False), (330.0, False)])
+@pytest.mark.parametrize(
+    ("period", "inside"),
+    [(100.0, True), (34.0, True), (290.0, True), (30.0, False), (330.0, False)],
+)
 def test_the_largest_sine_is_looked_for_within_a_factor_of_three(period, inside):
     wave = 2.0 * np.sin(2 * np.pi * np.arange(6600) / period)
     assert (largest_sine(wave, 100.0) > 1.8) is inside
@@ -131,13 +168,22 @@ def test_a_tail_is_twenty_periods_long_within_limits():
 
 
 def loop(**more):
-    table = {"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2}, "controller": {"type": "PI", "Kc": 1, "Ti": 10}}
-    return Loop.from_table(table | {"valve": {"model": "choudhury", "S": 5, "J": 2}, "sampling": {"Ts": 1.0, "n": 400}} | more)
+    table = {
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    }
+    return Loop.from_table(
+        table
+        | {"valve": {"model": "choudhury", "S": 5, "J": 2}, "sampling": {"Ts": 1.0, "n": 400}}
+        | more
+    )
 
 
 @pytest.mark.parametrize(("S", "J", "least"), [(5.0, 2.0, 1.0), (5.0, 0.0, 0.25), (0.0, 0.0, 1e-6)])
 def test_the_least_swing_is_half_the_jump_or_a_twentieth_of_the_band(S, J, least):
-    assert truth.least_swing(loop(valve={"model": "choudhury", "S": S, "J": J})) == pytest.approx(least)
+    assert truth.least_swing(loop(valve={"model": "choudhury", "S": S, "J": J})) == pytest.approx(
+        least
+    )
 
 
 def test_noise_goes_off_at_the_end_and_up_to_three_quarters_of_a_period_before():
@@ -147,14 +193,16 @@ def test_noise_goes_off_at_the_end_and_up_to_three_quarters_of_a_period_before()
 
 
 @pytest.mark.parametrize(
-    ("reversals", "swing", "said"), [(6, 1.0, True), (5, 1.0, False), (6, 0.99, False), (60, 3.0, True), (0, 0.0, False)]
+    ("reversals", "swing", "said"),
+    [(6, 1.0, True), (5, 1.0, False), (6, 0.99, False), (60, 3.0, True), (0, 0.0, False)],
 )
 def test_a_valve_swings_that_turns_six_times_by_the_least(reversals, swing, said):
     assert truth._swings(SimpleNamespace(reversals=reversals, swing=swing), 1.0) is said
 
 
 @pytest.mark.parametrize(
-    ("reversals", "late", "said"), [(1, 1.0, "unclear"), (5, 1.0, "unclear"), (5, 0.9, "no"), (0, 1.0, "no")]
+    ("reversals", "late", "said"),
+    [(1, 1.0, "unclear"), (5, 1.0, "unclear"), (5, 0.9, "no"), (0, 1.0, "no")],
 )
 def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, said):
     tail = np.zeros(90)
@@ -164,7 +212,12 @@ def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, 
 
 
 def test_numbers_of_a_cell_have_three_digits():
-    assert [rules.significant(x) for x in (1234.5, 0.00123456, 9.999, 1.0)] == [1230.0, 0.00123, 10.0, 1.0]
+    assert [rules.significant(x) for x in (1234.5, 0.00123456, 9.999, 1.0)] == [
+        1230.0,
+        0.00123,
+        10.0,
+        1.0,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -174,10 +227,19 @@ def test_numbers_of_a_cell_have_three_digits():
         ({}, 2 * 5 / (0.1 * 2 / 1.8) + 4 + 0.4),
         ({"controller": {"type": "PI", "Kc": 1, "Ti": 5}}, 2 * 5 / (0.2 * 2 / 1.6) + 4 + 0.8),
         ({"controller": {"type": "P", "Kc": 4}}, 2 * 5 / (0.4 * 2 / 1.2) + 4 + 1.6),
-        ({"controller": {"type": "P", "Kc": 9}}, 2 * 5 / (0.9 * 2 / 1.1) + 4 + 1.8),  # k Td at most 0.9
-        ({"valve": {"model": "choudhury", "S": 6, "J": 0}}, 2 * 6 / (0.1 * 2 / 1.8) + 4 + 0.4),  # as J = S/3
         (
-            {"plant": {"type": "integrating", "K": 0.1, "Td": 2}, "valve": {"model": "choudhury", "S": 6, "J": 0}},
+            {"controller": {"type": "P", "Kc": 9}},
+            2 * 5 / (0.9 * 2 / 1.1) + 4 + 1.8,
+        ),  # k Td at most 0.9
+        (
+            {"valve": {"model": "choudhury", "S": 6, "J": 0}},
+            2 * 6 / (0.1 * 2 / 1.8) + 4 + 0.4,
+        ),  # as J = S/3
+        (
+            {
+                "plant": {"type": "integrating", "K": 0.1, "Td": 2},
+                "valve": {"model": "choudhury", "S": 6, "J": 0},
+            },
             4 * math.pi * math.sqrt(10 / 0.1) + 8,
         ),
         ({"valve": {"model": "ideal"}}, 2 * 1 / (0.1 * 1 / 1.8) + 4 + 0.4),  # as S = J = 1
@@ -189,10 +251,26 @@ def test_the_first_guess_of_a_period(settings, guess):
 
 def test_parts_of_a_cell_are_scaled_by_its_cycle():
     unit = {"S": 4.0, "J": 2.0, "period": 50.0, "pv": 3.0}
-    part = SimpleNamespace(scale={"width": "S", "tau": "period"}, parameters={"width": 0.5, "tau": 0.1, "kind": "x"})
+    part = SimpleNamespace(
+        scale={"width": "S", "tau": "period"}, parameters={"width": 0.5, "tau": 0.1, "kind": "x"}
+    )
     assert rules._scaled(part, unit) == {"width": 2.0, "tau": 5.0, "kind": "x"}
-    load = {"type": "sine", "amplitude": 0.5, "period": 2.0, "lag": 0.1, "start": 1.0, "at": "input"}
-    absolute = {"type": "sine", "amplitude": 2.0, "period": 100.0, "lag": 5.0, "start": 50.0, "at": "input"}
+    load = {
+        "type": "sine",
+        "amplitude": 0.5,
+        "period": 2.0,
+        "lag": 0.1,
+        "start": 1.0,
+        "at": "input",
+    }
+    absolute = {
+        "type": "sine",
+        "amplitude": 2.0,
+        "period": 100.0,
+        "lag": 5.0,
+        "start": 50.0,
+        "at": "input",
+    }
     assert absolute_load(load, 4.0, 50.0) == absolute
     table = {"value": 50.0, "steps": [[10.0, 52.0]]}
     rules._move_setpoint(table, [(2.0, 1.0), (3.0, -1.0)], unit)
@@ -203,15 +281,26 @@ def test_parts_of_a_cell_are_scaled_by_its_cycle():
 
 
 def test_a_valve_of_a_cell_has_the_cells_band_or_is_refused():
-    assert rules.valve_table("kano", {"S": 4.0, "J": 2.0}, 30.0, {}) == {"model": "kano", "S": 4.0, "J": 2.0}
-    assert rules.valve_table("stenman", {"S": 4.0, "J": 4.0}, 30.0, {}) == {"model": "stenman", "d": 4.0}
-    with pytest.raises(ParameterError, match=r"'stenman' cannot have S = 4 %, J = 2 %: nearest is S = 4 %, J = 4 %"):
+    assert rules.valve_table("kano", {"S": 4.0, "J": 2.0}, 30.0, {}) == {
+        "model": "kano",
+        "S": 4.0,
+        "J": 2.0,
+    }
+    assert rules.valve_table("stenman", {"S": 4.0, "J": 4.0}, 30.0, {}) == {
+        "model": "stenman",
+        "d": 4.0,
+    }
+    with pytest.raises(
+        ParameterError, match=r"'stenman' cannot have S = 4 %, J = 2 %: nearest is S = 4 %, J = 4 %"
+    ):
         rules.valve_table("stenman", {"S": 4.0, "J": 2.0}, 30.0, {})
     assert rules.band(loop(valve={"model": "choudhury", "S": 5, "J": 2})) == (5.0, 2.0)
     assert rules.band(loop(valve={"model": "deadzone", "D": 5})) == (1.0, 1.0)
 
 
-@pytest.mark.parametrize(("scenarios", "failed", "most"), [(5, 0, 0.05), (0, 9, 0.09), (50, 10, 0.5)])
+@pytest.mark.parametrize(
+    ("scenarios", "failed", "most"), [(5, 0, 0.05), (0, 9, 0.09), (50, 10, 0.5)]
+)
 def test_failures_are_shares_of_what_was_tried(scenarios, failed, most):
     found = Failures(100, scenarios, {"he": failed} if failed else {}, {"why": 3})
     assert found.above(most - 1e-9)
@@ -232,7 +321,13 @@ def test_failures_are_counted_and_those_of_plug_ins_as_well():
 
 @pytest.mark.parametrize(
     ("role", "sees_mv", "kind"),
-    [("stiction", False, 0), ("stiction", True, 1), ("oracle", True, 2), ("yardstick", False, 2), ("nonlinearity", False, 3)],
+    [
+        ("stiction", False, 0),
+        ("stiction", True, 1),
+        ("oracle", True, 2),
+        ("yardstick", False, 2),
+        ("nonlinearity", False, 3),
+    ],
 )
 def test_who_is_ranked_with_whom(role, sees_mv, kind):
     assert kind_of(role, sees_mv) == kind
@@ -274,7 +369,12 @@ def checked(flips, **row):
     tests = pd.DataFrame([{**about, "worse": True, **row}, same])
     ids = [f"{i:03d}" for i in range(flips)]
     changed = pd.DataFrame(
-        {"scenario_id": ids, "method": ["horch", "he"] * (flips // 2), "was": "stiction", "now": "no_stiction"}
+        {
+            "scenario_id": ids,
+            "method": ["horch", "he"] * (flips // 2),
+            "was": "stiction",
+            "now": "no_stiction",
+        }
     )
     return Check(True, "basis", (), tests, changed, "there")
 
@@ -285,7 +385,9 @@ def test_a_check_shows_what_moved_and_the_worst_flips_first():
         "check FAILED: basis\n- he: detection against 'cycled' fell from 0.900 to 0.800, 12 lost and 2 won (p = 0.001)"
     )
     assert f"{2 * SHOWN} verdicts changed, the first {SHOWN}:" in text
-    assert "simbench simulate --from there --id 001 -o record.csv" in text  # the first of the method that became worse
+    assert (
+        "simbench simulate --from there --id 001 -o record.csv" in text
+    )  # the first of the method that became worse
     assert text.count("no_stiction") == SHOWN
     whole = checked(SHOWN).as_text()
     assert f"{SHOWN} verdicts changed:" in whole
@@ -304,7 +406,14 @@ def test_a_level_has_two_ends_or_none():
     assert all(math.isnan(x) for x in level_ends(None))
     said = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
     row = work.verdict_row("id", said, said, None, 0.25)
-    assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [1.0, 2.0, 0.5, 0.5, 0.7, 0.25]
+    assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [
+        1.0,
+        2.0,
+        0.5,
+        0.5,
+        0.7,
+        0.25,
+    ]
 
 
 def test_a_record_is_known_by_every_bit_of_every_signal():
@@ -321,13 +430,20 @@ def test_a_record_is_known_by_every_bit_of_every_signal():
 
 def test_the_widest_interval_of_any_method_counts_in_each_cell():
     right, known = np.array([[5, 50], [0, 2]]), np.array([10, 100])
-    ends = [[np.subtract(*of.wilson(k, n)[::-1]) for k, n in zip(row, known, strict=True)] for row in right]
+    ends = [
+        [np.subtract(*of.wilson(k, n)[::-1]) for k, n in zip(row, known, strict=True)]
+        for row in right
+    ]
     assert _widths(right, known).tolist() == pytest.approx(np.max(ends, axis=0).tolist())
 
 
-def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked_tree(tmp_path, monkeypatch):
+def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked_tree(
+    tmp_path, monkeypatch
+):
     def commit(tree):
-        monkeypatch.setattr(manifest, "__file__", str(tree / "simbench" / "bench" / "store" / "manifest.py"))
+        monkeypatch.setattr(
+            manifest, "__file__", str(tree / "simbench" / "bench" / "store" / "manifest.py")
+        )
         return manifest._commit.__wrapped__()
 
     git = tmp_path / "main" / ".git"

@@ -37,7 +37,9 @@ def test_every_number_of_a_calibration(runs):
     assert row.cut == pytest.approx(min(above))
     loops = [
         (t == 1, s, r, v)
-        for t, s, r, v in zip(b.truth["cycled"], b.score[0].astype(float), b.score_raw[0].astype(float), b.verdict[0])
+        for t, s, r, v in zip(
+            b.truth["cycled"], b.score[0].astype(float), b.score_raw[0].astype(float), b.verdict[0]
+        )
         if t >= 0
     ]
     for name, said in (
@@ -45,8 +47,12 @@ def test_every_number_of_a_calibration(runs):
         ("detection", [s > row.cut for t, s, *_ in loops if t]),
     ):
         assert row[name] == pytest.approx(np.mean(said))
-        assert (row[f"{name}_lo"], row[f"{name}_hi"]) == pytest.approx(tuple(map(float, wilson(sum(said), len(said)))))
-    assert row.published_false_alarm == pytest.approx(np.mean([v == 1 for t, *_, v in loops if not t]))
+        assert (row[f"{name}_lo"], row[f"{name}_hi"]) == pytest.approx(
+            tuple(map(float, wilson(sum(said), len(said))))
+        )
+    assert row.published_false_alarm == pytest.approx(
+        np.mean([v == 1 for t, *_, v in loops if not t])
+    )
     assert row.published_detection == pytest.approx(np.mean([v == 1 for t, *_, v in loops if t]))
     low, high = row.no_stiction_below, row.stiction_above
     said = [(True if r > high else False if r <= low else None, t) for t, _, r, _ in loops]
@@ -57,7 +63,10 @@ def test_every_number_of_a_calibration(runs):
     area = auc(*zip(*known))
     assert (row.auc, row.auc_lo, row.auc_hi) == pytest.approx((area.value, area.lo, area.hi))
     assert row.informative
-    assert (found.about["positives"], found.about["negatives"]) == (sum(t for t, *_ in loops), sum(not t for t, *_ in loops))
+    assert (found.about["positives"], found.about["negatives"]) == (
+        sum(t for t, *_ in loops),
+        sum(not t for t, *_ in loops),
+    )
     assert (found.about["seed_a"], found.about["seed_b"]) == (1, 2)
     assert found.abstaining == {"m": {"stiction_above": high, "no_stiction_below": low}}
 
@@ -83,7 +92,9 @@ def test_a_cut_is_the_lowest_score_that_few_exceed(share):
 def test_a_band_on_the_score_itself():
     # at the lower cut "no", at the upper one nothing
     score = np.repeat([0.0, 1.0, 2.0], 40)
-    low, high = abstention(score, np.repeat([0, 1, 1], 40) * np.tile([1, 0], 60) + np.repeat([0, 0, 1], 40) > 0, 0.1)
+    low, high = abstention(
+        score, np.repeat([0, 1, 1], 40) * np.tile([1, 0], 60) + np.repeat([0, 0, 1], 40) > 0, 0.1
+    )
     assert (low, high) == (0.0, 1.0)
     assert abstention(np.array([np.nan]), np.array([True]), 0.1) == (-math.inf, math.inf)
     assert abstention(np.zeros(4), np.array([True, False] * 2), 0.1) == (-math.inf, math.inf)

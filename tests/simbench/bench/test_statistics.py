@@ -41,7 +41,9 @@ def test_wilson_takes_arrays_and_no_trials_say_nothing():
     assert math.isnan(rate(0, 0).value)
 
 
-@pytest.mark.parametrize(("lost", "won", "p"), [(0, 0, 1.0), (6, 0, 2 / 64), (1, 5, 14 / 64), (3, 3, 1.0)])
+@pytest.mark.parametrize(
+    ("lost", "won", "p"), [(0, 0, 1.0), (6, 0, 2 / 64), (1, 5, 14 / 64), (3, 3, 1.0)]
+)
 def test_mcnemar_by_hand(lost, won, p):
     assert mcnemar(lost, won) == pytest.approx(p)
 
@@ -131,7 +133,9 @@ def test_unpaired_auc_test_sees_a_fall_beyond_its_margin_only():
     assert auc_drop_unpaired(good, truth, poor, truth, margin=0.02) < 0.001
     assert auc_drop_unpaired(poor, truth, good, truth, margin=0.02) > 0.999
     alike = [
-        auc_drop_unpaired(*(x for _ in range(2) for x in (rng.standard_normal(400) + truth, truth))) < 0.05 for _ in range(600)
+        auc_drop_unpaired(*(x for _ in range(2) for x in (rng.standard_normal(400) + truth, truth)))
+        < 0.05
+        for _ in range(600)
     ]
     assert 0.025 < np.mean(alike) < 0.08
 
@@ -169,13 +173,22 @@ def test_delong_by_pairs(level):
     z = stats.norm.ppf(0.5 + level / 2)
     logit = math.log(area / (1 - area))
     for bound, sign in ((found.lo, -1), (found.hi, 1)):
-        assert math.log(bound / (1 - bound)) == pytest.approx(logit + sign * z * sd / (area * (1 - area)))
+        assert math.log(bound / (1 - bound)) == pytest.approx(
+            logit + sign * z * sd / (area * (1 - area))
+        )
 
 
 def test_an_area_of_one_or_nought_has_the_interval_of_the_smaller_class():
-    score, positive = np.arange(12.0), np.arange(12) >= 9  # three positives on top of nine negatives
-    assert (auc(score, positive).lo, auc(score, positive).hi) == pytest.approx(tuple(map(float, wilson(3, 3))))
-    assert (auc(-score, positive).lo, auc(-score, positive).hi) == pytest.approx(tuple(map(float, wilson(0, 3))))
+    score, positive = (
+        np.arange(12.0),
+        np.arange(12) >= 9,
+    )  # three positives on top of nine negatives
+    assert (auc(score, positive).lo, auc(score, positive).hi) == pytest.approx(
+        tuple(map(float, wilson(3, 3)))
+    )
+    assert (auc(-score, positive).lo, auc(-score, positive).hi) == pytest.approx(
+        tuple(map(float, wilson(0, 3)))
+    )
 
 
 def test_a_paired_fall_by_pairs():
@@ -189,7 +202,9 @@ def test_a_paired_fall_by_pairs():
     areas = [placements(x, positive) for x in (before, now)]
     sd = math.sqrt(sum(p.var(ddof=1) / p.size for pair in areas for p in pair))
     z = (areas[0][0].mean() - areas[1][0].mean() - 0.01) / sd
-    assert auc_drop_unpaired(before, positive, now, positive, 0.01) == pytest.approx(stats.norm.sf(z))
+    assert auc_drop_unpaired(before, positive, now, positive, 0.01) == pytest.approx(
+        stats.norm.sf(z)
+    )
 
 
 def test_the_critical_difference_is_the_studentised_range():
@@ -204,5 +219,7 @@ def test_the_critical_difference_is_the_studentised_range():
 
 def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():
     assert dense_ranks(np.array([0.5, -np.inf, np.nan, 0.5])).tolist() == [1, 0, -1, 1]
-    assert [c.tolist() for c in class_counts(np.array([7, 2, 7]), np.array([True, False, False]))] == [[0, 1], [1, 1]]
+    assert [
+        c.tolist() for c in class_counts(np.array([7, 2, 7]), np.array([True, False, False]))
+    ] == [[0, 1], [1, 1]]
     assert area(np.array([0, 1, 2, 3]), np.array([False, True, False, True])) == 0.75

@@ -21,10 +21,25 @@ def test_every_point_of_the_search_is_a_loop_with_a_frictionless_valve():
     rng = np.random.default_rng(0)
     seen = set()
     for _ in range(60):
-        loop = healthy_loop(dict(zip(KEYS, rng.random(len(KEYS)))), ("self-regulating", "integrating"))
+        loop = healthy_loop(
+            dict(zip(KEYS, rng.random(len(KEYS)))), ("self-regulating", "integrating")
+        )
         assert not VALVES.load(loop.valve.name).FRICTION
-        seen |= {loop.plant.type, loop.valve.name, *(d.name for d in loop.disturbance), *(e.name for e in loop.effect)}
-    assert {"integrating", "foptd", "gain_ratio", "propagated", "sine", "quantisation", "saturation"} <= seen
+        seen |= {
+            loop.plant.type,
+            loop.valve.name,
+            *(d.name for d in loop.disturbance),
+            *(e.name for e in loop.effect),
+        }
+    assert {
+        "integrating",
+        "foptd",
+        "gain_ratio",
+        "propagated",
+        "sine",
+        "quantisation",
+        "saturation",
+    } <= seen
 
 
 def test_the_corners_of_the_search_are_loops_too():
@@ -48,13 +63,19 @@ def test_a_point_is_the_loop_its_numbers_say(seed):
     load = loop.disturbance[0] if loop.disturbance else None
     period = loop.sampling.Ts * x["samples_per_period"]
     outside = load is not None and load.name in OSCILLATING
-    assert period == pytest.approx(x["period"] * (T + 2 * loop.plant.Td) if outside else 4 * loop.plant.Td + T, rel=1e-2)
+    assert period == pytest.approx(
+        x["period"] * (T + 2 * loop.plant.Td) if outside else 4 * loop.plant.Td + T, rel=1e-2
+    )
     assert loop.sampling.n == pytest.approx(x["samples_per_period"] * x["periods"], rel=1e-2)
-    assert loop.noise.std == pytest.approx(x["noise"] * x["amplitude"] if on["noisy"] else 0.0, rel=1e-2)
+    assert loop.noise.std == pytest.approx(
+        x["noise"] * x["amplitude"] if on["noisy"] else 0.0, rel=1e-2
+    )
     effects = {e.name: e.parameters for e in loop.effect}
     assert ("quantisation" in effects, "saturation" in effects) == (on["coarse"], on["limited"])
     if on["coarse"]:
-        assert effects["quantisation"]["step"] == pytest.approx(x["quantum"] * x["amplitude"], rel=1e-2)
+        assert effects["quantisation"]["step"] == pytest.approx(
+            x["quantum"] * x["amplitude"], rel=1e-2
+        )
     if on["limited"]:
         ends = effects["saturation"]["lo"], effects["saturation"]["hi"]
         assert ends == pytest.approx((50 - x["limit"], 50 + x["limit"]), rel=1e-2)
@@ -72,7 +93,9 @@ def test_a_point_is_the_loop_its_numbers_say(seed):
 
 
 def test_the_search_is_repeatable():
-    assert worst("horch", budget=25, seed=1).to_toml() == worst("horch", budget=25, seed=1).to_toml()
+    assert (
+        worst("horch", budget=25, seed=1).to_toml() == worst("horch", budget=25, seed=1).to_toml()
+    )
 
 
 def test_a_method_that_cries_stiction_is_caught(monkeypatch):

@@ -16,7 +16,9 @@ from simbench.loop.effects import EFFECTS
 
 
 def rows(*told):
-    return pd.DataFrame([dict.fromkeys(LEAVE_OUT_COLUMNS, "") | row for row in told], columns=LEAVE_OUT_COLUMNS)
+    return pd.DataFrame(
+        [dict.fromkeys(LEAVE_OUT_COLUMNS, "") | row for row in told], columns=LEAVE_OUT_COLUMNS
+    )
 
 
 def row(effect, said, block, before=2.0, left=1.9, after=0.5, resolvable=True, **more):
@@ -59,8 +61,12 @@ def test_the_table_counts_resolvable_records_and_says_how_many_failed():
     assert table.unknown_lo["all"] < 1 / 3 < table.unknown_hi["all"]
 
 
-def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "WORLD_EFFECTS", {e: WORLD_EFFECTS[e] for e in ("detuning", "saturation")})
+def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        module, "WORLD_EFFECTS", {e: WORLD_EFFECTS[e] for e in ("detuning", "saturation")}
+    )
     first = leave_out(tmp_path, "own", n=1, seed=5)
     monkeypatch.setattr(module, "_one", None)  # nothing is left to do
     pd.testing.assert_frame_equal(leave_out(tmp_path, "own", n=1, seed=5), first)
@@ -73,7 +79,9 @@ def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tm
     assert told.back["detuning"] == "detuning"
     with pytest.raises(ParameterError, match="choose a new folder"):
         leave_out(tmp_path, "own", n=1, seed=6)
-    out = CliRunner().invoke(app, ["gap", "leave-out", str(tmp_path), "-n", "1", "--seed", "5", "--json"])
+    out = CliRunner().invoke(
+        app, ["gap", "leave-out", str(tmp_path), "-n", "1", "--seed", "5", "--json"]
+    )
     assert out.exit_code == 0
     assert json.loads(out.stdout)[-1]["effect"] == "all"
 

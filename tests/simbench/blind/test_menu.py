@@ -48,7 +48,9 @@ def test_in_manual_op_stands_where_the_operator_put_it(shown):
 
 def test_set_point_steps_are_as_planned_and_a_faster_log_repeats_op(shown):
     plan, columns = shown["sp_steps"]
-    np.testing.assert_allclose(columns["sp"] - columns["sp"][0], plan.sp, rtol=0.01, atol=0.02 * np.ptp(plan.sp))
+    np.testing.assert_allclose(
+        columns["sp"] - columns["sp"][0], plan.sp, rtol=0.01, atol=0.02 * np.ptp(plan.sp)
+    )
     plan, columns = shown["fast"]
     assert columns["t"][1] == pytest.approx(shown["mv"][1]["t"][1] / plan.faster)
     assert np.mean(np.diff(columns["op"]) == 0.0) > 0.7
@@ -68,7 +70,9 @@ def test_a_test_is_written_so_that_it_can_be_read(shown):
     assert text[-1].endswith("MAN")
     said = menu.settings_toml(plan.settings(2.0))
     assert 'id = "stairs"' in said
-    assert menu.settings_toml(shown["kc_half"][0].settings(2.0)).endswith("[controller]\nKc_ratio = 0.5\n")
+    assert menu.settings_toml(shown["kc_half"][0].settings(2.0)).endswith(
+        "[controller]\nKc_ratio = 0.5\n"
+    )
 
 
 @pytest.fixture
@@ -84,15 +88,26 @@ def asks(record, baseline, tests=()):
     """Stand in for a diagnosis that asks for a bump, then for stairs, then for no more."""
     wanted = ["bump", "stairs"][len(tests) : len(tests) + 1]
     seen = [t for t in tests if Path(t).read_text(encoding="utf-8")]
-    return {"effect": "none", "seen": len(seen), "next_test": {"test": wanted[0]} if wanted else None}
+    return {
+        "effect": "none",
+        "seen": len(seen),
+        "next_test": {"test": wanted[0]} if wanted else None,
+    }
 
 
 def test_tests_are_opened_in_the_order_they_are_asked_for_and_logged(check):
     answer(check, asks, 1, 2)
-    assert (check / outcomes.OPENED_LOG).read_text().splitlines() == ["id,order,test", "r0001,1,bump", "r0001,2,stairs"]
+    assert (check / outcomes.OPENED_LOG).read_text().splitlines() == [
+        "id,order,test",
+        "r0001,1,bump",
+        "r0001,2,stairs",
+    ]
     assert '"seen": 2' in (answers_after(check, 2) / "r0001.json").read_text()
     assert '"seen": 0' in (answers_after(check, 0) / "r0001.json").read_text()
-    assert sorted(p.name for p in (check / outcomes.OPENED).glob("*.csv")) == ["r0001-bump.csv", "r0001-stairs.csv"]
+    assert sorted(p.name for p in (check / outcomes.OPENED).glob("*.csv")) == [
+        "r0001-bump.csv",
+        "r0001-stairs.csv",
+    ]
 
 
 def refuses(record, baseline, tests=()):

@@ -35,10 +35,20 @@ def says(*effects, probability=1.0, parameters=None, shrinkage=0.9, others=()):
         for i, (e, b) in enumerate(zip(effects, block))
     ]
     ranking += [
-        {"effect": e, "block": "?", "probability": (1 - probability) / 9, "gap_before": 3.0, "gap_after": 2.8, "parameters": {}}
+        {
+            "effect": e,
+            "block": "?",
+            "probability": (1 - probability) / 9,
+            "gap_before": 3.0,
+            "gap_after": 2.8,
+            "parameters": {},
+        }
         for e in others
     ]
-    named = [{"block": b, "effect": e, "parameters": parameters, "probability": probability} for e, b in zip(effects, block)]
+    named = [
+        {"block": b, "effect": e, "parameters": parameters, "probability": probability}
+        for e, b in zip(effects, block)
+    ]
     return {
         "block": block[0], "effect": effects[0], "effects": named if effects[0] in EFFECTS else [], "group": [effects[0]],
         "ranking": ranking, "gap": GAP, "shrinkage": {"value": shrinkage, "lo": 0.5, "hi": 1.0},
@@ -59,12 +69,40 @@ def truth_rows():
         for i, (e, k) in enumerate(EFFECTS.items())
         for s in ("weak", "medium", "strong")
     ]
-    rows += [{"id": f"none-{i}", "block": "none", "effect": "none", "strength": "none"} for i in range(10)]
     rows += [
-        {"id": "two", "block": "valve", "effect": "stiction", "block2": "sensor", "effect2": "noise", "strength": "strong"}
+        {"id": f"none-{i}", "block": "none", "effect": "none", "strength": "none"}
+        for i in range(10)
     ]
-    rows += [{"id": "f1", "block": "sensor", "effect": "unknown", "foreign": "frozen", "strength": "strong", "ratio": "5"}]
-    rows += [{"id": "f2", "block": "sensor", "effect": "unknown", "foreign": "frozen", "strength": "weak", "ratio": "1.4"}]
+    rows += [
+        {
+            "id": "two",
+            "block": "valve",
+            "effect": "stiction",
+            "block2": "sensor",
+            "effect2": "noise",
+            "strength": "strong",
+        }
+    ]
+    rows += [
+        {
+            "id": "f1",
+            "block": "sensor",
+            "effect": "unknown",
+            "foreign": "frozen",
+            "strength": "strong",
+            "ratio": "5",
+        }
+    ]
+    rows += [
+        {
+            "id": "f2",
+            "block": "sensor",
+            "effect": "unknown",
+            "foreign": "frozen",
+            "strength": "weak",
+            "ratio": "1.4",
+        }
+    ]
     return rows
 
 
@@ -87,7 +125,9 @@ def test_perfect_answers_hold_every_level():
 
     found = figures_of(table_of(right))
     assert found["first answer right"].n == 2 * len(EFFECTS)  # weak records do not count
-    judged = {name: f.holds for name, f in found.items() if f.level is not None and f.value is not None}
+    judged = {
+        name: f.holds for name, f in found.items() if f.level is not None and f.value is not None
+    }
     assert len(judged) >= 12
     assert all(judged.values()), judged
     assert found["two effects: both among the first three"].value == 1.0
@@ -98,15 +138,26 @@ def test_answers_that_are_all_wrong_hold_none():
     def wrong(row):
         if row["effect"] == "unknown":
             return says("noise")
-        return says("compression" if row["effect"] != "compression" else "op_quantisation", probability=0.99)
+        return says(
+            "compression" if row["effect"] != "compression" else "op_quantisation", probability=0.99
+        )
 
     found = figures_of(table_of(wrong))
-    judged = {name: f.holds for name, f in found.items() if f.level is not None and f.value is not None}
-    silent = ("known effect called unknown",)  # it never says unknown, and that level is met by silence
+    judged = {
+        name: f.holds for name, f in found.items() if f.level is not None and f.value is not None
+    }
+    silent = (
+        "known effect called unknown",
+    )  # it never says unknown, and that level is met by silence
     assert not any(
         holds
         for name, holds in judged.items()
-        if name not in (*silent, "parameters of the right effect, median error", "claimed shrinkage of the true group, median")
+        if name
+        not in (
+            *silent,
+            "parameters of the right effect, median error",
+            "claimed shrinkage of the true group, median",
+        )
     ), judged
     assert found["first answer right"].value == 0.0
     assert found["expected calibration error"].value > 0.9
@@ -116,7 +167,10 @@ def test_answers_that_are_all_wrong_hold_none():
 def test_two_effects_and_foreign_kinds_have_rows_of_their_own():
     cells = by_effect(table_of(lambda row: says("stiction")))
     first = cells[cells.measure == "first"].set_index(["effect", "strength"])
-    assert (first.loc[("stiction", "strong"), "k"], first.loc[("stiction", "strong"), "n"]) == (1, 1)
+    assert (first.loc[("stiction", "strong"), "k"], first.loc[("stiction", "strong"), "n"]) == (
+        1,
+        1,
+    )
     assert first.loc[("two effects", "strong"), "n"] == 1
     assert first.loc[("foreign: frozen", "weak"), "k"] == 0
 
@@ -131,7 +185,12 @@ def test_no_answer_is_wrong():
 @pytest.mark.parametrize(
     ("facts", "named", "in_group", "block_right"),
     [
-        (Circumstances(False, True, False), "extra_lag", True, True),  # without MV a valve's lag is any lag
+        (
+            Circumstances(False, True, False),
+            "extra_lag",
+            True,
+            True,
+        ),  # without MV a valve's lag is any lag
         (Circumstances(False, True, True), "extra_lag", False, False),
         (Circumstances(False, True, True), "stiction", False, True),
         (Circumstances(False, True, True), "valve_lag", True, True),
@@ -162,8 +221,17 @@ def test_an_effect_nobody_knows_is_foreign_and_wants_unknown():
         ("none", False, False),
     ],
 )
-def test_a_foreign_kind_that_the_library_has_by_now_may_be_called_by_its_name(named, first, block_right):
-    truth = {"id": "a", "block": "valve", "effect": "unknown", "foreign": "slew_limit", "strength": "strong", "ratio": "5"}
+def test_a_foreign_kind_that_the_library_has_by_now_may_be_called_by_its_name(
+    named, first, block_right
+):
+    truth = {
+        "id": "a",
+        "block": "valve",
+        "effect": "unknown",
+        "foreign": "slew_limit",
+        "strength": "strong",
+        "ratio": "5",
+    }
     found = says(named) | ({"block": "valve"} if named == "unknown" else {})
     row = judge_record(truth, found, FACTS)
     assert (row["kind"], row["foreign"], row["effect"]) == ("foreign", "slew_limit", "unknown")
@@ -206,7 +274,9 @@ def test_parameter_error_is_relative_to_the_truth(effect, true, claimed, error):
 
 
 def test_calibration_error_is_the_distance_of_confidence_and_success():
-    rows = [{"id": i, "block": "valve", "effect": "stiction" if i < 7 else "noise"} for i in range(10)]
+    rows = [
+        {"id": i, "block": "valve", "effect": "stiction" if i < 7 else "noise"} for i in range(10)
+    ]
     table = pd.DataFrame([judge_record(r, says("stiction", probability=0.7), FACTS) for r in rows])
     assert calibration(table).value == pytest.approx(0.0, abs=1e-12)
     sure = pd.DataFrame([judge_record(r, says("stiction", probability=1.0), FACTS) for r in rows])
@@ -226,13 +296,20 @@ def theirs(tmp_path):
     (tmp_path / "answers").mkdir()
     for name in "abc":
         frame = pd.DataFrame(
-            {"T_s": np.arange(50.0), "SP": 1.0, "OP": 50 + rng.standard_normal(50), "PV": rng.standard_normal(50)}
+            {
+                "T_s": np.arange(50.0),
+                "SP": 1.0,
+                "OP": 50 + rng.standard_normal(50),
+                "PV": rng.standard_normal(50),
+            }
         )
         frame.to_csv(tmp_path / "records" / f"{name}.csv", index=False)
         (tmp_path / "records" / f"{name}.toml").write_text(
             '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
         )
-    (tmp_path / "answers.csv").write_text("ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n")
+    (tmp_path / "answers.csv").write_text(
+        "ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n"
+    )
     (tmp_path / "answers" / "a.json").write_text(json.dumps(says("stiction")))
     (tmp_path / "answers" / "b.json").write_text(json.dumps(says("none")))
     return tmp_path
@@ -248,7 +325,15 @@ def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
     assert by_name["foreign: unknown, of the resolvable"]["k"] == 0
     assert "foreign: broken_spring" in score["markdown"]
     made = {p.name for p in (theirs / "out").iterdir()}
-    assert made == {"answers.csv", "score.json", "score.csv", "by_effect.csv", "records.csv", "confusion.png", "confusion.svg"}
+    assert made == {
+        "answers.csv",
+        "score.json",
+        "score.csv",
+        "by_effect.csv",
+        "records.csv",
+        "confusion.png",
+        "confusion.svg",
+    }
     stored = json.loads((theirs / "out" / "score.json").read_text())
     assert stored["figures"] == json.loads(json.dumps(score["figures"]))
 
@@ -266,7 +351,17 @@ def test_unreadable_folders_end_in_one_sentence(theirs):
 
 
 def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_not():
-    item = own.draw(8, 0, {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": False, "plant": "foptd"})
+    item = own.draw(
+        8,
+        0,
+        {
+            "kind": "single",
+            "effect": "gain_mismatch",
+            "strength": "strong",
+            "mv": False,
+            "plant": "foptd",
+        },
+    )
     record = pd.DataFrame(item.columns)
     found = says("gain_mismatch", parameters=item.answer["parameters"])
     false = {
@@ -277,7 +372,10 @@ def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_n
         "parameters": {"band": 1e-3 * item.answer["case"]["unit"]},
     }
     # what no world draws is passed over, also where it is the name of a foreign kind of this one
-    strange = [false | {"effect": e, "parameters": dict(EFFECTS[e].identity)} for e in ("slew_limit", "derivative_action")]
+    strange = [
+        false | {"effect": e, "parameters": dict(EFFECTS[e].identity)}
+        for e in ("slew_limit", "derivative_action")
+    ]
     found["ranking"] += [*strange, false]
     rows = true_shrinkages(item.answer, found, record, item.baseline, FACTS, "own")
     assert {r["effect"]: r["right"] for r in rows} == {"gain_mismatch": True, "compression": False}

@@ -20,7 +20,14 @@ from simbench.blind.making import Plan, make
 from simbench.blind.opening import open_
 from simbench.loop.effects import EFFECTS
 
-PLAN = Plan(per_cell=1, none=2, two=0, foreign=1, effects=("noise", "op_quantisation", "gain_mismatch"), strengths=("medium",))
+PLAN = Plan(
+    per_cell=1,
+    none=2,
+    two=0,
+    foreign=1,
+    effects=("noise", "op_quantisation", "gain_mismatch"),
+    strengths=("medium",),
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +45,11 @@ def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
     folder, _, commitment = made
     names = sorted(p.name for p in (folder / "records").iterdir())
     assert names == [f"r000{i}.{end}" for i in range(1, 7) for end in ("csv", "toml")]
-    assert sorted(p.name for p in folder.iterdir()) == ["answers.sealed", "commitment.txt", "records"]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "answers.sealed",
+        "commitment.txt",
+        "records",
+    ]
     assert (folder / "commitment.txt").read_text().strip() == commitment
     for path in (folder / "records").glob("*.toml"):
         loop = Loop.from_table(tomllib.loads(path.read_text()), path.name)
@@ -184,7 +195,9 @@ def small(tmp_path):
     folder = tmp_path / "theirs"
     (folder / "records").mkdir(parents=True)
     for name in ("r0001", "r0002"):
-        (folder / "records" / f"{name}.csv").write_text("t,sp,op,pv\n0,1,50,1\n1,1,50,1.1\n2,1,50,1\n3,1,51,1\n")
+        (folder / "records" / f"{name}.csv").write_text(
+            "t,sp,op,pv\n0,1,50,1\n1,1,50,1.1\n2,1,50,1\n3,1,51,1\n"
+        )
         (folder / "records" / f"{name}.toml").write_text(
             '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
         )

@@ -34,7 +34,9 @@ def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_o
     world = WORLDS.load(name)
     answer = json.loads(json.dumps(world.draw(5, 1, MISMATCH).answer))
     plain = world.simulate(answer, [], 9)
-    noisy = world.simulate(answer, [{"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}], 9)
+    noisy = world.simulate(
+        answer, [{"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}], 9
+    )
     assert np.std(np.diff(noisy["pv"])) > np.std(np.diff(plain["pv"]))
     assert not np.array_equal(world.simulate(answer, [], 9, nominal=True)["pv"], plain["pv"])
 
@@ -43,7 +45,9 @@ def test_an_effect_that_cannot_act_in_a_loop_is_refused():
     world = WORLDS.load("own")
     item = world.draw(5, 0, {"kind": "none", "mv": False, "plant": "integrating"})
     with pytest.raises(ParameterError, match="foptd plant only"):
-        world.simulate(item.answer, [{"effect": "time_constant_mismatch", "parameters": {"factor": 2.0}}], 1)
+        world.simulate(
+            item.answer, [{"effect": "time_constant_mismatch", "parameters": {"factor": 2.0}}], 1
+        )
 
 
 def test_an_unknown_world_is_refused_before_anything_is_written(tmp_path):
@@ -100,7 +104,9 @@ def test_worlds_draw_the_same_bits_while_another_distributions_effect_is_install
     assert set(found["known"]) - set(VOCABULARY) == {"sulking"}
     assert len(found["worlds"]) == len(NAMES)
     # a pair is drawn from all effects that a world knows
-    assert found["pairs"] == [list(w._pair(np.random.default_rng(s))) for w in (mill, refinery) for s in range(40)]
+    assert found["pairs"] == [
+        list(w._pair(np.random.default_rng(s))) for w in (mill, refinery) for s in range(40)
+    ]
     plan = Plan(per_cell=1, none=0, two=0, foreign=0, effects=("noise",), strengths=("strong",))
     make(tmp_path / "own", tmp_path / "own.key", seed=3, plan=plan, world="mill")
     with_it, without = (sorted((tmp_path / name / "records").iterdir()) for name in ("set", "own"))

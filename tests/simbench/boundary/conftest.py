@@ -15,7 +15,9 @@ import pytest
 from simbench.cli import main
 
 # a word of the program's own where a sentence about the input is due
-LEAKS = re.compile(r"Traceback|fault of the program|object has no attribute|pydantic|NoneType|errors\.|site-packages")
+LEAKS = re.compile(
+    r"Traceback|fault of the program|object has no attribute|pydantic|NoneType|errors\.|site-packages"
+)
 
 
 # what would do instead: a range, a list, the nearest name, the kind of thing that is needed
@@ -55,7 +57,9 @@ def quoted(sentence: str, value: str) -> bool:
     try:
         if f"{float(text):.0f}"[:30] in sentence:
             return True
-        return float(text) in [float(found) for found in re.findall(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", sentence)]
+        return float(text) in [
+            float(found) for found in re.findall(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", sentence)
+        ]
     except (ValueError, OverflowError):
         return False
 
@@ -76,7 +80,9 @@ SECONDS, MEMORY = 60.0, 2 << 20  # of CPU; KiB
 @contextlib.contextmanager
 def bounded() -> Iterator[None]:
     """Whatever is asked takes at most 60 s of CPU, that of processes it started and ended included, and 2 GiB."""
-    with contextlib.suppress(OSError):  # the highest memory counts anew from here on, where the system can do that
+    with contextlib.suppress(
+        OSError
+    ):  # the highest memory counts anew from here on, where the system can do that
         Path("/proc/self/clear_refs").write_text("5")
     seconds, memory = _seconds(), _memory()
     yield

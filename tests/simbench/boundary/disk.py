@@ -23,17 +23,29 @@ class Disk:
     """Counts what `simbench.files` does to the disk, and lets one operation fail; `end` is what a kill is."""
 
     def __init__(
-        self, patch: pytest.MonkeyPatch, fails: int = -1, fault: str = "", end: Callable[[], object] = lambda: None
+        self,
+        patch: pytest.MonkeyPatch,
+        fails: int = -1,
+        fault: str = "",
+        end: Callable[[], object] = lambda: None,
     ) -> None:
         self.count, self.fails, self.fault, self.dead, self.failed = 0, fails, fault, False, False
         self.end = end
         replace, unlink, mkdir, rmtree = Path.replace, Path.unlink, Path.mkdir, shutil.rmtree
-        patch.setattr(shutil, "rmtree", lambda path, *a, **k: None if self.dead else rmtree(path, *a, **k))
+        patch.setattr(
+            shutil, "rmtree", lambda path, *a, **k: None if self.dead else rmtree(path, *a, **k)
+        )
         patch.setattr(files, "open", self._open, raising=False)
         patch.setattr(files.os, "fsync", lambda handle: self._do("fsync", lambda: None))
-        patch.setattr(Path, "replace", lambda path, target: self._do("replace", lambda: replace(path, target)))
-        patch.setattr(Path, "mkdir", lambda path, *a, **k: self._do("mkdir", lambda: mkdir(path, *a, **k)))
-        patch.setattr(Path, "unlink", lambda path, *a, **k: None if self.dead else unlink(path, *a, **k))
+        patch.setattr(
+            Path, "replace", lambda path, target: self._do("replace", lambda: replace(path, target))
+        )
+        patch.setattr(
+            Path, "mkdir", lambda path, *a, **k: self._do("mkdir", lambda: mkdir(path, *a, **k))
+        )
+        patch.setattr(
+            Path, "unlink", lambda path, *a, **k: None if self.dead else unlink(path, *a, **k)
+        )
 
     def _do(self, name, work):
         if self.dead:

@@ -38,7 +38,9 @@ def large(tmp_path_factory):
 )  # fmt: skip
 def test_a_single_sample_of_1e59_warns_of_nothing(large, tmp_path, monkeypatch, signal, words):
     monkeypatch.chdir(tmp_path)
-    assert main([str(large / f"{signal}.csv") if word == "REC" else word for word in words.split()]) in (0, 2)
+    assert main(
+        [str(large / f"{signal}.csv") if word == "REC" else word for word in words.split()]
+    ) in (0, 2)
 
 
 @pytest.mark.slow
@@ -52,15 +54,28 @@ def stranger(folder, *words):
     python = Path("/usr/bin/python3")
     setpriv = shutil.which("setpriv")
     if os.getuid() or setpriv is None or not python.exists():
-        pytest.skip("another user can be played by root only, with setpriv and a Python that all may run")
-    version = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2])"], capture_output=True, text=True).stdout
+        pytest.skip(
+            "another user can be played by root only, with setpriv and a Python that all may run"
+        )
+    version = subprocess.run(
+        [python, "-c", "import sys; print(*sys.version_info[:2])"], capture_output=True, text=True
+    ).stdout
     if version.split() != [str(part) for part in sys.version_info[:2]]:
         pytest.skip("the Python of the system is another version")
     folder.chmod(0o777)
     packages = [p for p in sys.path if p.endswith("site-packages")]
     given = {"PATH": "/usr/bin:/bin", "TMPDIR": str(folder), "PYTHONPATH": os.pathsep.join([str(ROOT), *packages]),
              "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
-    command = [setpriv, "--reuid=54321", "--regid=54321", "--clear-groups", str(python), "-m", "simbench.cli", *words]
+    command = [
+        setpriv,
+        "--reuid=54321",
+        "--regid=54321",
+        "--clear-groups",
+        str(python),
+        "-m",
+        "simbench.cli",
+        *words,
+    ]
     return subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True)
 
 
@@ -88,4 +103,6 @@ def test_a_user_without_a_home_runs_a_verb(open_folder, words):
     done = stranger(open_folder, *words.split())
     assert done.returncode == 0, done.stderr
     raw = ("atplotlib", "Warning", "cache")
-    assert not [line for line in done.stderr.splitlines() if any(word in line for word in raw)], done.stderr
+    assert not [line for line in done.stderr.splitlines() if any(word in line for word in raw)], (
+        done.stderr
+    )

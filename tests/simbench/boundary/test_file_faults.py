@@ -22,7 +22,14 @@ from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 
-SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 2}
+SMALL = {
+    "disturbance": "none",
+    "Td_over_T": 0.3,
+    "S_over_2J": 0.5,
+    "Td_over_Ti": 0.05,
+    "periods": 15.0,
+    "repeats": 2,
+}
 METHODS = ["horch_histogram"]
 KILLS = Path(__file__).parents[2] / "reference" / "kills.py"
 
@@ -59,7 +66,10 @@ def quick(pieces):
 def tables(folder) -> str:
     """All of both tables but the times."""
     both = [pq.read_table(folder / f"{kind}.parquet") for kind in ("scenarios", "verdicts")]
-    return json.dumps([t.drop([n for n in t.column_names if n == "runtime_s"]).to_pydict() for t in both], default=str)
+    return json.dumps(
+        [t.drop([n for n in t.column_names if n == "runtime_s"]).to_pydict() for t in both],
+        default=str,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +107,9 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault, monkeypa
             assert isinstance(found, (Killed, Interrupted)), n
         else:
             assert isinstance(found, UserError), n
-            assert os.strerror(errno.ENOSPC if fault == "no space" else errno.EIO).lower() in str(found)
+            assert os.strerror(errno.ENOSPC if fault == "no space" else errno.EIO).lower() in str(
+                found
+            )
         run_grid(quick, folder, METHODS, resume=True)
         assert tables(folder) == expected, n
         assert {f.name for f in folder.iterdir()} == names, n

@@ -21,7 +21,14 @@ from simbench.bench.store.checksums import RunError, digest, with_checksum
 from simbench.cli import main
 from tests.simbench.boundary.conftest import held
 
-SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 3}
+SMALL = {
+    "disturbance": "none",
+    "Td_over_T": 0.3,
+    "S_over_2J": 0.5,
+    "Td_over_Ti": 0.05,
+    "periods": 15.0,
+    "repeats": 3,
+}
 TABLES = ("scenarios", "verdicts")
 CHANGED = {
     "scenarios": ("scenario_id", "cell", "repeat", "block", "member", "process", "noise_ratio", "seed", "sticky", "predicted",
@@ -32,7 +39,11 @@ CHANGED = {
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    return run_grid(load_grid("smoke", SMALL), tmp_path_factory.mktemp("runs") / "done", ["horch", "horch_histogram"])
+    return run_grid(
+        load_grid("smoke", SMALL),
+        tmp_path_factory.mktemp("runs") / "done",
+        ["horch", "horch_histogram"],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +66,22 @@ def unfinished(tmp_path_factory):
 def ways(kind: str) -> list[tuple[str, str]]:
     """Single faults of one table: a value in a column, a row, a column, a type, bytes of the file."""
     cells = [("cell", f"{c} {row}") for c in CHANGED[kind] for row in ("first", "last")]
-    rows = [("rows", w) for w in ("drop first", "drop last", "drop all", "twice", "swapped", "reversed", "half")]
+    rows = [
+        ("rows", w)
+        for w in ("drop first", "drop last", "drop all", "twice", "swapped", "reversed", "half")
+    ]
     columns = [("column", f"{w} {c}") for c in CHANGED[kind] for w in ("drop", "null")]
     bytes_ = [("bytes", f"{place}") for place in range(24)]
-    return [*cells, *rows, *columns, *bytes_, ("file", "gone"), ("file", "empty"), ("file", "cut"), ("file", "folder")]
+    return [
+        *cells,
+        *rows,
+        *columns,
+        *bytes_,
+        ("file", "gone"),
+        ("file", "empty"),
+        ("file", "cut"),
+        ("file", "folder"),
+    ]
 
 
 def spoil(file, way: tuple[str, str]) -> None:
@@ -97,7 +120,13 @@ def _changed(table: pa.Table, what: str, how: str) -> pa.Table:
     values = table.column(at).to_pylist()
     row = 0 if how.endswith("first") else n - 1
     old = values[row]
-    values[row] = (not old) if isinstance(old, bool) else f"{old}x" if isinstance(old, str) or old is None else old + 1
+    values[row] = (
+        (not old)
+        if isinstance(old, bool)
+        else f"{old}x"
+        if isinstance(old, str) or old is None
+        else old + 1
+    )
     if old is None and not pa.types.is_string(field.type):
         values[row] = False if pa.types.is_boolean(field.type) else 1
     return table.set_column(at, field, pa.array(values, type=field.type))
@@ -127,11 +156,17 @@ def noticed(capsys, *arguments) -> None:
 
 def asked(kind: str, number: int, way: tuple[str, str]):
     """A fault in a table: of cells, columns and bytes every third is asked always."""
-    return pytest.param(kind, way, marks=pytest.mark.slow if number % 3 and way[0] not in ("file", "rows") else ())
+    return pytest.param(
+        kind, way, marks=pytest.mark.slow if number % 3 and way[0] not in ("file", "rows") else ()
+    )
 
 
-@pytest.mark.parametrize(("kind", "way"), [asked(k, *each) for k in TABLES for each in enumerate(ways(k))], ids=str)
-def test_one_fault_in_a_table_of_a_run_or_a_baseline(finished, baseline, tmp_path, capsys, kind, way):
+@pytest.mark.parametrize(
+    ("kind", "way"), [asked(k, *each) for k in TABLES for each in enumerate(ways(k))], ids=str
+)
+def test_one_fault_in_a_table_of_a_run_or_a_baseline(
+    finished, baseline, tmp_path, capsys, kind, way
+):
     run = copied(finished, tmp_path)
     file = file_of(run, kind)
     before = file.read_bytes()
@@ -208,17 +243,32 @@ def test_one_fault_anywhere_in_a_manifest(finished, baseline, tmp_path):
                 (run / "manifest.json").write_text(json.dumps(content))
                 with pytest.raises(RunError, match="copy") as said:
                     score_run(run) if folder is finished else check_run(finished, run)
-                held(str(said.value), [str(value)[:60]] if last == "format" and value != "gone" else None)
+                held(
+                    str(said.value),
+                    [str(value)[:60]] if last == "format" and value != "gone" else None,
+                )
                 tried += 1
         shutil.rmtree(run)
     assert tried > 300
 
 
-NO_MANIFEST = ["", "{", "[]", "null", "1", "[" * 100_000, '{"format": 1}', "\0", f'{{"format": {"1" * 5000}}}']
+NO_MANIFEST = [
+    "",
+    "{",
+    "[]",
+    "null",
+    "1",
+    "[" * 100_000,
+    '{"format": 1}',
+    "\0",
+    f'{{"format": {"1" * 5000}}}',
+]
 
 
 @pytest.mark.parametrize("text", NO_MANIFEST, ids=lambda t: f"{t[:12]} {len(t)}")
-@pytest.mark.parametrize("verb", ["score", "check", "against", "from", "resume", "report", "compare"])
+@pytest.mark.parametrize(
+    "verb", ["score", "check", "against", "from", "resume", "report", "compare"]
+)
 def test_a_manifest_that_is_none(finished, tmp_path, refused, verb, text):
     run = copied(finished, tmp_path)
     (run / "manifest.json").write_text(text)
@@ -242,7 +292,9 @@ def test_simulate_from_a_changed_run(finished, tmp_path, refused, kind):
     run = copied(finished, tmp_path)
     spoil(file_of(run, kind), ("cell", "scenario_id last"))
     refused(["simulate", "--from", run, "--id", ident, "-o", tmp_path / "r.csv"], "copy")
-    refused(["simulate", "--from", finished, "--id", "nothing", "-o", tmp_path / "r.csv"], "nothing")
+    refused(
+        ["simulate", "--from", finished, "--id", "nothing", "-o", tmp_path / "r.csv"], "nothing"
+    )
 
 
 def test_an_empty_baseline_never_passes(finished, baseline, tmp_path, refused):
@@ -263,14 +315,19 @@ def resumed(folder) -> dict[str, list]:
 
 
 FAULTS = ("bytes", "gone", "empty", "cut", "other piece", "other run", "cell", "rows")
-PARTS = [(k, w) for k in (*TABLES, "receipt") for w in FAULTS if (k, w) != ("verdicts", "other run")]
+PARTS = [
+    (k, w) for k in (*TABLES, "receipt") for w in FAULTS if (k, w) != ("verdicts", "other run")
+]
 
 
 @pytest.mark.parametrize(("kind", "way"), PARTS, ids=str)
 def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, kind, way):
     run = copied(unfinished, tmp_path)
     numbers = sorted(int(f.stem) for f in (run / "receipts").glob("*.json"))
-    file, other = (run / (pieces.receipt_file(n) if kind == "receipt" else pieces.partition_file(kind, n)) for n in numbers[:2])
+    file, other = (
+        run / (pieces.receipt_file(n) if kind == "receipt" else pieces.partition_file(kind, n))
+        for n in numbers[:2]
+    )
     if way == "other piece":
         shutil.copy(other, file)
     elif way == "other run":
@@ -278,7 +335,11 @@ def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, ki
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
             with pytest.raises(Interrupted):
-                run_grid(load_grid("smoke", {**SMALL, "seed": 7}), tmp_path / "alien", ["horch", "horch_histogram"])
+                run_grid(
+                    load_grid("smoke", {**SMALL, "seed": 7}),
+                    tmp_path / "alien",
+                    ["horch", "horch_histogram"],
+                )
         for alien in (tmp_path / "alien").glob(f"*/{numbers[0]:08d}.*"):
             shutil.copy(alien, run / alien.relative_to(tmp_path / "alien"))
     elif kind == "receipt" and way in ("cell", "rows"):
@@ -286,7 +347,11 @@ def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, ki
         content["run" if way == "cell" else "piece"] = 3
         file.write_text(json.dumps(content))
     else:
-        what = {"bytes": ("bytes", "3"), "cell": ("cell", "scenario_id first"), "rows": ("rows", "drop last")}
+        what = {
+            "bytes": ("bytes", "3"),
+            "cell": ("cell", "scenario_id first"),
+            "rows": ("rows", "drop last"),
+        }
         spoil(file, what.get(way, ("file", way)))
     whole = [pq.read_table(finished / f"{k}.parquet").to_pydict() for k in TABLES]
     expected = {k: v for table in whole for k, v in table.items() if k != "runtime_s"}

@@ -29,17 +29,42 @@ MANY = settings(
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-WORDS = st.sampled_from(["foptd", "PI", "integrating", "choudhury", "ideal", "sine", "input", "K", "", "nan", "é", "a.b"])
+WORDS = st.sampled_from(
+    [
+        "foptd",
+        "PI",
+        "integrating",
+        "choudhury",
+        "ideal",
+        "sine",
+        "input",
+        "K",
+        "",
+        "nan",
+        "é",
+        "a.b",
+    ]
+)
 NUMBERS = st.one_of(
-    st.integers(-5, 5), st.integers(), st.floats(-1e3, 1e3), st.floats(), st.sampled_from([1e300, -1e-300, 0.0, 1e12])
+    st.integers(-5, 5),
+    st.integers(),
+    st.floats(-1e3, 1e3),
+    st.floats(),
+    st.sampled_from([1e300, -1e-300, 0.0, 1e12]),
 )
 SCALARS = st.one_of(NUMBERS, WORDS, st.booleans(), st.text(max_size=8))
 VALUES = st.recursive(
-    SCALARS, lambda v: st.one_of(st.lists(v, max_size=4), st.dictionaries(WORDS, v, max_size=3)), max_leaves=6
+    SCALARS,
+    lambda v: st.one_of(st.lists(v, max_size=4), st.dictionaries(WORDS, v, max_size=3)),
+    max_leaves=6,
 )
 # what happens to a text: at a place (a share of its length), so many characters go and these come
 CUTS = st.lists(
-    st.tuples(st.floats(0, 1), st.integers(0, 6), st.text(alphabet='0123456789.-+e,;"[]{}=#\n\t nainf\0é', max_size=5)),
+    st.tuples(
+        st.floats(0, 1),
+        st.integers(0, 6),
+        st.text(alphabet='0123456789.-+e,;"[]{}=#\n\t nainf\0é', max_size=5),
+    ),
     min_size=1,
     max_size=4,
 )
@@ -133,7 +158,9 @@ def test_grids(tmp_path, stopped, lines, cuts):
     for line, value in lines:
         text = changed(text, line, value)
     file.write_text(cut(text, cuts), encoding="utf-8", errors="surrogatepass")
-    code, said = asked(["run", file, "-o", tmp_path / "run", "--method", "horch_histogram", "-j", "1"])
+    code, said = asked(
+        ["run", file, "-o", tmp_path / "run", "--method", "horch_histogram", "-j", "1"]
+    )
     assert code in (2, 130), said
     if code == 2:
         assert "grid" in said
@@ -152,7 +179,11 @@ def test_records(tmp_path, cuts, raw, place):
 
 
 @MANY
-@given(content=st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda t: t.encode("utf-8", "replace"))))
+@given(
+    content=st.one_of(
+        st.binary(max_size=300), st.text(max_size=300).map(lambda t: t.encode("utf-8", "replace"))
+    )
+)
 def test_bytes(tmp_path, content):
     cuts = ["run", "smoke", "-o", tmp_path / "run", "--thresholds"]
     for name, words in (("x.csv", ["detect"]), ("x.toml", ["predict"]), ("x.json", cuts)):

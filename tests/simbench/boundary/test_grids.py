@@ -79,7 +79,11 @@ Ts = 1.0
 n = 300
 """
 RANGED = HEAD[: HEAD.index("[[block]]")].splitlines()
-RANGES = [line for line in RANGED if line.endswith("]") and " = [" in line and line[0] in "KTSspa" and '"' not in line]
+RANGES = [
+    line
+    for line in RANGED
+    if line.endswith("]") and " = [" in line and line[0] in "KTSspa" and '"' not in line
+]
 BAD_RANGES = [
     "[2.0, 1.0]", "[0.0, 1.0]", "[-1.0, 1.0]", "[nan, 1.0]", "[1.0, inf]", "[]", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 2.0]',
     "nan", "true", '"fast"', "{}", "[true, 2.0]", "2024-01-01",
@@ -89,25 +93,53 @@ CHANGES = {
     "unknown load place": ('at = "output"', 'at = "outlet"', "output"),
     "unknown load parameter": ("phase = 1.0", "fase = 1.0", "phase"),
     "word for a phase": ("phase = 1.0", 'phase = "none"', "phase"),
-    "unknown disturbance": ('disturbance = ["none", "sine"]', 'disturbance = ["none", "sinus"]', "sine"),
-    "number as disturbance": ('disturbance = ["none", "sine"]', 'disturbance = ["none", 3]', "words"),
+    "unknown disturbance": (
+        'disturbance = ["none", "sine"]',
+        'disturbance = ["none", "sinus"]',
+        "sine",
+    ),
+    "number as disturbance": (
+        'disturbance = ["none", "sine"]',
+        'disturbance = ["none", 3]',
+        "words",
+    ),
     "unknown valve": ('valve = "choudhury"', 'valve = "choudury"', "choudhury"),
     "no valve": ('valve = "choudhury"', "valve = []", "valve"),
     "a number as valve": ('valve = "choudhury"', "valve = 3", "valve"),
     "unknown valve table": ("[valves.lag]", "[valves.leg]", "lag"),
-    "unknown valve parameter": ("{ T = [0.01, 0.05] }\nscale = { T", "{ Z = [0.01, 0.05] }\nscale = { Z", "Z"),
+    "unknown valve parameter": (
+        "{ T = [0.01, 0.05] }\nscale = { T",
+        "{ Z = [0.01, 0.05] }\nscale = { Z",
+        "Z",
+    ),
     "unknown scale": ('scale = { T = "period" }', 'scale = { T = "hour" }', "period"),
     "scale of nothing": ('scale = { T = "period" }', 'scale = { D = "period" }', "scale"),
     "unknown effect": ("[effects.noise]", "[effects.noize]", "noise"),
     "unknown effect parameter": ("{ std = [0.1, 0.2] }", "{ sdt = [0.1, 0.2] }", "std"),
     "negative effect": ("{ std = [0.1, 0.2] }", "{ std = -1.0 }", "std"),
-    "unknown tuning": ('tuning = ["same", "aggressive"]', 'tuning = ["same", "agressive"]', "aggressive"),
+    "unknown tuning": (
+        'tuning = ["same", "aggressive"]',
+        'tuning = ["same", "agressive"]',
+        "aggressive",
+    ),
     "where of no axis": ("where = { disturbance", "where = { tuning", "where"),
-    "where of nothing": ('where = { disturbance = ["none"] }', "where = { disturbance = [] }", "disturbance"),
-    "where of unknown": ('where = { disturbance = ["none"] }', 'where = { disturbance = ["nun"] }', "none"),
+    "where of nothing": (
+        'where = { disturbance = ["none"] }',
+        "where = { disturbance = [] }",
+        "disturbance",
+    ),
+    "where of unknown": (
+        'where = { disturbance = ["none"] }',
+        'where = { disturbance = ["nun"] }',
+        "none",
+    ),
     "unknown process": ('process = "foptd"', 'process = "foptdd"', "foptd"),
     "unknown controller": ('controller = "PI"', 'controller = "PID"', "PI"),
-    "unknown excitation": ('excitation = ["setpoint", "load"]', 'excitation = ["setpint"]', "setpoint"),
+    "unknown excitation": (
+        'excitation = ["setpoint", "load"]',
+        'excitation = ["setpint"]',
+        "setpoint",
+    ),
     "empty axis": ("Td_over_T = [0.3, 1.0]", "Td_over_T = []", "Td_over_T"),
     "axis of words": ("Td_over_T = [0.3, 1.0]", 'Td_over_T = ["a"]', "Td_over_T"),
     "axis with nan": ("Td_over_T = [0.3, 1.0]", "Td_over_T = [nan]", "Td_over_T"),
@@ -179,7 +211,12 @@ def test_a_wrong_grid(refused, tmp_path, name):
 @pytest.mark.parametrize("line", RANGES, ids=lambda s: s.split(" ")[0])
 def test_a_range_that_is_none(refused, tmp_path, line, bad):
     key = line.split(" ")[0]
-    refused(run(put(tmp_path, HEAD.replace(line, f"{key} = {bad}", 1))), "grid", key, values=new_tokens("", bad)[:1])
+    refused(
+        run(put(tmp_path, HEAD.replace(line, f"{key} = {bad}", 1))),
+        "grid",
+        key,
+        values=new_tokens("", bad)[:1],
+    )
     assert written(tmp_path) == ["grid.toml"]
 
 
@@ -187,7 +224,12 @@ def test_a_range_that_is_none(refused, tmp_path, line, bad):
 def test_a_wrong_grid_of_one_loop(refused, tmp_path, name):
     old, new, word = PLAIN_CHANGES[name]
     assert old in PLAIN
-    refused(run(put(tmp_path, PLAIN.replace(old, new, 1))), "grid", word, values=new_tokens(old, new)[:1])
+    refused(
+        run(put(tmp_path, PLAIN.replace(old, new, 1))),
+        "grid",
+        word,
+        values=new_tokens(old, new)[:1],
+    )
     assert written(tmp_path) == ["grid.toml"]
 
 
@@ -217,7 +259,11 @@ def test_a_wrong_option_of_run(refused, tmp_path, option, word):
 
 def test_all_mistakes_are_said_at_once(tmp_path):
     text = HEAD
-    for old, new in (("[0.7, 2.0]", "[2.0, 0.7]"), ('"choudhury"', '"choudury"'), ('["none", "sine"]', '["none", "sinus"]')):
+    for old, new in (
+        ("[0.7, 2.0]", "[2.0, 0.7]"),
+        ('"choudhury"', '"choudury"'),
+        ('["none", "sine"]', '["none", "sinus"]'),
+    ):
         text = text.replace(old, new, 1)
     import tomllib
 
@@ -227,7 +273,9 @@ def test_all_mistakes_are_said_at_once(tmp_path):
         assert word in str(error.value)
 
 
-def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_says_so(tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_says_so(
+    tmp_path, capsys, monkeypatch
+):
     """A valve that refuses one of four cells: three are judged, one is told."""
     from simbench.bench.execute import work
     from simbench.cli import main
@@ -235,7 +283,11 @@ def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_say
     whole = work.truth
 
     def fails_once(loop, seed):
-        if loop.plant.Td / loop.plant.T > 0.9 and loop.valve.name == "choudhury" and not loop.disturbance[1:]:
+        if (
+            loop.plant.Td / loop.plant.T > 0.9
+            and loop.valve.name == "choudhury"
+            and not loop.disturbance[1:]
+        ):
             raise FloatingPointError("the loop ran away")
         return whole(loop, seed)
 

@@ -35,8 +35,14 @@ def here(tmp_path, monkeypatch):
 
 def write(path, times, head: str = "t,op,pv") -> None:
     op = [f"{50 + 6 * math.sin(k / 8):.4f}" for k in range(len(times))]
-    pv = [f"{30 + 5 * math.copysign(1, math.sin(k / 8 - 1)) + 0.1 * math.sin(7.1 * k):.4f}" for k in range(len(times))]
-    path.write_text("\n".join([head, *(",".join([repr(float(t)), *both]) for t, *both in zip(times, op, pv))]) + "\n")
+    pv = [
+        f"{30 + 5 * math.copysign(1, math.sin(k / 8 - 1)) + 0.1 * math.sin(7.1 * k):.4f}"
+        for k in range(len(times))
+    ]
+    path.write_text(
+        "\n".join([head, *(",".join([repr(float(t)), *both]) for t, *both in zip(times, op, pv))])
+        + "\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -79,7 +85,10 @@ def test_times_that_no_whole_number_counts_are_refused(here, refused, last):
 def test_an_axis_without_end_is_refused_before_it_is_read_value_by_value(here, refused):
     values = ", ".join(str(0.3 + k * 1e-7) for k in range(20_000))
     (here / "grid.toml").write_text(GRID.replace("1.0", values))
-    refused(["run", "grid.toml", "-o", "run"], "'controller.Kc' has 20000 values; at most 10000 are allowed")
+    refused(
+        ["run", "grid.toml", "-o", "run"],
+        "'controller.Kc' has 20000 values; at most 10000 are allowed",
+    )
 
 
 GRID = """
@@ -130,7 +139,11 @@ def test_a_load_of_period_0_is_refused_before_anything_is_simulated(here, refuse
     monkeypatch.setattr(run, "work", None)
     grid = load_grid("smoke").content.model_dump(exclude_none=True)
     assert grid["disturbances"]["sine"]["period"]
-    text = (files("scenarios") / "grids" / "smoke.toml").read_text().replace("period = [0.4, 2.5]", "period = 0", 1)
+    text = (
+        (files("scenarios") / "grids" / "smoke.toml")
+        .read_text()
+        .replace("period = [0.4, 2.5]", "period = 0", 1)
+    )
     (here / "grid.toml").write_text(text)
     refused(["run", "grid.toml", "-o", "run"], "disturbance 'sine': period = 0; it must be above 0")
 
@@ -141,7 +154,10 @@ CLOSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.skipif(os.getuid() == 0 and not hasattr(os, "seteuid"), reason="needs a user whom a folder can be closed to")
+@pytest.mark.skipif(
+    os.getuid() == 0 and not hasattr(os, "seteuid"),
+    reason="needs a user whom a folder can be closed to",
+)
 def test_a_folder_closed_to_its_reader_is_named(here, refused):
     closed = here / "closed"
     closed.mkdir(mode=0o555)
@@ -185,7 +201,9 @@ WORDS = st.one_of(
 @MANY
 @given(
     verb=st.sampled_from(VERBS),
-    options=st.lists(st.tuples(st.sampled_from(OPTIONS), WORDS, st.booleans()), min_size=1, max_size=3),
+    options=st.lists(
+        st.tuples(st.sampled_from(OPTIONS), WORDS, st.booleans()), min_size=1, max_size=3
+    ),
 )
 def test_options_at_random(here, verb, options):
     from simbench.bench.execute import run
@@ -195,6 +213,11 @@ def test_options_at_random(here, verb, options):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "work", never)
-        code, said = asked([*verb.split(), *(w for name, word, twice in options for w in (name, *[word] * (1 + twice)))])
+        code, said = asked(
+            [
+                *verb.split(),
+                *(w for name, word, twice in options for w in (name, *[word] * (1 + twice))),
+            ]
+        )
     assert "secret" not in said
     assert code in (0, 1, 2, 130)

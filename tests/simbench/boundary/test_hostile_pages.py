@@ -37,35 +37,61 @@ def hostile(tmp_path, monkeypatch):
     """A folder of records whose names, columns and tags are hostile, labels, and a plug-in."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plant").mkdir()
-    names = [IMAGE, "javascript:window.hit=1", "<svg onload=window.hit=1>", "\u202egnp.exe\u2066", "a'b&amp;<b>"]
+    names = [
+        IMAGE,
+        "javascript:window.hit=1",
+        "<svg onload=window.hit=1>",
+        "\u202egnp.exe\u2066",
+        "a'b&amp;<b>",
+    ]
     for k, name in enumerate(names):
-        write(tmp_path / "plant" / f"{name}.csv", np.arange(400 + 20 * k), head=f"t,{TAG}.OP,{TAG}.PV")
+        write(
+            tmp_path / "plant" / f"{name}.csv", np.arange(400 + 20 * k), head=f"t,{TAG}.OP,{TAG}.PV"
+        )
     shutil.copy(tmp_path / "plant" / f"{IMAGE}.csv", tmp_path / f"{IMAGE}.csv")
     (tmp_path / "hostile.py").write_text(PLUGIN)
     return tmp_path
 
 
 def assert_harmless(page):
-    assert "window.hit=1" in page.read_text(encoding="utf-8")  # the text is there: it is shown, not dropped
+    assert "window.hit=1" in page.read_text(
+        encoding="utf-8"
+    )  # the text is there: it is shown, not dropped
     if chromium.executable() is None:
         pytest.skip("no browser here")
     with chromium.opened(page) as shown:
         assert shown.evaluate("window.hit") is None
         assert shown.evaluate(FOREIGN) == []
-        assert shown.evaluate("document.querySelectorAll('img, iframe, object, embed, base, form').length") == 0
+        assert (
+            shown.evaluate(
+                "document.querySelectorAll('img, iframe, object, embed, base, form').length"
+            )
+            == 0
+        )
         assert shown.errors == []
         assert len(shown.requests) == 1, shown.requests
 
 
 VERBS = {
-    "detect": ["detect", "plant", "--method", "horch_histogram,hostile", "--plugin", "hostile.py", "--html", "page.html"],
+    "detect": [
+        "detect",
+        "plant",
+        "--method",
+        "horch_histogram,hostile",
+        "--plugin",
+        "hostile.py",
+        "--html",
+        "page.html",
+    ],
     "trust": ["trust", f"{IMAGE}.csv", "--method", "horch", "--html", "page.html"],
     "report": ["report", "plant", "-o", "page.html", "-j", "1"],
     "gap diagnose": ["gap", "diagnose", f"{IMAGE}.csv", "--identify", "--html", "page.html"],
 }
 
 
-@pytest.mark.parametrize("verb", ["detect", *(pytest.param(v, marks=pytest.mark.slow) for v in VERBS if v != "detect")])
+@pytest.mark.parametrize(
+    "verb", ["detect", *(pytest.param(v, marks=pytest.mark.slow) for v in VERBS if v != "detect")]
+)
 def test_a_page_about_hostile_names_runs_nothing(hostile, verb):
     assert main(VERBS[verb]) in (0, 1)
     assert_harmless(hostile / "page.html")
@@ -73,7 +99,16 @@ def test_a_page_about_hostile_names_runs_nothing(hostile, verb):
 
 @pytest.mark.slow
 def test_a_score_report_of_hostile_answers_runs_nothing(hostile):
-    words = ["run", "smoke", "-o", "run", "--method", "horch_histogram,hostile", "--plugin", "hostile.py"]
+    words = [
+        "run",
+        "smoke",
+        "-o",
+        "run",
+        "--method",
+        "horch_histogram,hostile",
+        "--plugin",
+        "hostile.py",
+    ]
     assert main([*words, "--set", "disturbance=none"]) in (0, 1)
     assert main(["score", "run", "--report", "page.html"]) in (0, 1)
     assert_harmless(hostile / "page.html")

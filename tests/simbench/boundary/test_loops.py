@@ -23,7 +23,21 @@ GOOD = {
 }
 NUMBERS = [(s, k) for s, keys in GOOD.items() for k, v in keys.items() if v[0] in "0123456789"]
 WORDS = [(s, k) for s, keys in GOOD.items() for k, v in keys.items() if v[0] == '"']
-NEVER = ("nan", "inf", "-inf", '"many"', '"1.0"', "true", "[]", "[1.0]", "{}", '""', "2024-05-31", "1" * 400, "1" * 5000)
+NEVER = (
+    "nan",
+    "inf",
+    "-inf",
+    '"many"',
+    '"1.0"',
+    "true",
+    "[]",
+    "[1.0]",
+    "{}",
+    '""',
+    "2024-05-31",
+    "1" * 400,
+    "1" * 5000,
+)
 EXTREME = ("0.0", "-1.0", "1e300", "-1e300", "1e-300", "1e12", "1e-9", "101.0")
 MORE = {
     "no plant": ("[plant]", "[plan]", "plan"),
@@ -73,7 +87,10 @@ def test_the_loop_that_is_spoilt_here_is_good(told, tmp_path):
 @pytest.mark.parametrize("value", NEVER, ids=lambda v: f"{v[:12]} {len(v)}")
 @pytest.mark.parametrize(("section", "key"), NUMBERS)
 def test_what_is_no_number_is_refused(refused, tmp_path, section, key, value):
-    path, short = put(tmp_path, text(section, key, value)), len(value) < 5000  # of longer ones Python reads no digit
+    path, short = (
+        put(tmp_path, text(section, key, value)),
+        len(value) < 5000,
+    )  # of longer ones Python reads no digit
     said = refused(
         ["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if short else "digits", values=[value] if short else None
     )  # fmt: skip
@@ -93,8 +110,12 @@ def test_what_is_no_known_word_is_refused(refused, tmp_path, section, key, value
 
 @pytest.mark.parametrize("value", EXTREME)
 @pytest.mark.parametrize(("section", "key"), NUMBERS)
-def test_an_extreme_number_is_refused_or_simulated_to_finite_numbers(told, tmp_path, section, key, value):
-    code, said = told(["simulate", put(tmp_path, text(section, key, value)), "-o", tmp_path / "r.csv"])
+def test_an_extreme_number_is_refused_or_simulated_to_finite_numbers(
+    told, tmp_path, section, key, value
+):
+    code, said = told(
+        ["simulate", put(tmp_path, text(section, key, value)), "-o", tmp_path / "r.csv"]
+    )
     if code == 2:
         assert key in said or "K" in said, said
         return
@@ -113,7 +134,9 @@ def test_a_misshapen_file_is_refused(refused, tmp_path, name):
     refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", word, values=values[:1])
 
 
-@pytest.mark.parametrize("verb", [["predict"], ["confirm", "gain-change"], ["confirm", "travel"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "verb", [["predict"], ["confirm", "gain-change"], ["confirm", "travel"]], ids=" ".join
+)
 @pytest.mark.parametrize("content", NO_LOOP, ids=repr)
 def test_no_loop_at_all(refused, tmp_path, verb, content):
     refused([*verb, put(tmp_path, content)], "loop.toml")

@@ -37,7 +37,11 @@ ACTS = "loop"
 def apply(setup, p, rng):
     setup.pv_add += p.size * np.sin(np.arange(setup.pv_add.size))
 '''
-REST, STEP, BAND = "    return (min(max(u0, 0.0), 100.0),)", "    x = min(max(u, 0.0), 100.0)", "    return p.S, 0.0"
+REST, STEP, BAND = (
+    "    return (min(max(u0, 0.0), 100.0),)",
+    "    x = min(max(u, 0.0), 100.0)",
+    "    return p.S, 0.0",
+)
 HEAD, APPLY = "SOURCE = ", "    setup.pv_add += "
 # where it stands, what is done there, and a word of the sentence
 VALVE = {
@@ -93,7 +97,12 @@ def hostile(tmp_path: Path, source: str, place: str, deed: str, name: str = "min
 
 def loop_file(tmp_path: Path, valve: str = "deadband", effect: str = "noise") -> Path:
     text = loop().replace('model = "choudhury"', f'model = "{valve}"').replace("J = 2.0\n", "")
-    return put(tmp_path, text if effect == "noise" else text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"'))
+    return put(
+        tmp_path,
+        text
+        if effect == "noise"
+        else text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"'),
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -128,7 +137,14 @@ def test_a_hostile_valve_is_one_sentence_that_names_it(refused, tmp_path, short,
 def test_a_hostile_effect_is_one_sentence_that_names_it(refused, tmp_path, short, name):
     place, deed, word = EFFECT[name]
     file, limit = hostile(tmp_path, HUM, place, deed), 3 if name == "never ends" else 60
-    words = ["simulate", loop_file(tmp_path, effect="mine"), "-o", tmp_path / "r.csv", "--effect-plugin", file]
+    words = [
+        "simulate",
+        loop_file(tmp_path, effect="mine"),
+        "-o",
+        tmp_path / "r.csv",
+        "--effect-plugin",
+        file,
+    ]
     refused([*words, "--time-limit", limit], "mine", word)
     assert not (tmp_path / "r.csv").exists()
 
@@ -139,7 +155,16 @@ def test_a_hostile_valve_refuses_a_column_in_one_sentence(refused, tmp_path, sho
     (tmp_path / "op.csv").write_text("op\n50\n52\n54\n56\n")
     file = hostile(tmp_path, PLAY, place, deed)
     limit = 3 if name == "never ends" else 60
-    words = ["valve", tmp_path / "op.csv", "--model", "mine", "--param", "S=5", "-o", tmp_path / "mv.csv"]
+    words = [
+        "valve",
+        tmp_path / "op.csv",
+        "--model",
+        "mine",
+        "--param",
+        "S=5",
+        "-o",
+        tmp_path / "mv.csv",
+    ]
     refused([*words, "--valve-plugin", file, "--time-limit", limit], "mine", word)
     assert not (tmp_path / "mv.csv").exists()
 
@@ -155,7 +180,14 @@ def test_what_a_valve_changes_changes_nothing_outside_it(tmp_path, capfd, deed):
     here, words = os.getcwd(), dict(os.environ)
     file = hostile(tmp_path, PLAY, REST, deed)
     assert main(["simulate", str(loop_file(tmp_path)), "-o", str(tmp_path / "a.csv")]) == 0
-    said = ["simulate", str(loop_file(tmp_path, "mine")), "-o", str(tmp_path / "b.csv"), "--valve-plugin", str(file)]
+    said = [
+        "simulate",
+        str(loop_file(tmp_path, "mine")),
+        "-o",
+        str(tmp_path / "b.csv"),
+        "--valve-plugin",
+        str(file),
+    ]
     assert main(said) == 0
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert (os.getcwd(), dict(os.environ)) == (here, words)
@@ -178,13 +210,19 @@ def test_a_name_that_means_something_already_is_refused(refused, tmp_path, optio
 
 def test_two_files_of_one_name_are_refused_and_nothing_is_known_afterwards(tmp_path):
     (tmp_path / "b").mkdir()
-    first, second = hostile(tmp_path, PLAY, HEAD, "pass"), hostile(tmp_path / "b", PLAY, HEAD, "pass")
+    first, second = (
+        hostile(tmp_path, PLAY, HEAD, "pass"),
+        hostile(tmp_path / "b", PLAY, HEAD, "pass"),
+    )
     with pytest.raises(ParameterError, match="taken"), parts.hosted_parts([first, second]):
         pass
 
 
 def test_a_valve_and_an_effect_of_a_loop_share_one_process_and_give_what_the_house_gives(tmp_path):
-    valve, effect = hostile(tmp_path, PLAY, HEAD, "pass"), hostile(tmp_path, HUM, HEAD, "pass", "hum")
+    valve, effect = (
+        hostile(tmp_path, PLAY, HEAD, "pass"),
+        hostile(tmp_path, HUM, HEAD, "pass", "hum"),
+    )
     mine = loop_file(tmp_path, "mine", "hum")
     plugins = ["--valve-plugin", str(valve), "--effect-plugin", str(effect)]
     assert main(["simulate", str(mine), "-o", str(tmp_path / "own.csv"), *plugins]) == 0
@@ -224,43 +262,85 @@ MEMBER = '[[block.member]]\nname = "{0}"\nvalve = "{0}"\n'
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_run_keeps_every_row_of_the_house_and_names_the_offender(tmp_path, capsys, jobs):
     """The siblings of a hostile valve, from the same cell, have the bits they have without it; a fine one has its twin's."""
-    deeds = {"loud": (REST, "raise ValueError('on purpose')"), "gone": (REST, "os._exit(3)"), "fine": (HEAD, "pass")}
+    deeds = {
+        "loud": (REST, "raise ValueError('on purpose')"),
+        "gone": (REST, "os._exit(3)"),
+        "fine": (HEAD, "pass"),
+    }
     deeds["vandal"] = (REST, "np.mean = np.std = None; os.environ.clear()")
     files = [hostile(tmp_path, PLAY, *deed, name) for name, deed in deeds.items()]
-    for name, members in (("without", ["deadband", "ideal"]), ("with", ["deadband", *deeds, "ideal"])):
+    for name, members in (
+        ("without", ["deadband", "ideal"]),
+        ("with", ["deadband", *deeds, "ideal"]),
+    ):
         (tmp_path / f"{name}.toml").write_text(GRID + "".join(MEMBER.format(m) for m in members))
     words = ["--method", "horch,rossi_scali,oracle", "-j", jobs, "--json"]
     assert main(["run", str(tmp_path / "without.toml"), "-o", str(tmp_path / "a"), *words]) == 0
     capsys.readouterr()
     plugins = [w for f in files for w in ("--valve-plugin", str(f))]
-    assert main(["run", str(tmp_path / "with.toml"), "-o", str(tmp_path / "b"), *words, *plugins]) == 1
+    assert (
+        main(["run", str(tmp_path / "with.toml"), "-o", str(tmp_path / "b"), *words, *plugins]) == 1
+    )
     failed = json.loads(capsys.readouterr().out)["failed"]
     assert failed["scenarios"] >= 2
-    assert any("valve plug-in 'loud': ValueError: on purpose" in reason for reason in failed["reasons"])
-    assert any("valve plug-in 'gone': ended its process (exit status 3)" in reason for reason in failed["reasons"])
+    assert any(
+        "valve plug-in 'loud': ValueError: on purpose" in reason for reason in failed["reasons"]
+    )
+    assert any(
+        "valve plug-in 'gone': ended its process (exit status 3)" in reason
+        for reason in failed["reasons"]
+    )
 
     found = {}
     for run in ("a", "b"):
         rows = pd.read_parquet(tmp_path / run / "scenarios.parquet").set_index("scenario_id")
         said = pd.read_parquet(tmp_path / run / "verdicts.parquet").drop(columns="runtime_s")
         said["member"] = said.scenario_id.map(rows.member)
-        found[run] = rows.set_index("member"), said.set_index(["member", "method"]).drop(columns="scenario_id")
+        found[run] = (
+            rows.set_index("member"),
+            said.set_index(["member", "method"]).drop(columns="scenario_id"),
+        )
     for part in ("deadband", "ideal"):
         assert found["a"][0].record_hash[part] == found["b"][0].record_hash[part]
-        pd.testing.assert_frame_equal(found["a"][1].loc[part], found["b"][1].loc[part], check_exact=True)
+        pd.testing.assert_frame_equal(
+            found["a"][1].loc[part], found["b"][1].loc[part], check_exact=True
+        )
     same = ["record_hash", "cycled", "cycle_period", "predicted", "theory_period", "sticky"]
     assert found["b"][0].loc["fine", same].equals(found["b"][0].loc["deadband", same])
-    pd.testing.assert_frame_equal(found["b"][1].loc["fine"], found["b"][1].loc["deadband"], check_exact=True)
+    pd.testing.assert_frame_equal(
+        found["b"][1].loc["fine"], found["b"][1].loc["deadband"], check_exact=True
+    )
 
 
 def test_a_scenario_of_a_run_is_repeated_with_its_valve(tmp_path, capsys):
     file = hostile(tmp_path, PLAY, HEAD, "pass")
     (tmp_path / "g.toml").write_text(GRID + MEMBER.format("mine"))
     plugin = ["--valve-plugin", str(file)]
-    assert main(["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch", *plugin]) == 0
+    assert (
+        main(
+            [
+                "run",
+                str(tmp_path / "g.toml"),
+                "-o",
+                str(tmp_path / "run"),
+                "--method",
+                "horch",
+                *plugin,
+            ]
+        )
+        == 0
+    )
     ident = pd.read_parquet(tmp_path / "run" / "scenarios.parquet").scenario_id[0]
     assert main(["score", str(tmp_path / "run"), "--report", str(tmp_path / "one.html")]) == 0
-    words = ["simulate", "--from", str(tmp_path / "run"), "--id", ident, "-o", str(tmp_path / "r.csv")]
+    words = [
+        "simulate",
+        "--from",
+        str(tmp_path / "run"),
+        "--id",
+        ident,
+        "-o",
+        str(tmp_path / "r.csv"),
+    ]
     assert main([*words, *plugin]) == 0
     capsys.readouterr()
     assert main(words) == 2
@@ -270,15 +350,48 @@ def test_a_scenario_of_a_run_is_repeated_with_its_valve(tmp_path, capsys):
 def test_a_run_in_which_nothing_can_be_simulated_says_so(tmp_path, capsys):
     file = hostile(tmp_path, PLAY, *VALVE["raises"][:2])
     (tmp_path / "g.toml").write_text(GRID + MEMBER.format("mine"))
-    words = ["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch,oracle"]
+    words = [
+        "run",
+        str(tmp_path / "g.toml"),
+        "-o",
+        str(tmp_path / "run"),
+        "--method",
+        "horch,oracle",
+    ]
     assert main([*words, "--valve-plugin", str(file)]) == 1
     assert "valve plug-in 'mine': ValueError: on purpose" in capsys.readouterr().err
-    assert main(["score", "--allow-failed", "1", str(tmp_path / "run"), "--report", str(tmp_path / "none.html")]) == 0
+    assert (
+        main(
+            [
+                "score",
+                "--allow-failed",
+                "1",
+                str(tmp_path / "run"),
+                "--report",
+                str(tmp_path / "none.html"),
+            ]
+        )
+        == 0
+    )
 
 
 def test_the_process_of_a_part_ends_with_the_question(tmp_path):
-    file = hostile(tmp_path, PLAY, REST, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))")
-    assert main(["simulate", str(loop_file(tmp_path, "mine")), "-o", str(tmp_path / "r.csv"), "--valve-plugin", str(file)]) == 0
+    file = hostile(
+        tmp_path, PLAY, REST, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))"
+    )
+    assert (
+        main(
+            [
+                "simulate",
+                str(loop_file(tmp_path, "mine")),
+                "-o",
+                str(tmp_path / "r.csv"),
+                "--valve-plugin",
+                str(file),
+            ]
+        )
+        == 0
+    )
     child, until = int((tmp_path / "pid").read_text()), time.monotonic() + 10.0
     while Path(f"/proc/{child}").exists() and time.monotonic() < until:
         time.sleep(0.1)
@@ -293,8 +406,14 @@ def published(tmp_path, monkeypatch):
         about = tmp_path / "strangers-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers\nVersion: 1.0\n")
-        groups = {g: [n for n, (s, _) in what.items() if s is source] for g, source in (("valves", PLAY), ("effects", HUM))}
-        text = "".join(f"[simbench.{g}]\n" + "".join(f"{n} = theirs.{n}\n" for n in names) for g, names in groups.items())
+        groups = {
+            g: [n for n, (s, _) in what.items() if s is source]
+            for g, source in (("valves", PLAY), ("effects", HUM))
+        }
+        text = "".join(
+            f"[simbench.{g}]\n" + "".join(f"{n} = theirs.{n}\n" for n in names)
+            for g, names in groups.items()
+        )
         (about / "entry_points.txt").write_text(text)
         (tmp_path / "theirs").mkdir()
         for name, (source, (place, deed)) in what.items():
@@ -321,27 +440,56 @@ def test_installed_parts_live_in_processes_of_their_own_too(published, tmp_path,
     out = tmp_path / "r.csv"
     assert main(["simulate", str(loop_file(tmp_path, "mine", "hum")), "-o", str(out)]) == 0
     assert not [m for m in sys.modules if m.startswith("theirs")]
-    assert main(["simulate", str(loop_file(tmp_path, "deadband")), "-o", str(tmp_path / "house.csv")]) == 0
+    assert (
+        main(["simulate", str(loop_file(tmp_path, "deadband")), "-o", str(tmp_path / "house.csv")])
+        == 0
+    )
     out.unlink(), capsys.readouterr()
-    refused(["simulate", loop_file(tmp_path, "gone"), "-o", out], "valve plug-in 'gone'", "exit status 3")
-    refused(["simulate", loop_file(tmp_path, effect="loud"), "-o", out], "effect plug-in 'loud'", "SystemExit")
+    refused(
+        ["simulate", loop_file(tmp_path, "gone"), "-o", out],
+        "valve plug-in 'gone'",
+        "exit status 3",
+    )
+    refused(
+        ["simulate", loop_file(tmp_path, effect="loud"), "-o", out],
+        "effect plug-in 'loud'",
+        "SystemExit",
+    )
     assert not out.exists()
 
 
 def test_a_run_names_the_installed_valve_that_fails_and_keeps_the_rest(published, tmp_path, capsys):
     published(fine=(PLAY, (HEAD, "pass")), gone=(PLAY, (REST, "os._exit(3)")))
-    (tmp_path / "g.toml").write_text(GRID + "".join(MEMBER.format(m) for m in ("deadband", "fine", "gone")))
-    words = ["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch,oracle", "-j", "2", "--json"]
+    (tmp_path / "g.toml").write_text(
+        GRID + "".join(MEMBER.format(m) for m in ("deadband", "fine", "gone"))
+    )
+    words = [
+        "run",
+        str(tmp_path / "g.toml"),
+        "-o",
+        str(tmp_path / "run"),
+        "--method",
+        "horch,oracle",
+        "-j",
+        "2",
+        "--json",
+    ]
     assert main(words) == 1
     reasons = json.loads(capsys.readouterr().out)["failed"]["reasons"]
-    assert any("valve plug-in 'gone': ended its process (exit status 3)" in reason for reason in reasons)
+    assert any(
+        "valve plug-in 'gone': ended its process (exit status 3)" in reason for reason in reasons
+    )
     rows = pd.read_parquet(tmp_path / "run" / "scenarios.parquet").set_index("member")
     assert rows.record_hash["fine"] == rows.record_hash["deadband"]
 
 
 @pytest.mark.parametrize("verb", ["simulate", "list"])
-def test_an_installed_part_that_cannot_be_imported_is_named_with_its_distribution(published, tmp_path, refused, verb):
+def test_an_installed_part_that_cannot_be_imported_is_named_with_its_distribution(
+    published, tmp_path, refused, verb
+):
     published(broken=(HUM, (HEAD, "raise OSError('no licence')")))
     loop = loop_file(tmp_path, effect="broken")
-    words = ["simulate", loop, "-o", tmp_path / "r.csv"] if verb == "simulate" else ["list", "effects"]
+    words = (
+        ["simulate", loop, "-o", tmp_path / "r.csv"] if verb == "simulate" else ["list", "effects"]
+    )
     refused(words, "broken", "strangers", "no licence")

@@ -39,7 +39,10 @@ HOSTILE = {
     "raises": ('raise ValueError("on purpose")', "on purpose"),
     "raises without text": ("raise KeyError", "KeyError"),
     "raises its own": ("class E(BaseException): pass\n    raise E('mine')", "mine"),
-    "raises what raises": ("class E(Exception):\n        def __str__(self): raise E\n    raise E()", "E"),
+    "raises what raises": (
+        "class E(Exception):\n        def __str__(self): raise E\n    raise E()",
+        "E",
+    ),
     "exits": ("sys.exit(0)", "SystemExit"),
     "exits hard": ("os._exit(7)", "exit status 7"),
     "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
@@ -56,8 +59,14 @@ HOSTILE = {
     "blank reason": ('return Verdict("x", "stiction", reason="  ")', "reason"),
     "word as score": ('return Verdict("x", "stiction", score="high", reason="r")', "score"),
     "list as score": ('return Verdict("x", "stiction", score=[1.0], reason="r")', "score"),
-    "array as index": ('return Verdict("x", "stiction", indices={"a": np.ones(3)}, reason="r")', "a"),
-    "object as index": ('return Verdict("x", "stiction", indices={"a": object()}, reason="r")', "indices"),
+    "array as index": (
+        'return Verdict("x", "stiction", indices={"a": np.ones(3)}, reason="r")',
+        "a",
+    ),
+    "object as index": (
+        'return Verdict("x", "stiction", indices={"a": object()}, reason="r")',
+        "indices",
+    ),
     "indices no table": ('return Verdict("x", "stiction", indices=[1], reason="r")', "indices"),
     "word as S": ('return Verdict("x", "stiction", S="5", reason="r")', "S"),
     "infinite S": ('return Verdict("x", "stiction", S=float("inf"), reason="r")', "S"),
@@ -72,7 +81,8 @@ HARMLESS = {
     "prints": 'print("x" * 100_000)\n    ' + FINE,
     "writes to both": "os.write(1, b'noise'); os.write(2, b'noise')\n    " + FINE,
     "changes numpy": "np.random.seed(0); np.seterr(all='raise'); np.mean = None\n    " + FINE,
-    "changes the others": "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    " + FINE,
+    "changes the others": "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    "
+    + FINE,
     "changes the folder": "os.chdir('/'); os.environ.clear(); sys.path.clear()\n    " + FINE,
     "changes what is shared": "prepared.shared.clear(); prepared.__dict__.clear\n    " + FINE,
     "numpy numbers": 'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")',
@@ -103,7 +113,9 @@ def alone() -> list[dict]:
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(tmp_path, alone, name, monkeypatch):
+def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(
+    tmp_path, alone, name, monkeypatch
+):
     monkeypatch.setattr(host, "BYTES", 400 << 20)
     body, word = HOSTILE[name]
     file = plugin(tmp_path, body)
@@ -150,10 +162,24 @@ def test_a_file_that_is_no_plug_in(refused, tmp_path, name):
     (tmp_path / "mine.py").write_text(text)
     record = tmp_path / "rec.csv"
     record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
-    refused(["detect", record, "--method", "horch", "--plugin", tmp_path / "mine.py"], "mine.py", word)
+    refused(
+        ["detect", record, "--method", "horch", "--plugin", tmp_path / "mine.py"], "mine.py", word
+    )
 
 
-TAKEN = ["oracle", "all", "fast", "full", "horch", "procedure", "always_no", "Mine", "my-file", "1st", "a b"]
+TAKEN = [
+    "oracle",
+    "all",
+    "fast",
+    "full",
+    "horch",
+    "procedure",
+    "always_no",
+    "Mine",
+    "my-file",
+    "1st",
+    "a b",
+]
 
 
 @pytest.mark.parametrize("name", TAKEN)
@@ -182,11 +208,33 @@ def test_missing_plug_ins_are_named(refused, tmp_path):
 
 def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, capsys):
     """Every verdict but its own equal, its failures counted, exit 1: it failed on more records than allowed."""
-    small = ["--set", "disturbance=none", "--set", "Td_over_T=0.3", "--set", "S_over_2J=0.5", "--set", "Td_over_Ti=0.05"]
-    file = plugin(tmp_path, "np.mean = None; os.environ.clear()\n    raise ValueError('on purpose')")
+    small = [
+        "--set",
+        "disturbance=none",
+        "--set",
+        "Td_over_T=0.3",
+        "--set",
+        "S_over_2J=0.5",
+        "--set",
+        "Td_over_Ti=0.05",
+    ]
+    file = plugin(
+        tmp_path, "np.mean = None; os.environ.clear()\n    raise ValueError('on purpose')"
+    )
     assert main(["run", "smoke", *small, "-o", str(tmp_path / "without"), "--method", "horch"]) == 0
     capsys.readouterr()
-    words = ["run", "smoke", *small, "-o", str(tmp_path / "with"), "--method", "horch", "--plugin", str(file), "--json"]
+    words = [
+        "run",
+        "smoke",
+        *small,
+        "-o",
+        str(tmp_path / "with"),
+        "--method",
+        "horch",
+        "--plugin",
+        str(file),
+        "--json",
+    ]
     assert main(words) == 1
     failed = json.loads(capsys.readouterr().out)["failed"]
     # it is asked about the records that its source covers and that are fit to be judged
@@ -194,21 +242,31 @@ def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, c
     assert 0 < failed["methods"]["stranger"] <= failed["of"]
     import pandas as pd
 
-    one, two = (pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s") for d in ("without", "with"))
+    one, two = (
+        pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s")
+        for d in ("without", "with")
+    )
     own = two[two.method == "horch"].reset_index(drop=True)
     pd.testing.assert_frame_equal(one, own, check_exact=True)
 
 
 def test_a_plug_in_ends_with_its_parent(tmp_path):
-    file = plugin(tmp_path, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(1000)")
+    file = plugin(
+        tmp_path, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(1000)"
+    )
     code = f"""
 import numpy as np
 from detectors.detection import detect
 t = np.arange(600.0)
 detect(dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0), ["horch"], plugins=[{str(file)!r}])
 """
-    code = code.replace("dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0)", "LoopRecord(np.sin(t / 8), np.cos(t / 8), 1.0)")
-    parent = subprocess.Popen([sys.executable, "-c", "from detectors.record import LoopRecord" + code])
+    code = code.replace(
+        "dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0)",
+        "LoopRecord(np.sin(t / 8), np.cos(t / 8), 1.0)",
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", "from detectors.record import LoopRecord" + code]
+    )
     until = time.monotonic() + 60.0
     while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
         assert time.monotonic() < until
@@ -232,7 +290,9 @@ def published(tmp_path, monkeypatch):
         lines = "".join(f"{name} = of_a_stranger_{name}\n" for name, _ in what)
         (about / "entry_points.txt").write_text(f"[simbench.detectors]\n{lines}")
         for name, body in what:
-            plugin(tmp_path, body, f"of_a_stranger_{name}").write_text(raises + HEAD.format(body=body, more=""))
+            plugin(tmp_path, body, f"of_a_stranger_{name}").write_text(
+                raises + HEAD.format(body=body, more="")
+            )
         monkeypatch.syspath_prepend(tmp_path)
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
         methods.__dict__.pop("_entry_points", None)
@@ -245,7 +305,9 @@ def published(tmp_path, monkeypatch):
 def test_a_published_detector_lives_in_a_process_of_its_own(published, alone, tmp_path):
     tells = FINE.replace('"because"', "str(os.getpid())")
     published(("pid", tells), ("mad", HOSTILE["exits hard"][0]))
-    found = {v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts}
+    found = {
+        v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts
+    }
     assert [found[m].as_json() for m in OTHERS] == alone
     assert found["pid"].verdict == found["pid@published"].verdict == "stiction"
     assert int(found["pid"].reason.partition(";")[0]) != os.getpid()
@@ -261,7 +323,9 @@ def test_a_published_detector_takes_no_name_of_the_house(published, alone):
     assert "oracle" not in methods.names()
 
 
-def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribution(published, refused, tmp_path):
+def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribution(
+    published, refused, tmp_path
+):
     published(("broken", FINE), raises="raise OSError('no licence')\n")
     record = tmp_path / "rec.csv"
     record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
@@ -280,7 +344,9 @@ CONTRACTS = {
 @pytest.mark.parametrize("name", CONTRACTS)
 def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
     monkeypatch.setattr(host, "BYTES", 400 << 20)
-    monkeypatch.setattr(check_in_subprocess, "__defaults__", (10.0 if name == "never ends" else 300.0,))
+    monkeypatch.setattr(
+        check_in_subprocess, "__defaults__", (10.0 if name == "never ends" else 300.0,)
+    )
     body, word = CONTRACTS[name]
     file = plugin(tmp_path, body)
     file.write_text('"""A stranger."""\n' + file.read_text().replace(", **thresholds", ""))
@@ -325,7 +391,9 @@ member = [{ name = "sticky", valve = "choudhury" }, { name = "healthy", valve = 
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found by their environment")
+@pytest.mark.skipif(
+    not Path("/proc/self/environ").exists(), reason="processes are found by their environment"
+)
 def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_no_worker(tmp_path):
     import pandas as pd
 
@@ -362,7 +430,10 @@ def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_n
     while left() and time.monotonic() < until:
         time.sleep(0.1)
     assert left() == []
-    one, two = (pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s") for d in ("without", "with"))
+    one, two = (
+        pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s")
+        for d in ("without", "with")
+    )
     own = two[two.method.isin(OTHERS)].reset_index(drop=True)
     pd.testing.assert_frame_equal(one, own, check_exact=True)
     assert two.method.nunique() == len(OTHERS) + len(bodies)

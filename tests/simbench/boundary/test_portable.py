@@ -46,12 +46,16 @@ for package in ("detectors", "scenarios", "simbench"):
 def blocked(tmp_path_factory):
     """Run Python code with the blockade, or without it; return what it prints."""
     folder = tmp_path_factory.mktemp("blockade")
-    (folder / "sitecustomize.py").write_text(BLOCKADE.replace("WHOLE", "'loky' not in ' '.join(sys.orig_argv)"))
+    (folder / "sitecustomize.py").write_text(
+        BLOCKADE.replace("WHOLE", "'loky' not in ' '.join(sys.orig_argv)")
+    )
 
     def run(code: str, blockade: bool = True) -> str:
         paths = [str(folder)] * blockade + [str(ROOT)]
         known = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        done = subprocess.run([sys.executable, "-c", code], env=known, capture_output=True, text=True, timeout=500)
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=known, capture_output=True, text=True, timeout=500
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -84,7 +88,10 @@ def test_every_module_imports(blocked):
 
 def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
     names = "'fcntl', 'resource', 'detectors.plugins.process'"
-    said = blocked(f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in sys.modules])", False)
+    said = blocked(
+        f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in sys.modules])",
+        False,
+    )
     assert "detectors.plugins.process" not in said
 
 

@@ -32,7 +32,20 @@ def with_cell(column: str, text: str) -> str:
     return "\n".join([*lines[:100], ",".join(cells), *lines[101:]])
 
 
-WRONG_CELLS = ("off", "1.2.3", "inf", "-inf", "1e999", "0x10", "Sort of", "12:30", "1_000x", "+-", "1;2", "9" * 400)
+WRONG_CELLS = (
+    "off",
+    "1.2.3",
+    "inf",
+    "-inf",
+    "1e999",
+    "0x10",
+    "Sort of",
+    "12:30",
+    "1_000x",
+    "+-",
+    "1;2",
+    "9" * 400,
+)
 WRONG_TEXTS = {
     "nothing": b"",
     "one byte": b"\0",
@@ -60,7 +73,8 @@ WRONG_TEXTS = {
     "time far apart": b"t,op,pv\n0,1,2\n1,2,3\n2,3,4\n1e18,4,5\n",
     "steps of nothing": b"t,op,pv\n0,1,2\n1e-320,2,3\n2e-320,3,4\n",
     "all empty": b"t,op,pv\n" + b"".join(f"{k},,\n".encode() for k in range(50)),
-    "half empty": b"t,op,pv\n" + b"".join((f"{k},,\n" if k % 2 else f"{k},1,2\n").encode() for k in range(50)),
+    "half empty": b"t,op,pv\n"
+    + b"".join((f"{k},,\n" if k % 2 else f"{k},1,2\n").encode() for k in range(50)),
     "a page": b"<html><body>404</body></html>",
     "json": b'{"op": [1, 2, 3]}',
     "a zip": b"PK\x03\x04" + b"\1" * 100,
@@ -98,9 +112,18 @@ def test_no_record_at_all(refused, tmp_path, verb, name):
 
 
 @pytest.mark.parametrize("text", WRONG_CELLS, ids=lambda t: t[:10])
-@pytest.mark.parametrize(("verb", "column"), [*product(["detect", "gap"], ["op", "pv", "t"]), ("valve", "op"), ("valve", "t")])
+@pytest.mark.parametrize(
+    ("verb", "column"),
+    [*product(["detect", "gap"], ["op", "pv", "t"]), ("valve", "op"), ("valve", "t")],
+)
 def test_a_cell_that_is_no_number(refused, tmp_path, verb, column, text):
-    refused(ask(verb, put(tmp_path, with_cell(column, text))), "rec.csv", "line 101", column, values=[text])
+    refused(
+        ask(verb, put(tmp_path, with_cell(column, text))),
+        "rec.csv",
+        "line 101",
+        column,
+        values=[text],
+    )
 
 
 def frame(**columns) -> pd.DataFrame:
@@ -116,7 +139,9 @@ def binary(suffix: str) -> bytes:
     else:
         from scipy.io import savemat
 
-        savemat(out, {"cdata": {"chemicals": {"loop1": {"PV": PV, "OP": OP, "SP": PV * 0, "Ts": 1.0}}}})
+        savemat(
+            out, {"cdata": {"chemicals": {"loop1": {"PV": PV, "OP": OP, "SP": PV * 0, "Ts": 1.0}}}}
+        )
     return out.getvalue()
 
 
@@ -141,7 +166,11 @@ def test_a_damaged_binary_file(told, tmp_path, suffix, damage):
         held(said)
 
 
-@pytest.mark.parametrize("values", [["a"] * N, [None] * N, [[1, 2]] * N, [b"\0"] * N, [True] * N], ids=lambda v: repr(v[0]))
+@pytest.mark.parametrize(
+    "values",
+    [["a"] * N, [None] * N, [[1, 2]] * N, [b"\0"] * N, [True] * N],
+    ids=lambda v: repr(v[0]),
+)
 @pytest.mark.parametrize("column", ["op", "pv", "t"])
 def test_a_parquet_column_of_another_type(refused, tmp_path, column, values):
     if values[0] is None and column == "t":
@@ -152,18 +181,27 @@ def test_a_parquet_column_of_another_type(refused, tmp_path, column, values):
 
 
 @pytest.mark.parametrize("limit", ["MOST_ROWS", "MOST_UNPACKED"])
-def test_a_small_sheet_that_unpacks_to_a_large_one_is_refused(refused, tmp_path, monkeypatch, limit):
+def test_a_small_sheet_that_unpacks_to_a_large_one_is_refused(
+    refused, tmp_path, monkeypatch, limit
+):
     monkeypatch.setattr(tables, limit, {"MOST_ROWS": 5000, "MOST_UNPACKED": 500_000}[limit])
     path = tmp_path / "bomb.xlsx"
-    with zipfile.ZipFile(io.BytesIO(binary(".xlsx"))) as good, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bad:
+    with (
+        zipfile.ZipFile(io.BytesIO(binary(".xlsx"))) as good,
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bad,
+    ):
         for item in good.namelist():
             if item != "xl/worksheets/sheet1.xml":
                 bad.writestr(item, good.read(item))
         with bad.open("xl/worksheets/sheet1.xml", "w") as sheet:
-            sheet.write(b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>')
+            sheet.write(
+                b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+            )
             sheet.write(b"<row><c><v>1</v></c><c><v>1</v></c><c><v>1</v></c></row>" * 10_000)
             sheet.write(b"</sheetData></worksheet>")
-    refused(ask("detect", path), "bomb.xlsx", {"MOST_ROWS": "rows", "MOST_UNPACKED": "unpacks"}[limit])
+    refused(
+        ask("detect", path), "bomb.xlsx", {"MOST_ROWS": "rows", "MOST_UNPACKED": "unpacks"}[limit]
+    )
 
 
 SHAPES = {

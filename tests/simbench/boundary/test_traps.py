@@ -25,7 +25,16 @@ def home(tmp_path_factory):
     (home / "loop.toml").write_text(loop_text())
     write(home / "rec.csv", np.arange(900))
     (home / "cuts.json").write_text("{}")
-    run = ["run", "smoke", "-o", str(home / "run"), "--method", "horch_histogram", "--set", "disturbance=none"]
+    run = [
+        "run",
+        "smoke",
+        "-o",
+        str(home / "run"),
+        "--method",
+        "horch_histogram",
+        "--set",
+        "disturbance=none",
+    ]
     assert main(run) == 0
     assert main(["check", str(home / "run"), "--against", str(home / "baseline"), "--update"]) == 0
     return home
@@ -65,10 +74,23 @@ def test_a_receipt_that_is_a_trap_is_worked_again(home, tmp_path, monkeypatch, c
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CAUGHT", str(tmp_path / "caught"))
-    words = ["run", "smoke", "-o", "run", "--method", "horch_histogram", "--set", "disturbance=none", "--resume", "--json"]
+    words = [
+        "run",
+        "smoke",
+        "-o",
+        "run",
+        "--method",
+        "horch_histogram",
+        "--set",
+        "disturbance=none",
+        "--resume",
+        "--json",
+    ]
     finish = run_module.pieces.finish
     with monkeypatch.context() as patch:
-        patch.setattr(run_module.pieces, "finish", lambda *given: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(
+            run_module.pieces, "finish", lambda *given: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
         assert main(words) == 130
     receipts = list((tmp_path / "run" / "receipts").iterdir())
     assert receipts

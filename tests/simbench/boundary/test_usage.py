@@ -209,7 +209,12 @@ FILES = {"LABELS": "csv", "SLOW": "toml", "SHARE": "csv", "TAGS": "csv", "FAST":
 
 @pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
 def test_a_wrong_command(refused, tmp_path, line, word):
-    loop, record, empty, records = put(tmp_path, text()), tmp_path / "rec.csv", tmp_path / "empty", tmp_path / "records"
+    loop, record, empty, records = (
+        put(tmp_path, text()),
+        tmp_path / "rec.csv",
+        tmp_path / "empty",
+        tmp_path / "records",
+    )
     record.write_text(RECORD)
     empty.mkdir()
     records.mkdir()
@@ -223,10 +228,18 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     before = loop.read_bytes()
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
     places |= {name: tmp_path / f"{name.lower()}.{kind}" for name, kind in FILES.items()}
-    inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
+    inside = {
+        "PAGE": tmp_path / "rec.html",
+        "RECS/one.html": records / "one.html",
+        "RECS/one.csv": records / "one.csv",
+    }
     inside |= {"OUT/key": tmp_path / "out" / "key"}
     values = given(line.split(), {*places, *inside}, word)
-    refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word, values=values)
+    refused(
+        [(places | inside).get(w, w) for w in line.split()],
+        "empty" if word == "DIR" else word,
+        values=values,
+    )
     assert loop.read_bytes() == before
     assert record.read_text() == (records / "one.csv").read_text() == RECORD
     assert not (tmp_path / "out").exists()
@@ -235,11 +248,30 @@ def test_a_wrong_command(refused, tmp_path, line, word):
 
 def given(words: list[str], places: set[str], named: str) -> list[str]:
     """What is wrong on a command line, where it is a value: not what the sentence names anyway, no option, verb or file."""
-    known = {*places, *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split())}
-    right = {"smoke", "all", "horch", "deadband", "fig-11-4", "score-map", "detectors", "figures", "none", "1", "100"}
-    pairs = [w.split(",")[-1].partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()]
+    known = {
+        *places,
+        *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split()),
+    }
+    right = {
+        "smoke",
+        "all",
+        "horch",
+        "deadband",
+        "fig-11-4",
+        "score-map",
+        "detectors",
+        "figures",
+        "none",
+        "1",
+        "100",
+    }
+    pairs = [
+        w.split(",")[-1].partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()
+    ]
     values = [key if key == named else value or key for key, _, value in pairs]
-    return [v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))][-1:]
+    return [
+        v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))
+    ][-1:]
 
 
 def verbs(command, words: str = "") -> Iterator[str]:

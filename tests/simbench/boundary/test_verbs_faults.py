@@ -55,19 +55,69 @@ def home(tmp_path_factory):
     (home / "plant").mkdir()
     for k in range(5):
         write(home / "plant" / f"r{k}.csv", np.arange(300 + 20 * k))
-    assert main(["run", "smoke", "-o", str(home / "run"), "--method", "horch_histogram", "--set", "disturbance=none"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                "smoke",
+                "-o",
+                str(home / "run"),
+                "--method",
+                "horch_histogram",
+                "--set",
+                "disturbance=none",
+            ]
+        )
+        == 0
+    )
     assert main(["check", str(home / "run"), "--against", str(home / "baseline"), "--update"]) == 0
-    make = ["exam", "make", "smoke", "-o", str(home / "exam"), "--key", str(home / "exam.key"), "--n", "2", "--seed", "3"]
+    make = [
+        "exam",
+        "make",
+        "smoke",
+        "-o",
+        str(home / "exam"),
+        "--key",
+        str(home / "exam.key"),
+        "--n",
+        "2",
+        "--seed",
+        "3",
+    ]
     assert main(make) == 0
-    assert main(["exam", "answer", str(home / "exam"), "-o", str(home / "answers.csv"), "--method", "horch_histogram"]) == 0
+    assert (
+        main(
+            [
+                "exam",
+                "answer",
+                str(home / "exam"),
+                "-o",
+                str(home / "answers.csv"),
+                "--method",
+                "horch_histogram",
+            ]
+        )
+        == 0
+    )
     return home
 
 
 @pytest.fixture
 def cheap(monkeypatch):
     """What leave-out finds, without a diagnosis: this is about files."""
-    row = dict.fromkeys(leave_out.LEAVE_OUT_COLUMNS, "") | {"said": "unknown", "block": "valve", "before": 1 / 3, "left": 0.1}
-    row |= {"back": "none", "strength": "strong", "resolvable": True, "after": 0.1, "nearest": "none"}
+    row = dict.fromkeys(leave_out.LEAVE_OUT_COLUMNS, "") | {
+        "said": "unknown",
+        "block": "valve",
+        "before": 1 / 3,
+        "left": 0.1,
+    }
+    row |= {
+        "back": "none",
+        "strength": "strong",
+        "resolvable": True,
+        "after": 0.1,
+        "nearest": "none",
+    }
     row |= {"floor": 0.0, "right": True}
 
     def one(place, name, i, effect, draw_item, test, seed, tests):
@@ -91,14 +141,23 @@ def clean(home, name):
     return folder
 
 
-ALWAYS = [("simulate", "no space"), ("simulate", "kill after"), ("detect", "no space"), ("exam make", "kill after")]
+ALWAYS = [
+    ("simulate", "no space"),
+    ("simulate", "kill after"),
+    ("detect", "no space"),
+    ("exam make", "kill after"),
+]
 RARELY = [(verb, fault) for verb in QUICK for fault in FAULTS if (verb, fault) not in ALWAYS]
 
 
-@pytest.mark.parametrize(("verb", "fault"), [*ALWAYS, *(pytest.param(*both, marks=pytest.mark.slow) for both in RARELY)])
+@pytest.mark.parametrize(
+    ("verb", "fault"), [*ALWAYS, *(pytest.param(*both, marks=pytest.mark.slow) for both in RARELY)]
+)
 def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, verb, fault):
     words = QUICK[verb].split()
-    monkeypatch.chdir(clean(home, "first"))  # what is made once for all, such as compiled kernels, is made here
+    monkeypatch.chdir(
+        clean(home, "first")
+    )  # what is made once for all, such as compiled kernels, is made here
     assert main(words) == 0
     monkeypatch.chdir(clean(home, "whole"))
     with pytest.MonkeyPatch.context() as patch:
@@ -129,7 +188,9 @@ def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, 
             assert os.strerror(errno.ENOSPC if fault == "no space" else errno.EIO).lower() in last
             assert not [f for f in folder.rglob(".*") if f.is_file()]
         for name, content in bits(folder).items():
-            half = any(part.startswith(".") or part.endswith(".partial") for part in name.split("/"))
+            half = any(
+                part.startswith(".") or part.endswith(".partial") for part in name.split("/")
+            )
             if not half and name != "left/leave_out.csv":  # which grows row by row
                 assert content == expected[name], (n, name)
         # a kill after the last operation left a whole exam, which is not made again

@@ -30,7 +30,10 @@ def export(tmp_path_factory):
     cells = {"Time": one.t}
     for tag, record in (("FIC101", one), ("LIC7", two)):
         cells |= {f"[default]U1/{tag}/PV": record.pv, f"[default]U1/{tag}/OP": record.op}
-    lines = [",".join(cells), *(",".join(f"{v:.6g}" for v in row) for row in zip(*cells.values(), strict=True))]
+    lines = [
+        ",".join(cells),
+        *(",".join(f"{v:.6g}" for v in row) for row in zip(*cells.values(), strict=True)),
+    ]
     (place / "unit.csv").write_text("\n".join(lines) + "\n")
     (place / "loop.toml").write_text(
         '[plant]\ntype = "foptd"\nK = 1\nT = 10\nTd = 1\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 1\n'
@@ -50,7 +53,9 @@ def caught(monkeypatch):
     monkeypatch.setattr(plant_command, "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
     monkeypatch.setattr("simbench.gap.stiction.conclusion.judged", stop)
-    recorded = importlib.import_module("simbench.confirm.recorded")  # `simbench.confirm` is a function too
+    recorded = importlib.import_module(
+        "simbench.confirm.recorded"
+    )  # `simbench.confirm` is a function too
     monkeypatch.setattr(recorded, "travel_recorded", stop)
     monkeypatch.setattr(recorded, "gain_change_recorded", stop)
     return got
@@ -91,7 +96,12 @@ def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
     known = ["--columns", columns, "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
     assert typed([*words, *known, "--process", "integrating"]) == 0
     record = caught[0]
-    assert (record.Ts, record.op_span, record.kind, record.process) == (3.0, (0.0, 200.0), "level", "integrating")
+    assert (record.Ts, record.op_span, record.kind, record.process) == (
+        3.0,
+        (0.0, 200.0),
+        "level",
+        "integrating",
+    )
 
 
 READERS = [*VERBS, "report"]
@@ -99,22 +109,35 @@ READERS = [*VERBS, "report"]
 
 @pytest.mark.parametrize("step", [pytest.param(1, marks=pytest.mark.slow), len(READERS)])
 @pytest.mark.parametrize("verb", READERS)
-def test_every_export_reaches_every_verb_as_the_same_record(tmp_path, caught, monkeypatch, verb, step):
-    monkeypatch.setattr(fleet, "resumed", lambda _ask, about, **_: caught.extend(a[1] for a in about) or [][0])
+def test_every_export_reaches_every_verb_as_the_same_record(
+    tmp_path, caught, monkeypatch, verb, step
+):
+    monkeypatch.setattr(
+        fleet, "resumed", lambda _ask, about, **_: caught.extend(a[1] for a in about) or [][0]
+    )
     for name in list(exports.READ)[READERS.index(verb) % step :: step]:
         content, suffix, options = exports.READ[name]
         file = exports.written(tmp_path, content, suffix)
         words = VERBS.get(verb, f"report {{f}} -o {tmp_path / 'page.html'}").format(f=file).split()
         asked = {"columns": "--columns", "tag": "--tag", "Ts": "--ts"}
         for key, value in options.items():
-            words += [asked[key], ",".join(f"{r}={n}" for r, n in value.items()) if key == "columns" else str(value)]
+            words += [
+                asked[key],
+                ",".join(f"{r}={n}" for r, n in value.items()) if key == "columns" else str(value),
+            ]
         caught.clear()
         with contextlib.suppress(IndexError):
             assert typed(words) == 0, name
-        one = read_record(file, automatic=verb in ("diagnose", "trust", "report", "confirm gain-change"), **options)
-        assert (caught[0].pv.tobytes(), caught[0].op.tobytes(), caught[0].Ts) == (one.pv.tobytes(), one.op.tobytes(), one.Ts), (
-            name
+        one = read_record(
+            file,
+            automatic=verb in ("diagnose", "trust", "report", "confirm gain-change"),
+            **options,
         )
+        assert (caught[0].pv.tobytes(), caught[0].op.tobytes(), caught[0].Ts) == (
+            one.pv.tobytes(),
+            one.op.tobytes(),
+            one.Ts,
+        ), name
         assert caught[0].notes == one.notes, name
 
 
@@ -125,7 +148,11 @@ def test_what_a_verb_refuses_it_reads_when_its_command_is_typed(tmp_path, caught
     for verb, line in list(VERBS.items())[list(exports.ASKED).index(name) % 2 :: 2]:
         words = line.format(f=file).split()
         for key, value in options.items():
-            words += ["--tag", value] if key == "tag" else ["--columns", ",".join(f"{r}={n}" for r, n in value.items())]
+            words += (
+                ["--tag", value]
+                if key == "tag"
+                else ["--columns", ",".join(f"{r}={n}" for r, n in value.items())]
+            )
         assert typed(words) == 2, verb
         refusal = capsys.readouterr().err.strip().split("try: ")[1]
         _, *again = [w.replace(*exports.NAMED.get(name, ("", ""))) for w in shlex.split(refusal)]
@@ -136,7 +163,10 @@ def test_what_a_verb_refuses_it_reads_when_its_command_is_typed(tmp_path, caught
 
 def test_detect_judges_every_loop_of_a_file(export, capsys):
     assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch", "--json"]) == 0
-    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == ["[default]U1/FIC101", "[default]U1/LIC7"]
+    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == [
+        "[default]U1/FIC101",
+        "[default]U1/LIC7",
+    ]
 
 
 def test_the_path_of_a_tag_stands_whole_in_the_matrix(export, capsys):
@@ -148,7 +178,10 @@ def test_what_reading_assumed_stands_under_the_answer(export, capsys, tmp_path):
     file = tmp_path / "low.csv"
     record = example_loop(noise=0.1)
     op = 8 + 4 * (record.op - record.op.min()) / np.ptp(record.op)
-    file.write_text("t,op,pv\n" + "".join(f"{t},{o:.4f},{p:.5f}\n" for t, o, p in zip(record.t, op, record.pv, strict=True)))
+    file.write_text(
+        "t,op,pv\n"
+        + "".join(f"{t},{o:.4f},{p:.5f}\n" for t, o, p in zip(record.t, op, record.pv, strict=True))
+    )
     assert cli.main(["diagnose", str(file)]) == 0
     assert "add --op-span 4 20" in capsys.readouterr().out
     assert cli.main(["diagnose", str(file), "--json"]) == 0

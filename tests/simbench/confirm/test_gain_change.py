@@ -83,8 +83,22 @@ def test_same_seed_same_outcome(loop):
 def test_outcome_is_json_text_and_picture(loop):
     for found in (gain_change(loop()), gain_change(loop(J=0.0))):
         answer = json.loads(json.dumps(found.as_json()))
-        assert set(answer) == {"verdict", "shift", "shift_interval", "nudge", "before", "after", "reason"}
-        assert set(answer["before"]) == {"Kc", "period", "period_interval", "amplitude", "saturated"}
+        assert set(answer) == {
+            "verdict",
+            "shift",
+            "shift_interval",
+            "nudge",
+            "before",
+            "after",
+            "reason",
+        }
+        assert set(answer["before"]) == {
+            "Kc",
+            "period",
+            "period_interval",
+            "amplitude",
+            "saturated",
+        }
         assert found.as_text().count("Kc") >= 2
         assert len(found.plot().axes) == 2
 
@@ -108,7 +122,10 @@ def test_the_culprit_of_two_coupled_loops_is_named(sticky):
 
 
 def test_no_culprit_when_the_oscillation_comes_from_outside(loop):
-    pair = [loop(valve={"model": "ideal"}, disturbance=SINE), loop(valve={"model": "ideal"}, Kc=0.5)]
+    pair = [
+        loop(valve={"model": "ideal"}, disturbance=SINE),
+        loop(valve={"model": "ideal"}, Kc=0.5),
+    ]
     found = find_culprit(pair, np.array([[0, 0.3], [0.3, 0]]))
     assert found.culprit is None
     assert "outside" in found.reason

@@ -11,7 +11,9 @@ def by_name(loop):
     return {g.parameter.split(" (")[0]: g for g in grade(loop)}
 
 
-@pytest.mark.parametrize(("K", "ok"), [(0.45, False), (0.55, True), (-1.0, True), (2.9, True), (3.1, False)])
+@pytest.mark.parametrize(
+    ("K", "ok"), [(0.45, False), (0.55, True), (-1.0, True), (2.9, True), (3.1, False)]
+)
 def test_the_process_gain_is_the_plants(loop, K, ok):
     found = by_name(loop(K=K, S=0.3, J=0.3))["process gain"]
     assert found.value == pytest.approx(abs(K), rel=0.04)
@@ -25,7 +27,9 @@ def test_the_noise_band_is_four_standard_deviations(loop, std, ok):
     assert found.acceptable == ok
 
 
-@pytest.mark.parametrize(("S", "J", "ok"), [(3.0, 0.5, True), (3.0, 0.8, True), (3.0, 1.1, False), (8.0, 4.0, False)])
+@pytest.mark.parametrize(
+    ("S", "J", "ok"), [(3.0, 0.5, True), (3.0, 0.8, True), (3.0, 1.1, False), (8.0, 4.0, False)]
+)
 def test_stiction_is_the_slip_jump_up_to_a_step(loop, S, J, ok):
     found = by_name(loop(S=S, J=J))["stiction"]
     assert J - 1e-9 <= found.value <= J + 0.2 + 1e-9
@@ -38,7 +42,9 @@ def test_hysteresis_is_what_is_left_without_the_dead_band(loop):
         assert found.value == pytest.approx(H, abs=0.3)
         assert found.acceptable == (H <= 3.0)
     for wide in (1.0, 10.0):
-        assert by_name(loop(valve={"model": "deadband", "S": wide}))["hysteresis"].value == pytest.approx(0.0, abs=0.15)
+        assert by_name(loop(valve={"model": "deadband", "S": wide}))[
+            "hysteresis"
+        ].value == pytest.approx(0.0, abs=0.15)
 
 
 def test_what_a_loop_does_not_tell_is_not_graded(loop):

@@ -19,7 +19,8 @@ def wave(period: float, amplitude: float = 1.0) -> LoopRecord:
 
 
 @pytest.mark.parametrize(
-    ("after", "verdict"), [(wave(150.7), "stiction"), (wave(92.3), "no_stiction"), (wave(150.7, 5), "no_decision")]
+    ("after", "verdict"),
+    [(wave(150.7), "stiction"), (wave(92.3), "no_stiction"), (wave(150.7, 5), "no_decision")],
 )
 def test_the_period_decides_and_the_amplitude_may_object(after, verdict):
     assert gain_change_recorded(wave(90.3), after, 0.6).verdict == verdict
@@ -36,7 +37,10 @@ def test_records_of_a_gain_change_give_its_verdict_and_show_the_gain(loop):
     cuts = slice(live.changed // 3, live.changed), slice(live.changed + 500, None)
     setpoint = 50.0
     records = [
-        LoopRecord(live.trace.op[c], live.trace.pv[c], live.Ts, sp=np.full(live.trace.pv[c].size, setpoint)) for c in cuts
+        LoopRecord(
+            live.trace.op[c], live.trace.pv[c], live.Ts, sp=np.full(live.trace.pv[c].size, setpoint)
+        )
+        for c in cuts
     ]
     found = gain_change_recorded(*records, factor=0.6)
     assert found.verdict == live.verdict == "stiction"
@@ -50,10 +54,19 @@ def test_records_of_a_gain_change_give_its_verdict_and_show_the_gain(loop):
 @pytest.mark.parametrize(
     ("records", "factor", "words"),
     [
-        ((wave(90.3), LoopRecord(np.ones(99), np.ones(99), 2.0)), 0.6, "Ts = 1 s before and 2 s after"),
+        (
+            (wave(90.3), LoopRecord(np.ones(99), np.ones(99), 2.0)),
+            0.6,
+            "Ts = 1 s before and 2 s after",
+        ),
         ((wave(90.3), wave(150.7)), 1.1, "at least 20 %"),
         (
-            (wave(90.3), LoopRecord(np.random.default_rng(0).random(900), np.random.default_rng(1).random(900), 1.0)),
+            (
+                wave(90.3),
+                LoopRecord(
+                    np.random.default_rng(0).random(900), np.random.default_rng(1).random(900), 1.0
+                ),
+            ),
             None,
             "--ratio",
         ),
@@ -68,7 +81,9 @@ def test_what_cannot_be_judged_is_one_sentence(records, factor, words):
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_recorded_travel_test_measures_what_the_live_one_did(loop, S, J, noise):
     live = travel_test(loop(S=S, J=J, noise=noise))
-    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating"))
+    found = travel_recorded(
+        LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating")
+    )
     assert found.J == pytest.approx(live.J, abs=0.2 + 1e-9)
     assert found.S == pytest.approx(live.S, abs=0.2 + 1e-9)
     assert found.sticky
@@ -80,7 +95,9 @@ def test_the_band_counts_from_where_the_valve_last_moved_however_op_wandered_bef
     ends = [50.0, 58.0, *(58 + 0.2 * np.arange(1, 16)), *(61 - 0.2 * np.arange(1, 41))]
     op = np.repeat(ends, 40)
     valve = valve_response("choudhury", op, {"S": 5.0, "J": 2.0})
-    found = travel_recorded(LoopRecord(op, valve + 0.001 * np.sin(np.arange(op.size)), 1.0, process="self-regulating"))
+    found = travel_recorded(
+        LoopRecord(op, valve + 0.001 * np.sin(np.arange(op.size)), 1.0, process="self-regulating")
+    )
     assert found.J == pytest.approx(2.1, abs=0.11)
     assert found.S == pytest.approx(5.1, abs=0.11)
     answer = found.as_json()
@@ -97,7 +114,9 @@ def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth():
         waves = []
         for P in (90.0, 150.0):
             lengths = P * (1 + 0.06 * rng.standard_normal(30))
-            phase = np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), np.arange(31.0))
+            phase = np.interp(
+                np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), np.arange(31.0)
+            )
             waves.append(LoopRecord(50 + np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase), 1.0))
         answer = gain_change_recorded(*waves, 0.6).as_json()
         lo, hi = answer["shift_interval"]
@@ -109,13 +128,17 @@ def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth():
 
 def test_an_integrating_process_is_read_by_its_slope(loop):
     live = travel_test(loop(kind="integrating", K=0.05))
-    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="integrating"))
+    found = travel_recorded(
+        LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="integrating")
+    )
     assert (found.J, found.S) == pytest.approx((live.J, live.S), abs=0.2 + 1e-9)
 
 
 def test_a_valve_without_friction_follows(loop):
     live = travel_test(loop(S=0.0, J=0.0))
-    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating"))
+    found = travel_recorded(
+        LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating")
+    )
     assert found.sticky is False
 
 

@@ -11,8 +11,15 @@ from simbench.loop.simulate import simulate
 CASES = [
     {},
     {"noise": 0.2, "setpoint": {"value": 50, "steps": [[100, 53]]}},
-    {"kind": "integrating", "K": 0.1, "disturbance": [{"type": "steps", "amplitude": 5, "period": 200}]},
-    {"K": -2.0, "effect": [{"name": "sensor_lag", "tau": 3.0}, {"name": "op_quantisation", "step": 0.5}]},
+    {
+        "kind": "integrating",
+        "K": 0.1,
+        "disturbance": [{"type": "steps", "amplitude": 5, "period": 200}],
+    },
+    {
+        "K": -2.0,
+        "effect": [{"name": "sensor_lag", "tau": 3.0}, {"name": "op_quantisation", "step": 0.5}],
+    },
     {"controller": {"type": "P", "Kc": 3.0}, "setpoint": {"value": 50, "steps": [[10, 58]]}},
 ]
 
@@ -45,7 +52,9 @@ def test_influence_is_a_load_by_the_other_loop(loop):
     moved = loop(valve={"model": "ideal"}, setpoint={"value": 50, "steps": [[10, 54]]})
     alone = run_rig([resolve_loop(still, 0), resolve_loop(moved, 0)])
     assert np.ptp(alone[0].pv) == 0
-    one_way = run_rig([resolve_loop(still, 0), resolve_loop(moved, 0)], influence=np.array([[0, 0.5], [0, 0]]))
+    one_way = run_rig(
+        [resolve_loop(still, 0), resolve_loop(moved, 0)], influence=np.array([[0, 0.5], [0, 0]])
+    )
     assert np.ptp(one_way[0].pv) > 0.5
     assert np.array_equal(one_way[1].pv, alone[1].pv)
 

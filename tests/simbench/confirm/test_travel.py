@@ -8,7 +8,12 @@ import pytest
 from detectors.errors import ParameterError
 from simbench.confirm.travel import travel_test
 
-PLANTS = [{}, {"kind": "integrating", "K": 0.1}, {"K": -2.0, "noise": 0.1}, {"kind": "integrating", "K": 0.1, "noise": 0.05}]
+PLANTS = [
+    {},
+    {"kind": "integrating", "K": 0.1},
+    {"K": -2.0, "noise": 0.1},
+    {"kind": "integrating", "K": 0.1, "noise": 0.05},
+]
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -49,7 +54,10 @@ def test_smaller_steps_measure_more_finely(loop):
 
 
 def test_disturbances_and_set_point_do_not_act_in_manual(loop):
-    more = {"disturbance": [{"type": "sine", "amplitude": 3, "period": 60}], "setpoint": {"value": 50, "steps": [[50, 60]]}}
+    more = {
+        "disturbance": [{"type": "sine", "amplitude": 3, "period": 60}],
+        "setpoint": {"value": 50, "steps": [[50, 60]]},
+    }
     assert travel_test(loop(**more)).as_json() == travel_test(loop()).as_json()
 
 

@@ -27,7 +27,13 @@ KINDS = {
 def test_the_kind_is_seen_from_the_file(kind, capsys):
     assert main(["contract", str(KINDS[kind]), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found == {"kind": kind, "name": KINDS[kind].stem, "kept": True, "broken": [], "notes": []}
+    assert found == {
+        "kind": kind,
+        "name": KINDS[kind].stem,
+        "kept": True,
+        "broken": [],
+        "notes": [],
+    }
 
 
 def test_a_broken_one_is_exit_1_with_a_line_for_each_point(tmp_path, capsys):

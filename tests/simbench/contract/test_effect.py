@@ -64,7 +64,9 @@ def test_every_effect_and_its_recogniser_keep_their_contract(name):
 def test_a_strangers_effect_keeps_it_and_is_told_that_nobody_recognises_it(contract_of):
     found = contract_of(BIAS)
     assert (found.kind, found.broken) == ("effect", ())
-    assert found.notes == ("simulated, but not diagnosed: no file under simbench.recognised says how it is recognised",)
+    assert found.notes == (
+        "simulated, but not diagnosed: no file under simbench.recognised says how it is recognised",
+    )
 
 
 @pytest.mark.parametrize(("old", "new", "words"), BROKEN, ids=[words[:40] for *_, words in BROKEN])
@@ -96,14 +98,26 @@ UNRECOGNISED = [
     ("= NOISE\n", "= replace(NOISE, replaces='tau')\n", "replaces = 'tau', allowed"),
     ("= NOISE\n", "= replace(NOISE, proven=lambda s: {'std': 1.0})\n", "in a record that has none"),
     ("= NOISE\n", "= replace(NOISE, proven=lambda s: s.nothing)\n", "raises AttributeError"),
-    ("= NOISE\n", "= replace(NOISE, fit=lambda engine, base: base)\n", "(Fit, count of numbers it pays for) is needed"),
-    ("= NOISE\n", "= replace(NOISE, fit=lambda engine, base: 1 / 0)\n", "raises ZeroDivisionError (division by zero), in fit"),
+    (
+        "= NOISE\n",
+        "= replace(NOISE, fit=lambda engine, base: base)\n",
+        "(Fit, count of numbers it pays for) is needed",
+    ),
+    (
+        "= NOISE\n",
+        "= replace(NOISE, fit=lambda engine, base: 1 / 0)\n",
+        "raises ZeroDivisionError (division by zero), in fit",
+    ),
     (
         "= NOISE\n",
         "= replace(NOISE, fit=lambda e, b: (replace(b, loglik=b.loglik - 5.0), 1.0))\n",
         "fits 5 nats worse than no effect",
     ),
-    ("= NOISE\n", "= replace(NOISE, fit=lambda e, b: (NOISE.fit(e, b)[0], -1.0))\n", "pays for -1.0 numbers"),
+    (
+        "= NOISE\n",
+        "= replace(NOISE, fit=lambda e, b: (NOISE.fit(e, b)[0], -1.0))\n",
+        "pays for -1.0 numbers",
+    ),
     ("= NOISE\n", "= Recogniser(fit=NOISE.fit)\n", "has a fit, but its numbers are {}"),
     ("= NOISE\n", "= replace(NOISE, numbers=lambda fit, s: 1 / 0)\n", "in numbers"),
 ]
@@ -115,7 +129,9 @@ def test_a_recogniser_of_its_own_is_checked_and_told_that_its_effect_is_unknown(
     assert found.notes == ("no effect 'bias' is known, so its numbers were held against no range",)
 
 
-@pytest.mark.parametrize(("old", "new", "words"), UNRECOGNISED, ids=[words[:40] for *_, words in UNRECOGNISED])
+@pytest.mark.parametrize(
+    ("old", "new", "words"), UNRECOGNISED, ids=[words[:40] for *_, words in UNRECOGNISED]
+)
 def test_each_way_of_breaking_a_recogniser_is_one_sentence(contract_of, old, new, words):
     found = contract_of(RECOGNISED.replace(old, new), "bias.py")
     assert any(words in sentence for sentence in found.broken), found.broken
@@ -125,6 +141,11 @@ def test_numbers_outside_the_effects_ranges_are_told(monkeypatch):
     from dataclasses import replace
 
     noise = RECOGNISERS.load("noise")
-    monkeypatch.setattr(noise, "RECOGNISER", replace(noise.RECOGNISER, numbers=lambda fit, s: {"factor": -1.0}))
-    assert "gives numbers that the effect refuses: effect 'noise': factor = -1" in check_recogniser("noise").broken[0]
+    monkeypatch.setattr(
+        noise, "RECOGNISER", replace(noise.RECOGNISER, numbers=lambda fit, s: {"factor": -1.0})
+    )
+    assert (
+        "gives numbers that the effect refuses: effect 'noise': factor = -1"
+        in check_recogniser("noise").broken[0]
+    )
     assert check_effect("noise").broken[0].startswith("its recogniser gives numbers")

@@ -41,7 +41,12 @@ BROKEN = [
     (PLAIN, "S = 5,", "S = 500,", "S = 500 is out of range"),
     (PLAIN, 'title = "one loop"', 'title = ""', "title is empty"),
     (PLAIN, '"valve.J" = [1, 2]', '"valve.J" = []', "axis 'valve.J' has no value"),
-    (RULED, 'name = "healthy"\nvalve = "ideal"', 'name = "sticky"\nvalve = "choudhury"', "is the same scenario as"),
+    (
+        RULED,
+        'name = "healthy"\nvalve = "ideal"',
+        'name = "sticky"\nvalve = "choudhury"',
+        "is the same scenario as",
+    ),
     (RULED, 'valve = "choudhury"', 'valve = "chudhury"', "unknown valve 'chudhury'"),
     (RULED, "T = [5, 50], ", "", "T"),
 ]
@@ -58,7 +63,11 @@ def test_a_strangers_grid_keeps_it(contract_of, text):
     assert (found.kind, found.name, found.broken) == ("grid", "own", ())
 
 
-@pytest.mark.parametrize(("text", "old", "new", "words"), BROKEN, ids=[f"{i} {row[3][:30]}" for i, row in enumerate(BROKEN)])
+@pytest.mark.parametrize(
+    ("text", "old", "new", "words"),
+    BROKEN,
+    ids=[f"{i} {row[3][:30]}" for i, row in enumerate(BROKEN)],
+)
 def test_each_way_of_breaking_it_is_one_sentence(contract_of, text, old, new, words):
     assert old in text
     found = contract_of(text.replace(old, new), "own.toml")

@@ -53,10 +53,20 @@ def test_a_plant_that_numba_cannot_compile_runs_and_says_so(tmp_path):
     ("text", "old", "new", "fault"),
     [
         (PLANT, "return a * x +", "return 1e-3 + a * x +", "does not stay at rest"),
-        (PLANT, "return a * x + (b_old * w_old + b_new * w_new)", "return a * x", "does not answer"),
+        (
+            PLANT,
+            "return a * x + (b_old * w_old + b_new * w_new)",
+            "return a * x",
+            "does not answer",
+        ),
         (PLANT, "return [p.K], [p.T, 1.0]", "return [p.K], [2.0 * p.T, 1.0]", "differs from it"),
         (PLANT, 'SOURCE = "definition: K e^(-Td s)/(T s + 1)"', 'SOURCE = ""', "SOURCE"),
-        (PLANT, '    "K": Number', '    "Td": Number("s", says="late"),\n    "K": Number', "parameter Td"),
+        (
+            PLANT,
+            '    "K": Number',
+            '    "Td": Number("s", says="late"),\n    "K": Number',
+            "parameter Td",
+        ),
         (PLANT, ", a, b_old, b_new\n", ", a, b_old\n", "one length"),
         (LAW, "INTEGRAL = True", "INTEGRAL = False", "moves on"),
         (LAW, "return min(max(u, p.lo), p.hi), e", "return u, e", "leaves its limits"),

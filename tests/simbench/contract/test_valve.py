@@ -62,7 +62,11 @@ def test_a_strangers_play_keeps_it(contract_of):
     assert (found.kind, found.name, found.broken) == ("valve", "own", ())
 
 
-@pytest.mark.parametrize(("old", "new", "words"), BROKEN, ids=[f"{new.strip()[:30]} {words[:20]}" for _, new, words in BROKEN])
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    BROKEN,
+    ids=[f"{new.strip()[:30]} {words[:20]}" for _, new, words in BROKEN],
+)
 def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
     assert old in PLAY
     found = contract_of(PLAY.replace(old, new))

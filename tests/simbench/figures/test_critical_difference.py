@@ -34,6 +34,8 @@ def test_every_method_is_drawn(run, tmp_path):
 
 
 def test_two_methods_make_no_ranking(tmp_path):
-    folder = run_grid("smoke", tmp_path / "run", ["he", "horch"], sets={"disturbance": "none"}, progress=False)
+    folder = run_grid(
+        "smoke", tmp_path / "run", ["he", "horch"], sets={"disturbance": "none"}, progress=False
+    )
     with pytest.raises(UserError, match="3 stiction detectors"):
         data(folder)

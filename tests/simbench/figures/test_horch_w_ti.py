@@ -39,7 +39,9 @@ def test_the_verdict_switches_where_the_bounds_say(horch):
         for verdict, (_, expected) in BOUNDS.items():
             said = (part.verdict == verdict).to_numpy()
             # where a cut separates the verdict from the rest with the fewest exceptions
-            wrong = np.array([(((x < c) if verdict == "stiction" else (x > c)) != said).sum() for c in cuts])
+            wrong = np.array(
+                [(((x < c) if verdict == "stiction" else (x > c)) != said).sum() for c in cuts]
+            )
             assert abs(np.log(cuts[wrong == wrong.min()].mean() / expected)) < 0.15
 
 

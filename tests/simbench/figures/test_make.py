@@ -23,7 +23,9 @@ from simbench.files import FileError
 FOLDER = Path(inspect.getfile(make_figures)).parent
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 NAMES = FIGURES.names()
-needs_real = pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent")
+needs_real = pytest.mark.skipif(
+    not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent"
+)
 
 
 def needs(name: str) -> list[str]:
@@ -48,7 +50,9 @@ def test_a_figure_says_what_it_is_where_it_comes_from_and_leans_on_no_sibling(na
 def test_every_figure_and_table_of_the_chapter_has_an_id_in_its_order():
     ids = figure_ids()
     wanted = range(1, 28)
-    assert [i for i in ids if i in {f"fig-11-{n}" for n in wanted}] == [f"fig-11-{n}" for n in wanted]
+    assert [i for i in ids if i in {f"fig-11-{n}" for n in wanted}] == [
+        f"fig-11-{n}" for n in wanted
+    ]
     assert {f"table-11-{n}" for n in (1, 2, 3, 4)} <= set(ids)
 
 
@@ -92,7 +96,9 @@ def _check_texts(figure) -> None:
             continue
         box = text.get_window_extent(renderer)
         assert page.x0 <= box.x0 <= box.x1 <= page.x1, f"cut off at a side: {text.get_text()!r}"
-        assert page.y0 <= box.y0 <= box.y1 <= page.y1, f"cut off above or below: {text.get_text()!r}"
+        assert page.y0 <= box.y0 <= box.y1 <= page.y1, (
+            f"cut off above or below: {text.get_text()!r}"
+        )
         boxes.append((box.padded(-1.5), text.get_text()))
     for i, (a, said) in enumerate(boxes):
         for b, other in boxes[i + 1 :]:
@@ -142,7 +148,11 @@ def test_real_loops_give_the_printed_yamashita_indices(drawn, tmp_path):
     d = drawn("fig_11_12", REAL)
     assert d["rho1 (-)"].iloc[0] == pytest.approx(0.48, abs=0.01)
     assert d["rho3 (-)"].iloc[0] == pytest.approx(0.41, abs=0.01)
-    assert [f.suffix for f in make_figures(["fig-11-12"], tmp_path, isdb=REAL)[0].files] == [".svg", ".png", ".csv"]
+    assert [f.suffix for f in make_figures(["fig-11-12"], tmp_path, isdb=REAL)[0].files] == [
+        ".svg",
+        ".png",
+        ".csv",
+    ]
 
 
 def test_an_unknown_figure_names_the_nearest(tmp_path):

@@ -19,13 +19,17 @@ def run(tmp_path_factory):
 
 def test_every_cell_holds_the_share_of_right_answers(run):
     numbers = data(run)
-    both = pd.read_parquet(run / "verdicts.parquet").merge(pd.read_parquet(run / "scenarios.parquet"), on="scenario_id")
+    both = pd.read_parquet(run / "verdicts.parquet").merge(
+        pd.read_parquet(run / "scenarios.parquet"), on="scenario_id"
+    )
     both = both[both.cycled.isin(["yes", "no"])]
     right = (both.verdict == "stiction") == (both.cycled == "yes")
     both["right"] = right & (both.verdict != "no_decision")
     for row in numbers.itertuples():
         ratio = both.Td_over_T if row.plant == "self-regulating" else both.Td_over_Ti
-        cell = both[(both.method == row.method) & (ratio == row.ratio) & (both.S_over_2J == row.S_over_2J)]
+        cell = both[
+            (both.method == row.method) & (ratio == row.ratio) & (both.S_over_2J == row.S_over_2J)
+        ]
         covered = row.method != "horch" or row.plant == "self-regulating"
         assert (row.n, row.applicable) == (len(cell), len(cell) * covered)
         assert row.right == cell.right.mean() if covered else np.isnan(row.right)
@@ -44,7 +48,9 @@ def test_a_continuous_axis_is_put_into_few_levels_and_healthy_and_dead_band_keep
 
 def test_what_a_method_is_not_made_for_is_hatched_and_no_share(run):
     numbers = data(run)
-    assert numbers[(numbers.method == "horch") & (numbers.plant == "integrating")].right.isna().all()
+    assert (
+        numbers[(numbers.method == "horch") & (numbers.plant == "integrating")].right.isna().all()
+    )
     alone = draw(numbers[numbers.method == "horch"])
     integrating = next(a for a in alone.axes if a.get_xlabel() == "Td/Ti")
     assert {p.get_hatch() for p in integrating.patches} == {"////"}
@@ -57,10 +63,14 @@ def test_the_overview_sorts_methods_and_keeps_healthy_and_sticky_apart(run):
     assert methods.kind.tolist() == sorted(methods.kind, key=ROW_GROUPS.index)
     fair = methods[(methods.kind == "OP and PV") & methods["rank"].notna()]
     assert fair.accuracy.is_monotonic_decreasing
-    both = pd.read_parquet(run / "verdicts.parquet").merge(pd.read_parquet(run / "scenarios.parquet"), on="scenario_id")
+    both = pd.read_parquet(run / "verdicts.parquet").merge(
+        pd.read_parquet(run / "scenarios.parquet"), on="scenario_id"
+    )
     he = both[(both.method == "he") & both.cycled.isin(["yes", "no"])]
     healthy = he[~he.sticky & (he.process == "foptd") & (he.disturbance == "none")]
-    row = numbers.query("method == 'he' and process == 'self-regulating' and loops == 'healthy'").iloc[0]
+    row = numbers.query(
+        "method == 'he' and process == 'self-regulating' and loops == 'healthy'"
+    ).iloc[0]
     assert (row.n, row.right) == (len(healthy), (healthy.verdict == "no_stiction").mean())
     assert numbers[numbers.method == "he"].n.sum() == len(he)
     assert len(draw_overview(numbers).axes) == 4

@@ -19,9 +19,16 @@ def wave_likeness(x: np.ndarray, period: float) -> dict[str, float]:
     """Mean correlation of the half cycles with a square, a half sine and a triangle."""
     humps = split(x - x.mean(), period)
     t = (np.arange(humps.shape[1]) + 0.5) / humps.shape[1]
-    shapes = {"square": np.ones(t.size), "sine": np.sin(np.pi * t), "triangle": 1 - np.abs(2 * t - 1)}
+    shapes = {
+        "square": np.ones(t.size),
+        "sine": np.sin(np.pi * t),
+        "triangle": 1 - np.abs(2 * t - 1),
+    }
     lengths = np.linalg.norm(humps, axis=1)
-    return {name: float(np.mean(humps @ shape / lengths) / np.linalg.norm(shape)) for name, shape in shapes.items()}
+    return {
+        name: float(np.mean(humps @ shape / lengths) / np.linalg.norm(shape))
+        for name, shape in shapes.items()
+    }
 
 
 def harmonics(x: np.ndarray, periods: int) -> np.ndarray:
@@ -47,7 +54,10 @@ def samples_per_period(c: pd.DataFrame) -> float:
 @pytest.mark.parametrize("panel", ["a", "b"])
 def test_pv_turns_from_square_over_sine_to_triangle_as_the_ratio_falls(drawn, panel):
     wanted = [i for i, p in enumerate(PANELS["fig_11_9"]) if p[0] == panel]
-    alike = [wave_likeness((c := cycle(drawn, "fig_11_9", i))["PV"].to_numpy(), samples_per_period(c)) for i in wanted]
+    alike = [
+        wave_likeness((c := cycle(drawn, "fig_11_9", i))["PV"].to_numpy(), samples_per_period(c))
+        for i in wanted
+    ]
     assert [max(a, key=a.__getitem__) for a in alike] == ["square", "sine", "triangle"]
     assert alike[0]["square"] > alike[1]["square"] > alike[2]["square"]
     assert alike[0]["triangle"] < alike[1]["triangle"] < alike[2]["triangle"]
@@ -103,7 +113,11 @@ def test_example_11_3_has_the_phase_shifts_of_the_text():
     for (w_Ti, (_, Kc)), shift in zip(figure.CASES.items(), (np.pi, 3 * np.pi / 4, np.pi / 2)):
         record = simulate(figure.loop(w_Ti, Kc)).record.window(6000, 12000)
         wave = np.exp(-2j * np.pi * record.t / figure.PERIOD)
-        measured = abs(np.angle(((record.op - record.op.mean()) @ wave) / ((record.pv - record.pv.mean()) @ wave)))
+        measured = abs(
+            np.angle(
+                ((record.op - record.op.mean()) @ wave) / ((record.pv - record.pv.mean()) @ wave)
+            )
+        )
         assert measured == pytest.approx(np.pi - np.arctan(1 / w_Ti), abs=0.02)
         assert measured == pytest.approx(shift, abs=0.12)
 
@@ -124,7 +138,12 @@ def test_indices_read_off_the_drawn_correlation_are_the_detectors(drawn, name):
 
 
 def test_even_correlation_without_and_odd_correlation_with_stiction(drawn):
-    d = drawn("fig_11_13").dropna(subset=["dtau (-)"]).groupby("panel")[["dtau (-)", "drho (-)"]].first()
+    d = (
+        drawn("fig_11_13")
+        .dropna(subset=["dtau (-)"])
+        .groupby("panel")[["dtau (-)", "drho (-)"]]
+        .first()
+    )
     assert d.loc["no stiction", "dtau (-)"] < 1 / 3
     assert d.loc["no stiction", "drho (-)"] < 0.072
     assert d.loc["stiction", "dtau (-)"] > 2 / 3
@@ -187,7 +206,10 @@ def test_a_sticky_valve_runs_through_the_three_phases_in_order(drawn):
 def test_stick_band_after_a_pause_is_J_and_after_a_reversal_S(drawn):
     d = drawn("fig_11_5")
     jumps = d.index[d.phase == "jump"]
-    waits = [d[:i][(d.phase[:i] == "motion")].index.max() if (d.phase[:i] == "motion").any() else 0 for i in jumps]
+    waits = [
+        d[:i][(d.phase[:i] == "motion")].index.max() if (d.phase[:i] == "motion").any() else 0
+        for i in jumps
+    ]
     widths = [abs(d["OP (%)"][i - 1] - d["OP (%)"][w]) for i, w in zip(jumps, waits)]
     figure = FIGURES.load("fig_11_5")
     assert np.allclose(widths, [figure.S, figure.J, figure.S], atol=0.3)
@@ -221,7 +243,9 @@ def test_triangle_fits_a_sticky_loops_op_better_than_a_sine(drawn):
     assert eta(d) == pytest.approx(sine / (sine + triangle))
 
 
-@pytest.mark.parametrize(("wave", "expected"), [(np.sin, 0.0), (lambda x: np.arcsin(np.sin(x)), 1.0)])
+@pytest.mark.parametrize(
+    ("wave", "expected"), [(np.sin, 0.0), (lambda x: np.arcsin(np.sin(x)), 1.0)]
+)
 def test_drawn_fits_give_the_detectors_eta_on_pure_waves(wave, expected):
     x = wave(2 * np.pi * (np.arange(2000) + 0.3) / 80)
     assert eta(half_cycle_fits(x, 80.0)) == pytest.approx(expected, abs=0.02)
@@ -232,7 +256,10 @@ def test_most_points_of_the_ellipse_figure_lie_between_its_limits(drawn):
     share = d["fitness (-)"].iloc[0]
     assert share >= 0.6
     # recomputed from the drawn curves: a point is inside the outer and outside the inner limit
-    x0, y0 = (0.5 * (c.max() + c.min()) for c in (d[d.curve == "ellipse"]["OP"], d[d.curve == "ellipse"]["PV"]))
+    x0, y0 = (
+        0.5 * (c.max() + c.min())
+        for c in (d[d.curve == "ellipse"]["OP"], d[d.curve == "ellipse"]["PV"])
+    )
 
     def angle_radius(name):
         part = d[d.curve == name]
@@ -255,7 +282,9 @@ def test_apparent_stiction_is_the_chord_through_the_centre_along_op(drawn):
     at = [np.interp(y0, side["PV"], side["OP"]) for side in sides]
     assert np.ptp(at) == pytest.approx(d["S_apparent"].iloc[0], rel=1e-3)
     a, b, alpha = (d[c].iloc[0] for c in ("a (%)", "b (%)", "alpha (rad)"))
-    assert np.ptp(at) == pytest.approx(2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)), rel=1e-3)  # Eq 11.15
+    assert np.ptp(at) == pytest.approx(
+        2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)), rel=1e-3
+    )  # Eq 11.15
 
 
 def test_table_11_2_shapes_are_what_the_classifier_sees(drawn):
@@ -286,7 +315,11 @@ def test_the_flow_chart_is_the_procedure(drawn):
     from detectors.procedure import CONCLUSIONS, FLOW
 
     d = drawn("fig_11_27")
-    flow = [(step, answer, target) for step, (_, answers) in FLOW.items() for answer, target in answers.items()]
+    flow = [
+        (step, answer, target)
+        for step, (_, answers) in FLOW.items()
+        for answer, target in answers.items()
+    ]
     assert list(zip(d.source, d.answer, d.target)) == flow
     assert set(d[d.verdict != ""].target) == set(CONCLUSIONS)
 
@@ -340,8 +373,15 @@ def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
 def test_table_11_1_marks_what_is_wrong_with_each_valve(drawn):
     d = drawn("table_11_1").set_index("parameter")
     figure = FIGURES.load("table_11_1")
-    wrong = {name: [p.split(" (")[0] for p in d.index if not d.loc[p, f"{name}: ok"]] for name in figure.VALVES}
-    assert wrong == {"good valve": [], "worn linkage": ["hysteresis"], "sticky, oversized": ["process gain", "stiction"]}
+    wrong = {
+        name: [p.split(" (")[0] for p in d.index if not d.loc[p, f"{name}: ok"]]
+        for name in figure.VALVES
+    }
+    assert wrong == {
+        "good valve": [],
+        "worn linkage": ["hysteresis"],
+        "sticky, oversized": ["process gain", "stiction"],
+    }
     assert d.loc["hysteresis (%)", "worn linkage"] == pytest.approx(4.5, abs=0.3)
     assert d.loc["noise band (%)", "good valve"] == pytest.approx(0.2, rel=0.3)
 

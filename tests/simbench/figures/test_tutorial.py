@@ -12,7 +12,9 @@ from detectors.judge import judge
 from detectors.signal.half_cycles import split
 
 PAGE = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "chapter_figure.md"
-BLOCKS = re.findall(r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+BLOCKS = re.findall(
+    r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S
+)
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +44,18 @@ def test_pv_turns_from_square_to_triangle_as_the_page_says(after):
     alike = []
     for record in after[0]["records"]:
         humps = split(record.pv - record.pv.mean(), 172.0)  # period of the exact cycle, in samples
-        alike.append(np.mean(humps.sum(axis=1) / np.linalg.norm(humps, axis=1)) / np.sqrt(humps.shape[1]))
+        alike.append(
+            np.mean(humps.sum(axis=1) / np.linalg.norm(humps, axis=1)) / np.sqrt(humps.shape[1])
+        )
     assert alike[0] > 0.98, "nearly a square"
     assert alike[0] > alike[1] > alike[2]
     assert alike[2] == pytest.approx(np.sqrt(3) / 2, abs=0.01), "a triangle's likeness to a square"
 
 
 def test_he_is_convinced_and_horch_answers_three_ways(after):
-    verdicts = [[v.verdict for v in judge(record, ["he", "horch"])] for record in after[0]["records"]]
+    verdicts = [
+        [v.verdict for v in judge(record, ["he", "horch"])] for record in after[0]["records"]
+    ]
     assert [he for he, _ in verdicts] == ["stiction"] * 3
     assert [horch for _, horch in verdicts] == ["stiction", "no_decision", "no_stiction"]
 

@@ -18,30 +18,47 @@ BASE = {
 }
 
 
-@pytest.mark.parametrize(("effect", "parameters"), [("none", {}), ("gain_mismatch", {"factor": 1.6})])
+@pytest.mark.parametrize(
+    ("effect", "parameters"), [("none", {}), ("gain_mismatch", {"factor": 1.6})]
+)
 def test_a_second_order_baseline_is_no_gap_and_hides_none(effect, parameters):
-    record = sb.Loop(**BASE, effect=[{"name": effect, **parameters}] if parameters else []).simulate(3).record
+    record = (
+        sb.Loop(**BASE, effect=[{"name": effect, **parameters}] if parameters else [])
+        .simulate(3)
+        .record
+    )
     assert sb.gap.diagnose(record, sb.Loop(**BASE)).effect == effect
 
 
 def test_the_inner_loop_of_a_cascade_is_judged_by_its_own_record():
-    inner = {**BASE, "setpoint": {"value": 50}, "plant": {"type": "foptd", "K": 1.2, "T": 6, "Td": 2}}
+    inner = {
+        **BASE,
+        "setpoint": {"value": 50},
+        "plant": {"type": "foptd", "K": 1.2, "T": 6, "Td": 2},
+    }
     outer = {
         "plant": {"type": "foptd", "K": 1.0, "T": 60, "Td": 5},
         "controller": {"type": "PI", "Kc": 1, "Ti": 60},
         "setpoint": {"value": 50, "steps": [[100, 55], [600, 47]]},
     }
     loop = sb.Loop(**inner, outer=outer)
-    run = sb.Loop(**inner, outer=outer, effect=[{"name": "gain_mismatch", "factor": 1.8}]).simulate(2)
+    run = sb.Loop(**inner, outer=outer, effect=[{"name": "gain_mismatch", "factor": 1.8}]).simulate(
+        2
+    )
     assert sb.gap.diagnose(run, loop).effect == "gain_mismatch"
 
 
 def test_what_is_beyond_first_order_gives_the_whole_plant_again():
-    plant = sb.Loop(**{**BASE, "plant": {"type": "tf", "num": [-3.0, 1.2], "den": [400, 120, 17, 1]}}).plant
+    plant = sb.Loop(
+        **{**BASE, "plant": {"type": "tf", "num": [-3.0, 1.2], "den": [400, 120, 17, 1]}}
+    ).plant
     b, a = beyond_first_order(plant, 1.0)
     whole, alone = (sample(*polynomials(p), 0.0, 1.0) for p in (plant, first_order_like(plant)))
     z = np.exp(1j * np.array([0.01, 0.1, 1.0]))
-    told = [[(g.C @ np.linalg.solve(v * np.eye(g.order) - g.A, g.B_new)) for v in z] for g in (whole, alone)]
+    told = [
+        [(g.C @ np.linalg.solve(v * np.eye(g.order) - g.A, g.B_new)) for v in z]
+        for g in (whole, alone)
+    ]
     assert np.allclose(told[0], np.array(told[1]) * np.polyval(b, z) / np.polyval(a, z))
 
 

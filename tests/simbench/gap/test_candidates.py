@@ -30,7 +30,10 @@ from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
 
-VESSEL = FLOW | {"plant": {"type": "integrating", "K": 0.05, "Td": 3.5}, "controller": {"type": "PI", "Kc": 1.2, "Ti": 60}}
+VESSEL = FLOW | {
+    "plant": {"type": "integrating", "K": 0.05, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 1.2, "Ti": 60},
+}
 
 
 def situation(base=FLOW, mv=False, **changes):
@@ -52,12 +55,18 @@ def plain():
         ("load_steps", {"size": 0.05}), ("load_steps", {"size": 5.0}),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("base", [FLOW, VESSEL, FLOW | {"setpoint": {"value": 50}}], ids=["foptd", "vessel", "at rest"])
+@pytest.mark.parametrize(
+    "base", [FLOW, VESSEL, FLOW | {"setpoint": {"value": 50}}], ids=["foptd", "vessel", "at rest"]
+)
 @pytest.mark.parametrize("mv", [False, True])
 def test_the_diagnosis_sees_the_circumstances_that_its_judge_sees(base, mv, effect, parameters):
     s = situation(base, mv=mv)
-    columns = {name: x for name in ("sp", "op", "pv", "mv") if (x := getattr(s.record, name)) is not None}
-    true = true_circumstances({"effect": effect, "parameters": parameters}, s.baseline.to_table(), pd.DataFrame(columns))
+    columns = {
+        name: x for name in ("sp", "op", "pv", "mv") if (x := getattr(s.record, name)) is not None
+    }
+    true = true_circumstances(
+        {"effect": effect, "parameters": parameters}, s.baseline.to_table(), pd.DataFrame(columns)
+    )
     assert set(alike(effect, s, parameters)) == indistinguishable(effect, true)
 
 
@@ -110,7 +119,9 @@ def sizes(plain):
         ("extra_lag", "tau"), ("sensor_lag", "tau"), ("dead_time_mismatch", "extra"),
     )),
 ])  # fmt: skip
-def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(sizes, effect, name):
+def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(
+    sizes, effect, name
+):
     size = sizes[effect][0]
     gains = []
     for times in (0.25, 4.0):
@@ -135,7 +146,10 @@ def jump(amplitude, start):
 
 def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other_effect():
     steps = {"disturbance": [jump(4.0, 200), jump(7.0, 520), jump(6.0, 1100)]}
-    plain, lagging = situation(**steps), situation(**steps, effect=[{"name": "valve_lag", "tau": 8.0}])
+    plain, lagging = (
+        situation(**steps),
+        situation(**steps, effect=[{"name": "valve_lag", "tau": 8.0}]),
+    )
     for s, wanted in ((plain, None), (lagging, {"valve_lag", "extra_lag", "sensor_lag"})):
         engine = Engine(s.data, load_memory(s))
         bare = engine.base()
@@ -153,7 +167,9 @@ def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other
 
 
 def test_jumps_beside_a_load_that_wanders_are_an_event_and_named_last():
-    s = situation(disturbance=[*LOADED["disturbance"], jump(3.0, 200), jump(4.0, 520), jump(3.5, 1100)])
+    s = situation(
+        disturbance=[*LOADED["disturbance"], jump(3.0, 200), jump(4.0, 520), jump(3.5, 1100)]
+    )
     engine = Engine(s.data, load_memory(s))
     bare = engine.base()
     _, found = beside_the_load(engine, bare, fit_candidates(engine, bare, possible_effects(s)))
@@ -169,7 +185,10 @@ def lagged(Td, tau):
     plant = SLOW["plant"] | {"Td": Td}
     s = situation(SLOW, plant=plant, disturbance=quiet, effect=[{"name": "extra_lag", "tau": tau}])
     engine = Engine(s.data, load_memory(s))
-    base, found = engine.base(), fit_candidates(engine, engine.base(), ["extra_lag", "dead_time_mismatch"])
+    base, found = (
+        engine.base(),
+        fit_candidates(engine, engine.base(), ["extra_lag", "dead_time_mismatch"]),
+    )
     assert found["extra_lag"].log_likelihood_gain > 20.0
     other, beside = beside_the_plant(engine, base, found)
     return other, {e for e, c in beside.items() if c.log_likelihood_gain > 5.0}
@@ -195,7 +214,9 @@ def test_a_plant_is_of_the_baselines_order_where_nothing_asks_for_more(plain):
 
 
 @pytest.mark.parametrize(("heavy", "share"), [(False, 1.0), (True, 0.05)])
-def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_are_heavy(heavy, share):
+def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_are_heavy(
+    heavy, share
+):
     rng = np.random.default_rng(0)
     x = rng.standard_normal(4000)
     if heavy:
@@ -206,4 +227,6 @@ def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_a
     # another signal, as a plant's other gain makes it, counts in full
     assert candidates._brought(engine, base, fit) == 30.0
     fit.spec = Spec(walk=True)
-    assert candidates._brought(engine, base, fit) == pytest.approx(30.0 * share, rel=0.15 if not heavy else 1.0)
+    assert candidates._brought(engine, base, fit) == pytest.approx(
+        30.0 * share, rel=0.15 if not heavy else 1.0
+    )

@@ -76,7 +76,14 @@ def test_the_json_has_the_contracts_keys_and_no_others(answer):
     for named in answer["effects"]:
         assert set(named) == {"block", "effect", "parameters", "probability"}
     for line in answer["ranking"]:
-        assert set(line) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}
+        assert set(line) == {
+            "effect",
+            "block",
+            "probability",
+            "gap_before",
+            "gap_after",
+            "parameters",
+        }
     assert set(answer["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
     assert set(answer["shrinkage"]) == {"value", "lo", "hi"}
     assert set(answer["blocks"]) == set(BLOCKS)
@@ -113,11 +120,17 @@ def likeness(record):
 
 
 def test_the_loop_file_it_writes_simulates_like_the_record(answer, place):
-    assert main(["simulate", str(place / "fixed.toml"), "-o", str(place / "fixed.csv"), "--seed", "5"]) == 0
+    assert (
+        main(["simulate", str(place / "fixed.toml"), "-o", str(place / "fixed.csv"), "--seed", "5"])
+        == 0
+    )
     real = likeness(read_record(place / "FIC101.csv"))
     assert read_record(place / "fixed.csv").n == 2000
     # single runs of the true loop itself, too, differ by up to half in their mean frequency
-    fixed = np.median([likeness(simulate(load_loop(place / "fixed.toml"), seed=s).record) for s in range(5, 12)], axis=0)
+    fixed = np.median(
+        [likeness(simulate(load_loop(place / "fixed.toml"), seed=s).record) for s in range(5, 12)],
+        axis=0,
+    )
     bare = likeness(simulate(Loop.from_table(HEALTHY), seed=5).record)
     assert np.abs(fixed - real).max() < np.log(1.5)
     assert np.abs(bare - real).max() > np.log(3.0)
@@ -135,7 +148,20 @@ def test_the_blind_checks_function_is_importable_by_name_and_gives_json(place, a
 
 def test_records_of_one_loop_give_one_answer_and_no_baseline_is_needed(place, capsys):
     two = [str(place / "FIC101.csv"), str(place / "no_mv.csv")]
-    assert main(["gap", "diagnose", *two, "--baseline", str(place / "loop.toml"), "--no-bootstrap", "--json"]) == 0
+    assert (
+        main(
+            [
+                "gap",
+                "diagnose",
+                *two,
+                "--baseline",
+                str(place / "loop.toml"),
+                "--no-bootstrap",
+                "--json",
+            ]
+        )
+        == 0
+    )
     assert json.loads(capsys.readouterr().out)["effect"] == "stiction"
     assert main(["gap", "diagnose", two[0], "--identify", "--no-bootstrap", "--json"]) == 0
     alone = json.loads(capsys.readouterr().out)
@@ -149,7 +175,9 @@ def refused(capsys, place, arguments, *words):
     """Check exit 2, one sentence on stderr with these words in it, nothing on stdout, and no file written."""
     before = {p.name for p in place.iterdir()}
     where = [str(place / a) if a.endswith((".csv", ".toml", ".html")) else a for a in arguments]
-    code = main(["gap", "diagnose", *where, "--no-bootstrap", "--write-loop", str(place / "never.toml")])
+    code = main(
+        ["gap", "diagnose", *where, "--no-bootstrap", "--write-loop", str(place / "never.toml")]
+    )
     captured = capsys.readouterr()
     assert code == 2, captured.err
     assert captured.out == ""
@@ -178,7 +206,16 @@ def changed(place, name, change):
         (lambda f: f.assign(pv=50.0), ["pv", "constant"]),
         (lambda f: f.head(30), ["30 samples"]),
     ],
-    ids=["no PV", "other Ts", "MV in mA", "MV as share", "MV in other units", "constant OP", "constant PV", "too short"],
+    ids=[
+        "no PV",
+        "other Ts",
+        "MV in mA",
+        "MV as share",
+        "MV in other units",
+        "constant OP",
+        "constant PV",
+        "too short",
+    ],
 )
 def test_a_wrong_record_is_refused_in_one_sentence(change, words, place, capsys):
     refused(capsys, place, [changed(place, "wrong.csv", change), "--baseline", "loop.toml"], *words)
@@ -202,19 +239,33 @@ def test_the_baseline_of_another_loop_is_refused(other, place, capsys):
 
 def test_a_baseline_is_named_or_identified_but_not_both(place, capsys):
     refused(capsys, place, ["FIC101.csv"], "--baseline", "--identify")
-    refused(capsys, place, ["FIC101.csv", "--baseline", "loop.toml", "--identify"], "--baseline", "--identify")
+    refused(
+        capsys,
+        place,
+        ["FIC101.csv", "--baseline", "loop.toml", "--identify"],
+        "--baseline",
+        "--identify",
+    )
 
 
 def partial(place, name, *sections):
     """Write a loop file of the healthy loop with these sections only."""
     text = Loop.from_table(HEALTHY).to_toml().split("\n\n")
-    (place / name).write_text("\n\n".join(p for p in text if p.strip("[ \n").split("]")[0] in sections))
+    (place / name).write_text(
+        "\n\n".join(p for p in text if p.strip("[ \n").split("]")[0] in sections)
+    )
     return place / name
 
 
 def said_without(place, capsys, record, *sections):
     """The verb's answer to a record beside a loop file of these sections only."""
-    words = [str(place / record), "--baseline", str(partial(place, "part.toml", *sections)), "--no-bootstrap", "--json"]
+    words = [
+        str(place / record),
+        "--baseline",
+        str(partial(place, "part.toml", *sections)),
+        "--no-bootstrap",
+        "--json",
+    ]
     assert main(["gap", "diagnose", *words]) == 0
     return json.loads(capsys.readouterr().out)
 
@@ -233,7 +284,9 @@ def test_without_a_plant_the_tuning_is_still_judged_and_what_is_left_open_is_sai
 
 
 def test_without_a_plant_an_agreeing_tuning_is_no_effect(place, capsys):
-    write_record(replace(simulate(Loop.from_table(HEALTHY), seed=3).record, mv=None), place / "healthy.csv")
+    write_record(
+        replace(simulate(Loop.from_table(HEALTHY), seed=3).record, mv=None), place / "healthy.csv"
+    )
     assert said_without(place, capsys, "healthy.csv", "controller")["effect"] == "none"
 
 
@@ -261,11 +314,22 @@ def test_sampling_may_be_left_to_the_record_alone(place, capsys):
         ("", ["neither [plant] nor [controller]"]),
         ("[plnt]\nK = 1.2\n[controller]\ntype = 'PI'\nKc = 1.5\nTi = 20.0\n", ["plnt", "plant"]),
         ("[controller]\ntype = 'PI'\nKc = -1.5\nTi = 20.0\n", ["controller.Kc"]),
-        ("[controller]\ntype = 'PI'\nKc = 1.5\nTi = 20.0\ndirection = 'up'\n", ["controller.direction"]),
+        (
+            "[controller]\ntype = 'PI'\nKc = 1.5\nTi = 20.0\ndirection = 'up'\n",
+            ["controller.direction"],
+        ),
         ("[plant]\ntype = 'foptd'\nK = 'big'\nT = 1.0\n", ["plant.K"]),
         ("plant = 3\n", ["plant"]),
     ],
-    ids=["noise only", "empty", "misspelt", "negative gain", "unknown direction", "gain in words", "no section"],
+    ids=[
+        "noise only",
+        "empty",
+        "misspelt",
+        "negative gain",
+        "unknown direction",
+        "gain in words",
+        "no section",
+    ],
 )
 def test_a_partial_baseline_that_says_something_wrong_is_refused(text, words, place, capsys):
     (place / "bad.toml").write_text(text)
@@ -277,7 +341,9 @@ def test_missing_files_are_refused_by_name(place, capsys):
     refused(capsys, place, ["FIC101.csv", "--baseline", "absent.toml"], "absent.toml")
 
 
-@pytest.mark.parametrize(("window", "length"), [(None, 200), ((0, 200), 200), ((0, 3), 3), ((50, 60), 10)])
+@pytest.mark.parametrize(
+    ("window", "length"), [(None, 200), ((0, 200), 200), ((0, 3), 3), ((50, 60), 10)]
+)
 def test_a_window_is_cut_out_of_the_record(window, length):
     record = LoopRecord(op=np.arange(200.0), pv=np.arange(200.0), Ts=1.0)
     assert command._cut(record, window, "loop.csv").n == length

@@ -26,7 +26,10 @@ BARE = Loop.from_table({**BASE.to_table(), "disturbance": []})
 
 
 def record(*effects, seed=2, loop=BASE):
-    return simulate(Loop.from_table({**loop.to_table(), "effect": [{"name": n, **p} for n, p in effects]}), seed=seed).record
+    return simulate(
+        Loop.from_table({**loop.to_table(), "effect": [{"name": n, **p} for n, p in effects]}),
+        seed=seed,
+    ).record
 
 
 def blind(r):
@@ -51,7 +54,14 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "conclusion",
     }  # fmt: skip
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
-    assert set(found["ranking"][0]) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}
+    assert set(found["ranking"][0]) == {
+        "effect",
+        "block",
+        "probability",
+        "gap_before",
+        "gap_after",
+        "parameters",
+    }
     assert set(found["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
     assert set(found["blocks"]) == set(BLOCKS)
 
@@ -60,7 +70,9 @@ def test_probabilities_and_shares_sum_to_one(sticky):
     assert sum(r.probability for r in sticky.ranking) == pytest.approx(1.0)
     assert {r.effect for r in sticky.ranking} == {*EFFECTS, NONE, UNKNOWN}
     assert sum(sticky.blocks.values()) == pytest.approx(1.0)
-    assert [r.probability for r in sticky.ranking] == sorted((r.probability for r in sticky.ranking), reverse=True)
+    assert [r.probability for r in sticky.ranking] == sorted(
+        (r.probability for r in sticky.ranking), reverse=True
+    )
 
 
 def slow(effect, parameters):
@@ -89,7 +101,9 @@ def test_one_more_series_pole_is_named_as_a_group():
     found = ask(blind(record(("extra_lag", {"tau": 12.0}))))
     assert found.effect in found.group
     assert {"extra_lag", "valve_lag"} <= set(found.group)
-    assert found.next_test is not None or any(note.startswith("next test: none") for note in found.notes)
+    assert found.next_test is not None or any(
+        note.startswith("next test: none") for note in found.notes
+    )
 
 
 def test_mv_tells_the_valves_lag_from_the_plants():
@@ -106,7 +120,13 @@ def test_nothing_missing_is_none_and_claims_no_shrinkage():
 
 
 def test_two_effects_of_different_blocks_are_both_named():
-    found = ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}), ("quantisation", {"step": 0.3, "at": "record"}))))
+    found = ask(
+        blind(
+            record(
+                ("stiction", {"S": 6.0, "J": 3.0}), ("quantisation", {"step": 0.3, "at": "record"})
+            )
+        )
+    )
     assert {e["effect"] for e in found.effects} == {"stiction", "quantisation"}
 
 
@@ -209,14 +229,19 @@ def test_records_of_another_pace_are_not_judged_together():
 
 
 @pytest.mark.parametrize("mv", [pytest.param(True, marks=pytest.mark.slow), False])
-@pytest.mark.parametrize("effect", [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None])
+@pytest.mark.parametrize(
+    "effect",
+    [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None],
+)
 def test_a_loop_without_noise_is_no_riddle(effect, mv):
     table = {
         "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
         "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.0},
         "setpoint": {"value": 50.0, "steps": [[200, 55.0], [700, 50.0], [1100, 53.0]]},
     }  # fmt: skip
-    record = simulate(Loop.from_table({**table, "effect": [effect] if effect else []}), seed=1).record
+    record = simulate(
+        Loop.from_table({**table, "effect": [effect] if effect else []}), seed=1
+    ).record
     found = diagnose(replace(record, mv=record.mv if mv else None), Loop.from_table(table))
     assert found.effect == (effect["name"] if effect else "none")
 

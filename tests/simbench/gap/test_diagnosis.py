@@ -18,20 +18,35 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
 
-P = {"stiction": 0.5, "gain_mismatch": 0.2, "quantisation": 0.1, "none": 0.1, "deadband": 0.05, "unknown": 0.05}
-NUMBERS = {"stiction": {"S": 5.0, "J": 2.0}, "gain_mismatch": {"factor": 2.0}, "quantisation": {"step": 0.1, "at": "loop"}}
+P = {
+    "stiction": 0.5,
+    "gain_mismatch": 0.2,
+    "quantisation": 0.1,
+    "none": 0.1,
+    "deadband": 0.05,
+    "unknown": 0.05,
+}
+NUMBERS = {
+    "stiction": {"S": 5.0, "J": 2.0},
+    "gain_mismatch": {"factor": 2.0},
+    "quantisation": {"step": 0.1, "at": "loop"},
+}
 
 
 def weighed(**p):
     given = p or P
-    return Classified({**dict.fromkeys(EFFECTS, 0.0), "none": 0.0, "unknown": 0.0, **given}, "process")
+    return Classified(
+        {**dict.fromkeys(EFFECTS, 0.0), "none": 0.0, "unknown": 0.0, **given}, "process"
+    )
 
 
 def gap(before=4.0, after=1.0, *, value=0.9, lo=0.7, hi=0.95, resolvable=True):
     return Shrinkage(before, 3.0, after, 0.8, resolvable, value, lo, hi, {})
 
 
-def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithful=True, mv=None, trusted=True):
+def situation(
+    op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithful=True, mv=None, trusted=True
+):
     pv = np.resize([1.0, -1.0], 100)
     return SimpleNamespace(
         op=np.array(op), data=SimpleNamespace(K=K), integrating=integrating, record=SimpleNamespace(pv=pv, mv=mv),
@@ -56,7 +71,13 @@ class Loops:
     seed = 7
 
     def __init__(self, main=None, rivals=(), lacking=None):
-        self.main, self.rivals, self.shrunk, self.built, self.lacking = main or gap(), dict(rivals), [], [], lacking
+        self.main, self.rivals, self.shrunk, self.built, self.lacking = (
+            main or gap(),
+            dict(rivals),
+            [],
+            [],
+            lacking,
+        )
 
     def shrink(self, effects):
         self.shrunk.append(list(effects))
@@ -101,7 +122,9 @@ def test_nothing_named_is_nothing_refuted():
     assert loops.shrunk == [[]]
 
 
-@pytest.mark.parametrize(("floor", "left", "unknown"), [(2.8, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)])
+@pytest.mark.parametrize(
+    ("floor", "left", "unknown"), [(2.8, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)]
+)
 def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
     wide = found(s=situation(trusted=False), tests={"memory": left})
     weights = closing(weighed(none=0.9, stiction=0.1), wide, Loops(replace(gap(), floor=floor)))
@@ -112,7 +135,9 @@ def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, l
 @pytest.mark.parametrize(("least", "unknown"), [(1.4, False), (1.6, True)])
 @pytest.mark.parametrize("trusted", [True, False])
 def test_none_is_not_said_beside_a_gap_that_stays_along_the_record(trusted, least, unknown):
-    loops = Loops(gap(), lacking=Lacking(least, (("OP stands still more often", 9.0, "controller"),)))
+    loops = Loops(
+        gap(), lacking=Lacking(least, (("OP stands still more often", 9.0, "controller"),))
+    )
     weights = closing(weighed(none=0.9, stiction=0.1), found(s=situation(trusted=trusted)), loops)
     assert (weights.probability["unknown"] > 0.8) == unknown
     assert weights.block("unknown") == ("controller" if unknown else "process")
@@ -123,9 +148,13 @@ def test_none_is_not_said_beside_a_gap_that_stays_along_the_record(trusted, leas
     # no test of plant and valve says anything of what single samples show
     (1, 0.0, "sensor", True),
 ])  # fmt: skip
-def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_load(tested, left, block, unknown):
+def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_load(
+    tested, left, block, unknown
+):
     loops = Loops(gap(), lacking=Lacking(1.6, (("stands still more often", 9.0, block),)))
-    weights = closing(weighed(none=0.9, stiction=0.1), found(tests={"memory": left}, tested=tested), loops)
+    weights = closing(
+        weighed(none=0.9, stiction=0.1), found(tests={"memory": left}, tested=tested), loops
+    )
     assert (weights.probability["unknown"] > 0.8) == unknown
 
 
@@ -139,7 +168,9 @@ def stubs(monkeypatch):
         return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="", tests=tests)
 
     monkeypatch.setattr(diagnosis, "plan", plan)
-    monkeypatch.setattr(diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")})
+    monkeypatch.setattr(
+        diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
+    )
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
     monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
     return seen
@@ -148,16 +179,45 @@ def stubs(monkeypatch):
 def test_the_answer_is_put_together(stubs):
     rivals = {("gain_mismatch",): gap(after=2.0), ("quantisation",): None}
     answer = report(found("stiction"), weighed(), Loops(rivals=rivals), ["two records"])
-    assert (answer.effect, answer.block, answer.group) == ("stiction", "valve", ("stiction", str(NUMBERS["stiction"])))
-    assert answer.effects == ({"block": "valve", "effect": "stiction", "parameters": NUMBERS["stiction"], "probability": 0.5},)
+    assert (answer.effect, answer.block, answer.group) == (
+        "stiction",
+        "valve",
+        ("stiction", str(NUMBERS["stiction"])),
+    )
+    assert answer.effects == (
+        {
+            "block": "valve",
+            "effect": "stiction",
+            "parameters": NUMBERS["stiction"],
+            "probability": 0.5,
+        },
+    )
     lines = answer.ranking[:4]
     assert [r.effect for r in lines] == ["stiction", "gain_mismatch", "quantisation", "none"]
-    assert [(r.gap_before, r.gap_after) for r in lines] == [(4.0, 1.0), (4.0, 2.0), (None, None), (4.0, 4.0)]
-    assert (lines[0].block, lines[0].parameters, answer.ranking[4].parameters) == ("valve", NUMBERS["stiction"], {})
-    assert answer.as_json()["gap"] == {"before": 4.0, "recalibrated": 3.0, "after": 1.0, "floor": 0.8, "resolvable": True}
+    assert [(r.gap_before, r.gap_after) for r in lines] == [
+        (4.0, 1.0),
+        (4.0, 2.0),
+        (None, None),
+        (4.0, 4.0),
+    ]
+    assert (lines[0].block, lines[0].parameters, answer.ranking[4].parameters) == (
+        "valve",
+        NUMBERS["stiction"],
+        {},
+    )
+    assert answer.as_json()["gap"] == {
+        "before": 4.0,
+        "recalibrated": 3.0,
+        "after": 1.0,
+        "floor": 0.8,
+        "resolvable": True,
+    }
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
     assert answer.notes == ("noted", "two records", "valve: MV strays")
-    assert (answer.next_test, answer.behind.after_tests) == ({"test": "bump", "says": "bump it"}, {"bump": 0.8})
+    assert (answer.next_test, answer.behind.after_tests) == (
+        {"test": "bump", "says": "bump it"},
+        {"bump": 0.8},
+    )
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
 
@@ -167,7 +227,10 @@ def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
     assert report(found(), weighed(none=1.0), Loops()).shrinkage is None
     unresolved = report(found("stiction"), weighed(), Loops(gap(value=None, resolvable=False)))
     assert unresolved.shrinkage is None
-    assert unresolved.notes[-1] == "the gap (4.00) does not stand out of its floor (0.80): no shrinkage is claimed"
+    assert (
+        unresolved.notes[-1]
+        == "the gap (4.00) does not stand out of its floor (0.80): no shrinkage is claimed"
+    )
 
 
 def test_of_two_effects_the_loop_with_both_is_compared_and_each_stands_as_a_rival(stubs):
@@ -175,12 +238,22 @@ def test_of_two_effects_the_loop_with_both_is_compared_and_each_stands_as_a_riva
     answer = report(found("stiction", "quantisation"), weighed(), loops)
     assert loops.shrunk == [["stiction", "quantisation"]]
     assert [e["effect"] for e in answer.effects] == ["stiction", "quantisation"]
-    assert {r.effect: r.gap_after for r in answer.ranking[:3]} == {"stiction": 1.5, "gain_mismatch": None, "quantisation": 3.5}
+    assert {r.effect: r.gap_after for r in answer.ranking[:3]} == {
+        "stiction": 1.5,
+        "gain_mismatch": None,
+        "quantisation": 3.5,
+    }
 
 
-@pytest.mark.parametrize(("known", "faithful", "raw"), [(True, False, False), (False, True, False), (False, False, True)])
-def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(stubs, known, faithful, raw):
-    said, why, after = _advice(found("stiction", s=situation(known=known, faithful=faithful)), weighed(), Loops())
+@pytest.mark.parametrize(
+    ("known", "faithful", "raw"), [(True, False, False), (False, True, False), (False, False, True)]
+)
+def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(
+    stubs, known, faithful, raw
+):
+    said, why, after = _advice(
+        found("stiction", s=situation(known=known, faithful=faithful)), weighed(), Loops()
+    )
     assert said is not None
     assert said["test"] == ("raw" if raw else "bump")
     assert (why, after) == ("", {} if raw else {"bump": 0.8})
@@ -196,7 +269,9 @@ def test_a_reason_is_noted_where_no_test_would_tell(stubs, monkeypatch):
 
 def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
     s = SimpleNamespace(record=SimpleNamespace(n=n, tag=tag), proven={e: {} for e in proven})
-    return diagnosis.Assessment(s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains)
+    return diagnosis.Assessment(
+        s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains
+    )
 
 
 LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
@@ -211,8 +286,12 @@ def together(monkeypatch, *every):
 def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(monkeypatch):
     numbers = {"noise": {"factor": 3.0}, "stiction": {"S": 1.0}}
     gained = {"stiction": 9.0, "noise": 4.0}
-    short = assessment(500, gained, proven=["quantisation"], chosen=["noise", "stiction"], parameters=numbers)
-    long = assessment(900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1")
+    short = assessment(
+        500, gained, proven=["quantisation"], chosen=["noise", "stiction"], parameters=numbers
+    )
+    long = assessment(
+        900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1"
+    )
     more = assessment(700, {"drift": 890.0}, chosen=["drift"])
     found, behind, said = together(monkeypatch, short, long, more)
     assert found.situation is long.situation
@@ -239,6 +318,8 @@ def test_records_of_one_pace_are_judged_together(monkeypatch, Ts, judged):
 
     monkeypatch.setattr(diagnosis, "_assess_all", assess_all)
     with pytest.raises(Reached if judged else RecordError):
-        diagnose([LoopRecord(op=np.arange(9.0), pv=np.arange(9.0), Ts=one) for one in (1.0, Ts)], None)
+        diagnose(
+            [LoopRecord(op=np.arange(9.0), pv=np.arange(9.0), Ts=one) for one in (1.0, Ts)], None
+        )
     with pytest.raises(RecordError, match="no record"):
         diagnose([], None)

@@ -66,7 +66,9 @@ def test_what_is_read_off_pays_by_how_often_it_comes_in_the_part_it_was_not_lear
 def test_one_long_run_needs_no_second_one_in_the_other_part():
     once = np.zeros(1000, dtype=bool)
     once[100:140] = True
-    assert _read_off("held", {}, once, 0.1, 650).nats == pytest.approx(40 * np.log(10.0) - np.log(3000.0))
+    assert _read_off("held", {}, once, 0.1, 650).nats == pytest.approx(
+        40 * np.log(10.0) - np.log(3000.0)
+    )
 
 
 def test_another_tuning_is_fitted_to_the_first_part_and_pays_on_the_rest():
@@ -90,7 +92,9 @@ def test_a_gain_that_grows_with_the_error_is_fitted_though_the_archive_stores_pv
 
 def test_a_speed_limit_is_fitted_where_op_strays_from_a_law_that_holds_elsewhere():
     with lent_effect(FoundLaw("ramps", {"down": 10.0}, 0.0)) as name:
-        record = simulate(Loop.from_table({**TABLE, "effect": [{"name": name, "down": 10.0}]}), 3).record
+        record = simulate(
+            Loop.from_table({**TABLE, "effect": [{"name": name, "down": 10.0}]}), 3
+        ).record
     s = check(record, TOLD)
     assert s.unexplained_law
     law = controller_law(s, 780)

@@ -47,11 +47,20 @@ def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
         assert getattr(found, name).value == pytest.approx(mean, rel=0.1)
         assert getattr(found, name).lo < mean < getattr(found, name).hi
     # the model as it was is off by more, or the correction would not be tested
-    assert abs(np.mean([m.op_std for m in fresh(MODEL.with_("controller.Kc", 0.75))]) / found.op_std.value - 1.0) > 0.1
+    assert (
+        abs(
+            np.mean([m.op_std for m in fresh(MODEL.with_("controller.Kc", 0.75))])
+            / found.op_std.value
+            - 1.0
+        )
+        > 0.1
+    )
 
 
 def test_a_cycle_of_friction_keeps_its_predicted_period():
-    found = predict(diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0})
+    found = predict(
+        diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0}
+    )
     true = np.nanmedian([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
     assert found.oscillates > 0.5
     assert found.period_s.value == pytest.approx(true, rel=0.1)
@@ -59,7 +68,15 @@ def test_a_cycle_of_friction_keeps_its_predicted_period():
 
 def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
     found = predict(report, {"controller.Kc": 0.75}).as_json()
-    assert list(found) == ["pv_std", "op_std", "period_s", "op_travel_per_hour", "oscillates", "valid", "reason"]
+    assert list(found) == [
+        "pv_std",
+        "op_std",
+        "period_s",
+        "op_travel_per_hour",
+        "oscillates",
+        "valid",
+        "reason",
+    ]
     for name in ("pv_std", "op_std", "op_travel_per_hour"):
         assert list(found[name]) == ["value", "lo", "hi"]
         assert found[name]["lo"] <= found[name]["value"] <= found[name]["hi"]
@@ -68,7 +85,10 @@ def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
 
 
 def test_the_same_report_and_seed_give_the_same_numbers(report):
-    assert predict(report, {"controller.Kc": 0.75}).as_json() == predict(report, {"controller.Kc": 0.75}).as_json()
+    assert (
+        predict(report, {"controller.Kc": 0.75}).as_json()
+        == predict(report, {"controller.Kc": 0.75}).as_json()
+    )
 
 
 @pytest.mark.parametrize(("settings", "word"), [
@@ -83,7 +103,10 @@ def test_outside_its_range_a_prediction_says_so(report, settings, word):
 
 
 def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
-    assert _moved(MODEL, {"setpoint.value": 52.0})["setpoint.steps"] == [[600.0, 57.0], [1300.0, 52.0]]
+    assert _moved(MODEL, {"setpoint.value": 52.0})["setpoint.steps"] == [
+        [600.0, 57.0],
+        [1300.0, 52.0],
+    ]
     both = {"setpoint.value": 52.0, "setpoint.steps": []}
     assert _moved(MODEL, both) == both
 

@@ -77,7 +77,16 @@ def test_set_points_step_in_two_loops_of_three_two_to_eight_times(loops):
     fills(shares, 0.0, 1.0)
     for x in moving:
         assert [t for t, _ in x.setpoint.steps] == sorted(t for t, _ in x.setpoint.steps)
-    fills([(v - x.setpoint.value) / x.plant.K for x in moving if x.plant.T for _, v in x.setpoint.steps], -6.0, 6.0)
+    fills(
+        [
+            (v - x.setpoint.value) / x.plant.K
+            for x in moving
+            if x.plant.T
+            for _, v in x.setpoint.steps
+        ],
+        -6.0,
+        6.0,
+    )
 
 
 @pytest.mark.parametrize("integrating", [False, True])
@@ -96,7 +105,11 @@ def test_an_effect_is_drawn_plain_but_not_gross(loops, integrating):
 @pytest.mark.parametrize("integrating", [False, True])
 def test_an_effect_is_measured_by_the_loop_it_acts_in(monkeypatch, loops, integrating):
     seen = []
-    monkeypatch.setattr(room, "recogniser", lambda name: Recogniser(draw=lambda y, rng: seen.append(y) or (lambda x: {"x": x})))
+    monkeypatch.setattr(
+        room,
+        "recogniser",
+        lambda name: Recogniser(draw=lambda y, rng: seen.append(y) or (lambda x: {"x": x})),
+    )
     loop = next(x for x in loops if (x.plant.type == "integrating") == integrating)
     p = random_effect("any", loop, np.random.default_rng(0))
     (y,) = seen
@@ -108,7 +121,9 @@ def test_an_effect_is_measured_by_the_loop_it_acts_in(monkeypatch, loops, integr
     assert 0.45 <= p["x"] <= 0.75
     if integrating:
         table = loop.to_table()
-        table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {"type": "P"}
+        table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {
+            "type": "P"
+        }
         random_effect("any", Loop.from_table(table), np.random.default_rng(0))
         # a P controller has no integral time to go by
         assert (seen[1].lag, seen[1].integral) == (pytest.approx(25.0 + loop.plant.Td), False)
@@ -144,7 +159,11 @@ def test_the_baseline_is_ten_percent_off_and_knows_of_no_load(cases):
 
 
 def test_a_case_is_a_function_of_its_seed_and_holds_what_was_asked():
-    one, again, other = random_case(4, ("deadband",)), random_case(4, ("deadband",)), random_case(5, ("deadband",))
+    one, again, other = (
+        random_case(4, ("deadband",)),
+        random_case(4, ("deadband",)),
+        random_case(5, ("deadband",)),
+    )
     assert one.truth == again.truth
     assert np.array_equal(one.record.pv, again.record.pv)
     assert one.truth != other.truth
@@ -153,5 +172,10 @@ def test_a_case_is_a_function_of_its_seed_and_holds_what_was_asked():
 
 def test_only_a_plant_with_a_time_constant_can_miss_it():
     assert recogniser("time_constant_mismatch").replaces == "T"
-    assert {random_case(s, ("time_constant_mismatch",)).truth.plant.type for s in range(12)} == {"foptd"}
-    assert {random_case(s, ("gain_mismatch",)).truth.plant.type for s in range(12)} == {"foptd", "integrating"}
+    assert {random_case(s, ("time_constant_mismatch",)).truth.plant.type for s in range(12)} == {
+        "foptd"
+    }
+    assert {random_case(s, ("gain_mismatch",)).truth.plant.type for s in range(12)} == {
+        "foptd",
+        "integrating",
+    }

@@ -19,7 +19,19 @@ VESSEL = {"type": "integrating", "K": 0.05, "Td": 6.0}
 
 
 def situation(
-    *, plant=FOPTD, noise=0.1, sp=None, mv=None, op=OP, valve=None, T=15.0, Td=3.0, K=2.0, n=N, law=None, archive=None
+    *,
+    plant=FOPTD,
+    noise=0.1,
+    sp=None,
+    mv=None,
+    op=OP,
+    valve=None,
+    T=15.0,
+    Td=3.0,
+    K=2.0,
+    n=N,
+    law=None,
+    archive=None,
 ):
     table = {
         "plant": plant,
@@ -42,7 +54,9 @@ def test_an_ordinary_load_remembers_four_time_scales_of_the_plant(T, Td, n, memo
     assert load_memory(situation(T=T, Td=Td, n=n)) == pytest.approx(memory)
 
 
-@pytest.mark.parametrize(("K", "memory"), [(0.1, 4 * (3.0 + 20.0)), (-0.1, 4 * (3.0 + 20.0)), (0.0, 200.0)])
+@pytest.mark.parametrize(
+    ("K", "memory"), [(0.1, 4 * (3.0 + 20.0)), (-0.1, 4 * (3.0 + 20.0)), (0.0, 200.0)]
+)
 def test_a_vessels_time_scale_is_its_loops(K, memory):
     # at Kc = 0.5 and K a sample the loop's is 1 / (K Kc) beside the dead time
     assert load_memory(situation(plant=VESSEL, T=0.0, K=K)) == pytest.approx(memory)

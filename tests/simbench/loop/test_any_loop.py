@@ -49,7 +49,10 @@ def loop(**sections):
 @pytest.mark.parametrize("factor", [1.0, 4.0])
 def test_a_first_order_plant_written_as_tf_has_the_bits_of_foptd(factor):
     own = simulate(loop(), 1)
-    same = simulate(loop(plant={"type": "tf", "num": [1.5 * factor], "den": [10 * factor, factor], "Td": 2.3}), 1)
+    same = simulate(
+        loop(plant={"type": "tf", "num": [1.5 * factor], "den": [10 * factor, factor], "Td": 2.3}),
+        1,
+    )
     assert np.array_equal(own.record.pv, same.record.pv)
     assert np.array_equal(own.record.op, same.record.op)
 
@@ -57,7 +60,8 @@ def test_a_first_order_plant_written_as_tf_has_the_bits_of_foptd(factor):
 def test_an_integrator_written_as_tf_has_the_bits_of_integrating():
     own = simulate(loop(plant={"type": "integrating", "K": 0.1, "Td": 1}), 1)
     assert np.array_equal(
-        own.record.pv, simulate(loop(plant={"type": "tf", "num": [0.1], "den": [1, 0], "Td": 1}), 1).record.pv
+        own.record.pv,
+        simulate(loop(plant={"type": "tf", "num": [0.1], "den": [1, 0], "Td": 1}), 1).record.pv,
     )
     assert own.record.process == "integrating"
 
@@ -81,7 +85,8 @@ def _same_as_twin(one):
 
 
 @pytest.mark.parametrize(
-    "sections", [*({"plant": p} for p in PLANTS.values()), *({"controller": c} for c in CONTROLLERS.values())]
+    "sections",
+    [*({"plant": p} for p in PLANTS.values()), *({"controller": c} for c in CONTROLLERS.values())],
 )
 def test_a_loop_is_what_its_own_file_says(sections):
     one = loop(**sections)
@@ -93,13 +98,26 @@ def test_pid_without_derivative_and_limits_is_pi():
     linear = loop(valve={"model": "ideal"})
     own = simulate(linear, 1).record
     for form in ("positional", "velocity"):
-        pid = simulate(loop(controller={"type": "PID", "Kc": 1, "Ti": 10, "form": form}, valve={"model": "ideal"}), 1).record
+        pid = simulate(
+            loop(
+                controller={"type": "PID", "Kc": 1, "Ti": 10, "form": form},
+                valve={"model": "ideal"},
+            ),
+            1,
+        ).record
         assert np.abs(pid.pv - own.pv).max() < 1e-9
 
 
-@pytest.mark.parametrize("law", [name for name in CONTROLLERS if "clamping" in name or "back" in name])
+@pytest.mark.parametrize(
+    "law", [name for name in CONTROLLERS if "clamping" in name or "back" in name]
+)
 def test_a_controller_at_its_limit_comes_back_at_once(law):
-    far = loop(controller=CONTROLLERS[law], valve={"model": "ideal"}, noise={}, setpoint={"steps": [[10, 200], [300, 50]]})
+    far = loop(
+        controller=CONTROLLERS[law],
+        valve={"model": "ideal"},
+        noise={},
+        setpoint={"steps": [[10, 200], [300, 50]]},
+    )
     record = simulate(far).record
     assert record.op[290] > 95.0  # clamping waits a step of its integral below the limit
     assert (record.op[302:310] < 90.0).all()
@@ -108,18 +126,24 @@ def test_a_controller_at_its_limit_comes_back_at_once(law):
 def test_a_schedule_changes_the_gain_where_it_says():
     steps = {"steps": [[10, 50.5]]}
     quiet = loop(controller={**PID, "b": 1.0}, valve={"model": "ideal"}, noise={}, setpoint=steps)
-    twice = quiet.with_("controller.schedule", [[50.2, 1.0], [50.3, 2.0]]).with_("controller.schedule_on", "sp")
+    twice = quiet.with_("controller.schedule", [[50.2, 1.0], [50.3, 2.0]]).with_(
+        "controller.schedule_on", "sp"
+    )
     first = [float(simulate(one).record.op[10] - 50.0) for one in (quiet, twice)]
     assert first[1] == pytest.approx(2.0 * first[0], rel=1e-12)
 
 
 @pytest.mark.parametrize("system", [control.tf, lambda num, den: control.ss(control.tf(num, den))])
 def test_a_system_of_python_control_is_a_plant(system):
-    own = sb.Loop(plant=system([1.5], [50, 15, 1]), **{k: v for k, v in BASE.items() if k != "plant"})
+    own = sb.Loop(
+        plant=system([1.5], [50, 15, 1]), **{k: v for k, v in BASE.items() if k != "plant"}
+    )
     written = loop(plant={"type": "tf", "num": [1.5], "den": [50, 15, 1]})
     # to the first move of the valve: beyond it the last bits of the way through a state space grow
     first = int(np.argmax(np.abs(np.diff(simulate(written, 1).mv)) > 0)) + 5
-    assert np.allclose(own.simulate(1).record.pv[:first], simulate(written, 1).record.pv[:first], rtol=1e-9)
+    assert np.allclose(
+        own.simulate(1).record.pv[:first], simulate(written, 1).record.pv[:first], rtol=1e-9
+    )
 
 
 def test_what_stands_for_a_plant_has_its_mean_delay():

@@ -31,7 +31,9 @@ TABLE = {
 
 
 def test_both_records_are_those_of_the_plain_twin_and_the_outer_op_is_the_inner_set_point():
-    fast, slow = (run_setup(resolve_loop(Loop.from_table(TABLE), 1), plain=plain) for plain in (False, True))
+    fast, slow = (
+        run_setup(resolve_loop(Loop.from_table(TABLE), 1), plain=plain) for plain in (False, True)
+    )
     for a, b in ((fast.record, slow.record), (fast.outer, slow.outer)):
         assert np.array_equal(a.pv, b.pv)
         assert np.array_equal(a.op, b.op)
@@ -43,7 +45,9 @@ def test_both_records_are_those_of_the_plain_twin_and_the_outer_op_is_the_inner_
 def test_the_outer_pv_is_what_the_valve_makes_of_both_plants_in_series():
     quiet = {**TABLE, "noise": {}, "outer": {**TABLE["outer"], "noise": {}}}
     run = simulate(Loop.from_table({**quiet, "plant": {**quiet["plant"], "Td": 1.0}}))
-    both = control.sample_system(control.ss(control.tf([1.2], [3, 1]) * control.tf([0.8], [30, 1])), 0.5, "zoh")
+    both = control.sample_system(
+        control.ss(control.tf([1.2], [3, 1]) * control.tf([0.8], [30, 1])), 0.5, "zoh"
+    )
     late = np.concatenate([np.zeros(10), run.mv - 50.0])[: run.mv.size]  # Td = 1 + 4 s
     told = control.forced_response(both, np.arange(run.mv.size) * 0.5, late).outputs
     assert np.abs(run.outer.pv - 70.0 - told).max() < 1e-9
@@ -60,7 +64,10 @@ def test_a_cascade_is_a_file_a_batch_and_a_verb(tmp_path):
     loop = sb.Loop(**TABLE)
     assert Loop.from_table(loop.to_table()) == Loop.from_table(TABLE)
     (tmp_path / "pair.toml").write_text(loop.to_toml())
-    said = CliRunner().invoke(app, ["simulate", str(tmp_path / "pair.toml"), "-o", str(tmp_path / "FIC.csv"), "--seed", "1"])
+    said = CliRunner().invoke(
+        app,
+        ["simulate", str(tmp_path / "pair.toml"), "-o", str(tmp_path / "FIC.csv"), "--seed", "1"],
+    )
     assert said.exit_code == 0
     inner, outer = (pd.read_csv(tmp_path / name) for name in ("FIC.csv", "FIC_outer.csv"))
     assert np.array_equal(inner.sp, outer.op)
@@ -79,7 +86,10 @@ def test_theory_says_that_it_cannot_tell():
     [
         ({"setpoint": {"value": 50, "steps": [[1, 2]]}}, "outer.setpoint"),
         ({"setpoint": {"value": 150}}, "sp_span"),
-        ({"outer": {**TABLE["outer"], "plant": {"type": "foptd", "K": -1, "T": 2}}}, "positive feedback"),
+        (
+            {"outer": {**TABLE["outer"], "plant": {"type": "foptd", "K": -1, "T": 2}}},
+            "positive feedback",
+        ),
         ({"outer": {**TABLE["outer"], "plant": {"type": "tank", "K": 1, "T": 2}}}, "no plug-in"),
         ({"outer": {**TABLE["outer"], "sp_span": [5, 5]}}, "rising"),
         ({"outer": {"plant": TABLE["outer"]["plant"]}}, "outer.controller"),

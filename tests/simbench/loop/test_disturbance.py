@@ -9,17 +9,26 @@ from simbench.loop.disturbance import disturbance_signal
 
 
 def coloured(n=200_000, Ts=1.0, seed=0, **parameters):
-    return disturbance_signal(Part(name="coloured", parameters=parameters), n, Ts, np.random.default_rng(seed))[1]
+    return disturbance_signal(
+        Part(name="coloured", parameters=parameters), n, Ts, np.random.default_rng(seed)
+    )[1]
 
 
-@pytest.mark.parametrize(("period", "lag"), [(20.0, 0.0), (20.0, 5.0), (12.0, 12.0), (4.0, 15.0), (20.0, 0.1)])
+@pytest.mark.parametrize(
+    ("period", "lag"), [(20.0, 0.0), (20.0, 5.0), (12.0, 12.0), (4.0, 15.0), (20.0, 0.1)]
+)
 @pytest.mark.parametrize("Ts", [1.0, 0.25])
 def test_standard_deviation_is_the_amplitude_with_and_without_lag(period, lag, Ts):
-    assert np.std(coloured(Ts=Ts, amplitude=2.0, period=period, lag=lag)) == pytest.approx(2.0, rel=0.06)
+    assert np.std(coloured(Ts=Ts, amplitude=2.0, period=period, lag=lag)) == pytest.approx(
+        2.0, rel=0.06
+    )
 
 
 def test_a_vanishing_lag_changes_nothing():
-    assert np.allclose(coloured(n=500, amplitude=2.0, period=20.0, lag=1e-3), coloured(n=500, amplitude=2.0, period=20.0))
+    assert np.allclose(
+        coloured(n=500, amplitude=2.0, period=20.0, lag=1e-3),
+        coloured(n=500, amplitude=2.0, period=20.0),
+    )
 
 
 def test_without_lag_the_memory_is_the_period():

@@ -63,8 +63,16 @@ def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
 
 def test_the_vocabulary_is_data_and_loads_no_model():
     code = "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS); print(','.join(sys.modules))"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
-    own = {name for name in loaded if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")}
+    loaded = (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        .stdout.strip()
+        .split(",")
+    )
+    own = {
+        name
+        for name in loaded
+        if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")
+    }
     # simbench.lazy: how the package finds its public names; it loads none of them
     # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their steps load when they act
     laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
@@ -79,9 +87,15 @@ def test_simulating_an_effect_asks_nothing_of_the_diagnosis():
         " 'sampling': {'Ts': 1, 'n': 50}, 'effect': [{'name': 'stiction', 'S': 2, 'J': 1}]}\n"
         "simulate(Loop.from_table(table)); print(','.join(m for m in sys.modules if m.startswith('simbench')))"
     )
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
+    loaded = (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        .stdout.strip()
+        .split(",")
+    )
     assert "simbench.loop.effects.stiction" in loaded
-    assert not [m for m in loaded if m.startswith(("simbench.gap", "simbench.blind", "simbench.bench"))]
+    assert not [
+        m for m in loaded if m.startswith(("simbench.gap", "simbench.blind", "simbench.bench"))
+    ]
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -92,20 +106,29 @@ def test_strength_zero_changes_no_bit(name):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_strength_one_changes_the_record_where_the_effect_says(name):
-    plain, changed = simulate(LOOP, seed=3).record, simulate(with_effects((name, STRONG[name])), seed=3).record
+    plain, changed = (
+        simulate(LOOP, seed=3).record,
+        simulate(with_effects((name, STRONG[name])), seed=3).record,
+    )
     assert not np.array_equal(plain.pv, changed.pv)
     assert np.array_equal(plain.op, changed.op) == (PLUGINS.load(name).ACTS == "record")
 
 
 def test_two_effects_act_together():
-    both = simulate(with_effects(("stiction", STRONG["stiction"]), ("quantisation", STRONG["quantisation"])), seed=3).record
+    both = simulate(
+        with_effects(("stiction", STRONG["stiction"]), ("quantisation", STRONG["quantisation"])),
+        seed=3,
+    ).record
     assert np.allclose(both.pv % 0.5, 0.0)
     assert np.count_nonzero(np.diff(both.mv) == 0) > both.n / 2
 
 
 def test_a_second_friction_is_refused():
     sticky = Loop.from_table(
-        {**with_effects(("stiction", STRONG["stiction"])).to_table(), "valve": {"model": "kano", "S": 2.0, "J": 1.0}}
+        {
+            **with_effects(("stiction", STRONG["stiction"])).to_table(),
+            "valve": {"model": "kano", "S": 2.0, "J": 1.0},
+        }
     )
     with pytest.raises(ParameterError, match="'kano', which has friction already"):
         simulate(sticky)

@@ -21,9 +21,17 @@ from simbench.theory.cycle import cycle_start
 )
 def test_simulated_cycle_equals_the_closed_form(integrating, K, Kc, S, J, period, amplitude):
     Ts = 0.02
-    plant = {"type": "integrating", "K": K, "Td": 2} if integrating else {"type": "foptd", "K": K, "T": 10, "Td": 2}
+    plant = (
+        {"type": "integrating", "K": K, "Td": 2}
+        if integrating
+        else {"type": "foptd", "K": K, "T": 10, "Td": 2}
+    )
     controller = {"type": "P", "Kc": Kc} if integrating else {"type": "PI", "Kc": Kc, "Ti": 10}
-    table = {"plant": plant, "controller": controller, "valve": {"model": "choudhury", "S": S, "J": J}}
+    table = {
+        "plant": plant,
+        "controller": controller,
+        "valve": {"model": "choudhury", "S": S, "J": J},
+    }
     loop = Loop.from_table({**table, "sampling": {"Ts": Ts, "n": int(61 * period / Ts)}})
     record = simulate(loop, start=cycle_start(loop)).record
     op, mv = record.op[int(40 * period / Ts) :], record.mv[int(40 * period / Ts) :]

@@ -55,7 +55,13 @@ def step_response(num, den, Td, Ts, n, size=1.0):
 
 
 @pytest.mark.parametrize(
-    ("num", "den"), [([2.0], [10.0, 1.0]), ([0.3], [1.0, 0.0]), ([1.0, 2.0], [3.0, 4.0, 1.5]), ([1.0], [5.0, 1.0, 0.0])]
+    ("num", "den"),
+    [
+        ([2.0], [10.0, 1.0]),
+        ([0.3], [1.0, 0.0]),
+        ([1.0, 2.0], [3.0, 4.0, 1.5]),
+        ([1.0], [5.0, 1.0, 0.0]),
+    ],
 )
 @pytest.mark.parametrize("Td", [0.0, 3.0, 2.5, 0.7, 0.2])
 def test_step_response_equals_python_control(num, den, Td):
@@ -67,7 +73,9 @@ def test_step_response_equals_python_control(num, den, Td):
     grid = np.union1d(late.round(10), [0.0])
     fine = np.arange(0, grid[-1] + 0.05, 0.1)
     theirs = control.step_response(control.tf(num, den), T=fine).outputs
-    expected = np.concatenate([np.zeros(t.size - late.size), theirs[np.round(late / 0.1).astype(int)]])
+    expected = np.concatenate(
+        [np.zeros(t.size - late.size), theirs[np.round(late / 0.1).astype(int)]]
+    )
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-10)
 
 
@@ -111,7 +119,9 @@ def test_p_controller_is_op0_plus_Kc_times_error():
 
 def test_direct_action_with_negative_gain_mirrors_the_loop():
     up = simulate(loop(noise={"std": 0.1}), seed=3).record
-    down = simulate(loop(plant={"K": -1.0}, controller={"direction": "direct"}, noise={"std": 0.1}), seed=3).record
+    down = simulate(
+        loop(plant={"K": -1.0}, controller={"direction": "direct"}, noise={"std": 0.1}), seed=3
+    ).record
     assert np.ptp(down.op) > 0
     # the same noise moves OP the other way
     assert np.sign(up.op[0] - 50) == -np.sign(down.op[0] - 50)
@@ -124,9 +134,15 @@ def test_positive_feedback_is_refused():
 
 def test_a_quiet_loop_rests_where_it_starts():
     for valve in ("ideal", "choudhury", "deadband"):
-        parameters = {} if valve == "ideal" else {"S": 5.0} | ({"J": 2.0} if valve == "choudhury" else {})
+        parameters = (
+            {} if valve == "ideal" else {"S": 5.0} | ({"J": 2.0} if valve == "choudhury" else {})
+        )
         r = simulate(
-            loop(valve={"model": valve, **parameters}, operating_point={"op0": 30.0, "pv0": 7.0}, setpoint={"value": 7.0})
+            loop(
+                valve={"model": valve, **parameters},
+                operating_point={"op0": 30.0, "pv0": 7.0},
+                setpoint={"value": 7.0},
+            )
         ).record
         assert (r.op == 30.0).all()
         assert (r.pv == 7.0).all()
@@ -134,16 +150,34 @@ def test_a_quiet_loop_rests_where_it_starts():
 
 
 def test_set_point_away_from_pv0_is_a_step_at_sample_zero():
-    r = simulate(loop(operating_point={"op0": 50.0, "pv0": 40.0}, setpoint={"value": 42.0}, valve={"model": "ideal"})).record
+    r = simulate(
+        loop(
+            operating_point={"op0": 50.0, "pv0": 40.0},
+            setpoint={"value": 42.0},
+            valve={"model": "ideal"},
+        )
+    ).record
     assert r.pv[0] == 40.0
     assert r.op[0] == pytest.approx(50 + 2.0 * (1 + 1 / 10))
 
 
 def test_mv_acts_after_its_sample_and_after_the_dead_time():
-    r = simulate(loop(plant={"Td": 0.0}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[5.0, 51.0]]})).record
+    r = simulate(
+        loop(
+            plant={"Td": 0.0},
+            valve={"model": "ideal"},
+            setpoint={"value": 50.0, "steps": [[5.0, 51.0]]},
+        )
+    ).record
     assert r.mv[5] == r.op[5] > 50.0
     assert r.pv[5] == 50.0 < r.pv[6]
-    late = simulate(loop(plant={"Td": 3.0}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[5.0, 51.0]]})).record
+    late = simulate(
+        loop(
+            plant={"Td": 3.0},
+            valve={"model": "ideal"},
+            setpoint={"value": 50.0, "steps": [[5.0, 51.0]]},
+        )
+    ).record
     assert late.pv[8] == 50.0 < late.pv[9]
 
 
@@ -162,13 +196,19 @@ def test_op_stays_within_its_limits_and_leaves_them_at_once():
 def test_input_load_acts_between_valve_and_plant_and_output_load_on_pv():
     quiet = loop(valve={"model": "ideal"}, **OPEN)
     at_input = Loop.from_table(
-        {**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}]}
+        {
+            **quiet.to_table(),
+            "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}],
+        }
     )
     run = simulate(at_input)
     assert np.ptp(run.record.mv) < 1e-9
     assert run.record.pv[-1] == pytest.approx(52.0, abs=1e-6)
     at_output = Loop.from_table(
-        {**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}]}
+        {
+            **quiet.to_table(),
+            "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}],
+        }
     )
     assert simulate(at_output).record.pv[1] == 52.0
 
@@ -176,7 +216,9 @@ def test_input_load_acts_between_valve_and_plant_and_output_load_on_pv():
 @pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
 @pytest.mark.parametrize("at", ["input", "output"])
 def test_every_disturbance_reaches_pv(kind, at):
-    one = Loop.from_table({**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]})
+    one = Loop.from_table(
+        {**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]}
+    )
     run = simulate(one, seed=5)
     load = run.load_in if at == "input" else run.load_out
     assert np.ptp(load) > 1.0
@@ -188,7 +230,9 @@ def test_propagated_load_has_the_wanted_period_and_amplitude():
         {
             **BASE,
             "sampling": {"Ts": 1.0, "n": 2000},
-            "disturbance": [{"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}],
+            "disturbance": [
+                {"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}
+            ],
         }
     )
     load = simulate(one, seed=5).load_out
@@ -199,7 +243,11 @@ def test_propagated_load_has_the_wanted_period_and_amplitude():
 
 def test_same_loop_and_seed_give_the_same_bits_and_another_seed_others():
     one = Loop.from_table(
-        {**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}]}
+        {
+            **BASE,
+            "noise": {"std": 0.3},
+            "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}],
+        }
     )
     a, b, c = simulate(one, 7).record, simulate(one, 7).record, simulate(one, 8).record
     np.testing.assert_array_equal(a.pv, b.pv)
@@ -207,7 +255,13 @@ def test_same_loop_and_seed_give_the_same_bits_and_another_seed_others():
 
 
 def test_a_tail_leaves_the_record_as_it_was():
-    one = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}]})
+    one = Loop.from_table(
+        {
+            **BASE,
+            "noise": {"std": 0.3},
+            "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}],
+        }
+    )
     short, long = simulate(one, 7), simulate(one, 7, tail=500)
     np.testing.assert_array_equal(short.record.pv, long.record.pv)
     assert long.tail.n == 500
@@ -221,9 +275,13 @@ def test_a_tail_leaves_the_record_as_it_was():
     S=st.floats(0, 10), J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10),
     integrating=st.booleans(), P=st.booleans(),
 )  # fmt: skip
-def test_compiled_and_plain_loop_give_the_same_bits(K, T, Td, Kc, Ti, S, J, std, kick, integrating, P):
+def test_compiled_and_plain_loop_give_the_same_bits(
+    K, T, Td, Kc, Ti, S, J, std, kick, integrating, P
+):
     table = {
-        "plant": {"type": "integrating", "K": K / 20, "Td": Td} if integrating else {"type": "foptd", "K": K, "T": T, "Td": Td},
+        "plant": {"type": "integrating", "K": K / 20, "Td": Td}
+        if integrating
+        else {"type": "foptd", "K": K, "T": T, "Td": Td},
         "controller": {"type": "P", "Kc": Kc} if P else {"type": "PI", "Kc": Kc, "Ti": Ti},
         "valve": {"model": "choudhury", "S": S, "J": J},
         "sampling": {"Ts": 1.0, "n": 200},
@@ -237,7 +295,9 @@ def test_compiled_and_plain_loop_give_the_same_bits(K, T, Td, Kc, Ti, S, J, std,
 
 def test_compiled_and_plain_loop_of_higher_order_give_the_same_bits():
     setup = resolve_loop(loop(noise={"std": 0.1}), 1, tf=control.tf([1.0], [20.0, 12.0, 1.0]))
-    np.testing.assert_array_equal(run_setup(setup).record.pv, run_setup(setup, plain=True).record.pv)
+    np.testing.assert_array_equal(
+        run_setup(setup).record.pv, run_setup(setup, plain=True).record.pv
+    )
 
 
 def test_compiled_loop_equals_c_bit_for_bit():
@@ -264,8 +324,16 @@ def test_loop_equals_python_control_over_the_first_300_samples():
         ({"valve": {"model": "choudhury", "S": 1, "J": -2}}, ParameterError, "J = -2"),
         ({"valve": {"model": "deadband"}}, ParameterError, "needs S"),
         ({"disturbance": [{"type": "sin", "amplitude": 1, "period": 5}]}, UnknownName, "sine"),
-        ({"disturbance": [{"type": "sine", "amplitude": 1, "period": 0}]}, ParameterError, "period"),
-        ({"disturbance": [{"type": "sine", "amplitude": 1, "period": 9, "at": "inlet"}]}, ParameterError, "input"),
+        (
+            {"disturbance": [{"type": "sine", "amplitude": 1, "period": 0}]},
+            ParameterError,
+            "period",
+        ),
+        (
+            {"disturbance": [{"type": "sine", "amplitude": 1, "period": 9, "at": "inlet"}]},
+            ParameterError,
+            "input",
+        ),
     ],
 )
 def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
@@ -274,7 +342,12 @@ def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
 
 
 def test_stages_stand_before_and_behind_any_friction_model():
-    valve = {"model": "choudhury", "S": 5.0, "J": 2.0, "behind": [{"model": "limits", "low": 0.0, "high": 52.0}]}
+    valve = {
+        "model": "choudhury",
+        "S": 5.0,
+        "J": 2.0,
+        "behind": [{"model": "limits", "low": 0.0, "high": 52.0}],
+    }
     one = loop(valve=valve, setpoint={"value": 50.0, "steps": [[10.0, 55.0]]})
     assert Loop.from_table(tomllib.loads(one.to_toml())) == one
     assert simulate(one).record.mv.max() == 52.0
@@ -285,12 +358,19 @@ def test_stages_stand_before_and_behind_any_friction_model():
 
 
 def test_first_order_plants_are_sampled_with_a_fraction_of_a_sample_of_dead_time():
-    assert [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)] == [0.905, 0.046, 0.049, 2.0]
+    assert [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)] == [
+        0.905,
+        0.046,
+        0.049,
+        2.0,
+    ]
 
 
 def test_a_batch_gives_each_loop_what_simulate_gives_it():
     loops = [loop(), loop().with_("sampling.n", 70)]
-    for run, one in zip(simulate_batch(loops, [1, 2]), (simulate(loops[0], 1), simulate(loops[1], 2)), strict=True):
+    for run, one in zip(
+        simulate_batch(loops, [1, 2]), (simulate(loops[0], 1), simulate(loops[1], 2)), strict=True
+    ):
         assert np.array_equal(run.record.pv, one.record.pv)
     with pytest.raises(ParameterError, match="2 loops and 1 seeds"):
         simulate_batch(loops, [1])

@@ -31,7 +31,9 @@ def whole(given):
     return given.with_("sampling", {"Ts": 1, "n": WARM_UP + N})
 
 
-@pytest.mark.parametrize("more", [{}, {"disturbance": []}, {"effect": [{"name": "compression", "band": 0.2}]}])
+@pytest.mark.parametrize(
+    "more", [{}, {"disturbance": []}, {"effect": [{"name": "compression", "band": 0.2}]}]
+)
 def test_a_record_is_the_end_of_the_longer_run_bit_by_bit(more):
     run, longer = simulate(loop(**more), 3), simulate(whole(loop(**more)), 3)
     assert run.record.n == N
@@ -50,7 +52,9 @@ def test_times_of_set_point_and_loads_count_from_the_start_of_the_run():
 def test_the_tail_and_the_quiet_sample_count_from_the_record():
     given = loop()
     assert (simulate(given, 3, tail=50).mv[N:] == valve_tail(given, 3, 50, None)).all()
-    assert (valve_tail(given, 3, 50, N - 9) == valve_tail(whole(given), 3, 50, WARM_UP + N - 9)).all()
+    assert (
+        valve_tail(given, 3, 50, N - 9) == valve_tail(whole(given), 3, 50, WARM_UP + N - 9)
+    ).all()
 
 
 def test_labels_do_not_hang_on_where_the_record_begins():
@@ -72,11 +76,15 @@ def test_the_oracle_knows_where_the_run_started():
     assert verdict.verdict == "stiction"
     assert verdict.S == pytest.approx(5.0, rel=0.1)
     healthy = loop(valve={"model": "ideal"})
-    assert judge_oracle(Scenario(loop=healthy, seed=3), simulate(healthy, 3)).verdict == "no_stiction"
+    assert (
+        judge_oracle(Scenario(loop=healthy, seed=3), simulate(healthy, 3)).verdict == "no_stiction"
+    )
 
 
 def test_without_it_a_run_starts_in_equilibrium_and_nothing_is_written():
-    still = loop(setpoint={"value": 50}, disturbance=[], noise={"std": 0}, sampling={"Ts": 1, "n": N})
+    still = loop(
+        setpoint={"value": 50}, disturbance=[], noise={"std": 0}, sampling={"Ts": 1, "n": N}
+    )
     assert np.ptp(simulate(still).record.pv) == 0.0
     assert "warm_up" not in still.to_table()["sampling"]
 

@@ -17,7 +17,12 @@ def run(seed, **more):
 @pytest.fixture(scope="module")
 def mixed():
     stuck, sound = run(1, valve={"model": "choudhury", "S": 6.0, "J": 4.0}), run(2)
-    return LoopRecord(op=np.r_[stuck.op, sound.op], pv=np.r_[stuck.pv, sound.pv], Ts=2.0, process="self-regulating")
+    return LoopRecord(
+        op=np.r_[stuck.op, sound.op],
+        pv=np.r_[stuck.pv, sound.pv],
+        Ts=2.0,
+        process="self-regulating",
+    )
 
 
 def test_the_first_half_is_called_and_the_second_is_not(mixed):

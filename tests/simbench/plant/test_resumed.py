@@ -50,7 +50,12 @@ def test_kept_answers_have_the_bits_of_those_given(tmp_path):
     again, asked = answered(tmp_path)
     assert asked == []
     assert again[0].record.pv.tobytes() == first[0].record.pv.tobytes()
-    assert (again[0].record.Ts, repr(again[0].many), again[0].note, again[1]) == (1 / 3, repr(first[0].many), None, first[1])
+    assert (again[0].record.Ts, repr(again[0].many), again[0].note, again[1]) == (
+        1 / 3,
+        repr(first[0].many),
+        None,
+        first[1],
+    )
 
 
 class Trap:
@@ -60,7 +65,9 @@ class Trap:
 
 TRAPS = {
     "pickle": pickle.dumps(Trap()),
-    "class": json.dumps(with_checksum({"answer": {"of": "Other", "with": {"command": "echo"}}})).encode(),
+    "class": json.dumps(
+        with_checksum({"answer": {"of": "Other", "with": {"command": "echo"}}})
+    ).encode(),
     "no checksum": json.dumps({"answer": "another one"}).encode(),
     "half": b'{"answer": {"of": "tup',
     "empty": b"",
@@ -70,7 +77,9 @@ TRAPS = {
 
 
 @pytest.mark.parametrize("content", TRAPS.values(), ids=TRAPS)
-def test_what_stands_in_place_of_an_answer_is_not_executed_and_asked_again(tmp_path, monkeypatch, content):
+def test_what_stands_in_place_of_an_answer_is_not_executed_and_asked_again(
+    tmp_path, monkeypatch, content
+):
     monkeypatch.chdir(tmp_path)
     kept = tmp_path / "kept"
     first, _ = answered(kept)

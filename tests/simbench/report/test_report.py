@@ -40,7 +40,13 @@ def detect(prepared):
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     (folder / "broken.py").write_text(BROKEN)
-    return run_grid("smoke", folder / "smoke", ("he", "horch", "yamashita"), plugins=[folder / "broken.py"], progress=False)
+    return run_grid(
+        "smoke",
+        folder / "smoke",
+        ("he", "horch", "yamashita"),
+        plugins=[folder / "broken.py"],
+        progress=False,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +66,9 @@ def test_it_is_one_file_without_a_link_to_anywhere(report):
     assert [p.name for p in report.parent.iterdir()] == ["report.html"]
     assert "<script src" not in text
     assert "@import" not in text
-    for target in re.findall(r'(?:src|href|action)="([^"]*)"', text) + re.findall(r"url\(([^)]*)\)", text):
+    for target in re.findall(r'(?:src|href|action)="([^"]*)"', text) + re.findall(
+        r"url\(([^)]*)\)", text
+    ):
         assert target.startswith(("#", "data:")), target
 
 
@@ -90,7 +98,12 @@ def test_sections_come_summary_first_and_provenance_last(report):
 def test_commit_grid_hash_and_the_way_back_are_told(run, report):
     text = report.read_text(encoding="utf-8")
     manifest = RunData.read(run).book.manifest
-    for told in (manifest["grid_hash"], manifest["records_hash"], str(manifest["commit"]), "simbench run smoke"):
+    for told in (
+        manifest["grid_hash"],
+        manifest["records_hash"],
+        str(manifest["commit"]),
+        "simbench run smoke",
+    ):
         assert told in text
 
 
@@ -104,7 +117,10 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
     scores = RunData.read(run).scores
     text = report.read_text(encoding="utf-8")
     for row in scores.ranking().itertuples():
-        value, shown = re.escape(repr(float(row.accuracy_applicable))), f"{row.accuracy_applicable:.3f}"
+        value, shown = (
+            re.escape(repr(float(row.accuracy_applicable))),
+            f"{row.accuracy_applicable:.3f}",
+        )
         assert re.search(rf'<td class="name">{row.method}</td>.*?data-v="{value}">{shown}', text)
 
 
@@ -137,7 +153,9 @@ def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():
     finite = np.where(np.isinf(score), -1e9, score)
     passed = [finite >= cut for cut in [np.inf, *sorted(set(finite), reverse=True)]]
     assert np.allclose(curve, [[over[~positive].mean(), over[positive].mean()] for over in passed])
-    assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(roc_auc_score(positive, finite))
+    assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(
+        roc_auc_score(positive, finite)
+    )
 
 
 def test_missing_values_are_empty_cells():
@@ -156,16 +174,24 @@ VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBou
 @needs_browser
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [1200, 400])
-def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(report, width, dark):
+def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(
+    report, width, dark
+):
     with chromium.opened(report, width, dark) as page:
         pictures = page.evaluate(VISIBLE)
-        over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        ink, ground = page.evaluate("(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))")
+        over = page.evaluate(
+            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        )
+        ink, ground = page.evaluate(
+            "(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))"
+        )
         lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
         assert page.errors == []
         assert page.requests == [report.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
-    assert len(pictures) == 1 + 1 + 4 + 1  # the overview, a bar of colours and a map per detector, the ROC curves
+    assert (
+        len(pictures) == 1 + 1 + 4 + 1
+    )  # the overview, a bar of colours and a map per detector, the ROC curves
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
         assert w > 100
         assert h > 50
@@ -224,17 +250,34 @@ def test_on_a_phone_a_name_stays_beside_its_numbers(report):
 @needs_browser
 def test_in_a_browser_the_page_is_readable_without_scripts(report, tmp_path):
     plain = tmp_path / "plain.html"
-    plain.write_text(re.sub(r"<script>.*?</script>", "", report.read_text(encoding="utf-8"), flags=re.S), encoding="utf-8")
+    plain.write_text(
+        re.sub(r"<script>.*?</script>", "", report.read_text(encoding="utf-8"), flags=re.S),
+        encoding="utf-8",
+    )
     with chromium.opened(plain, 400) as page:
         assert "Summary" in page.evaluate("document.body.innerText")
         assert page.errors == []
 
 
 def test_reasons_that_differ_in_their_numbers_count_together():
-    assert _pattern("too short: 2.4 periods; at least 3 are needed") == "too short: # periods; at least # are needed"
+    assert (
+        _pattern("too short: 2.4 periods; at least 3 are needed")
+        == "too short: # periods; at least # are needed"
+    )
 
 
 def test_a_run_says_how_to_run_it_again():
-    told = reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "seed": 3, "overrides": {"noise.std": 1.0}})
+    told = reproduce(
+        {
+            "grid": "smoke",
+            "commit": "0123",
+            "methods": {"he": {}},
+            "seed": 3,
+            "overrides": {"noise.std": 1.0},
+        }
+    )
     assert told[0] == "git checkout 0123"
-    assert told[1:] == ["simbench run smoke -o again --set seed=3 --set noise.std=1.0 --method he", "simbench score again"]
+    assert told[1:] == [
+        "simbench run smoke -o again --set seed=3 --set noise.std=1.0 --method he",
+        "simbench score again",
+    ]

@@ -5,12 +5,19 @@ import pytest
 from scenarios.spec import Loop
 
 
-def make(kind="foptd", K=1.0, T=10.0, Td=2.0, Kc=1.0, Ti=10.0, S=5.0, J=2.0, Ts=0.02, n=4000, **more):
+def make(
+    kind="foptd", K=1.0, T=10.0, Td=2.0, Kc=1.0, Ti=10.0, S=5.0, J=2.0, Ts=0.02, n=4000, **more
+):
     """Build a choudhury loop; Ti = None is P control."""
     plant = {"type": kind, "K": K, "Td": Td} | ({"T": T} if kind == "foptd" else {})
     controller = {"type": "P", "Kc": Kc} if Ti is None else {"type": "PI", "Kc": Kc, "Ti": Ti}
     valve = {"model": "choudhury", "S": S, "J": J}
-    table = {"plant": plant, "controller": controller, "valve": valve, "sampling": {"Ts": Ts, "n": n}}
+    table = {
+        "plant": plant,
+        "controller": controller,
+        "valve": valve,
+        "sampling": {"Ts": Ts, "n": n},
+    }
     return Loop.from_table(table | more)
 
 

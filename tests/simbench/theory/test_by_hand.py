@@ -43,7 +43,10 @@ def test_responses_of_a_loop_by_their_formulas(loop):
     a, z = np.exp(-0.05), np.exp(0.5j * w)
     sampled = 3.0 * (1 - a) / (z - a) * z**-4.0 * (1 + 0.0625 / (1 - 1 / z))
     # a new OP acts in its own sample: one step ahead of the textbook's hold
-    assert min(abs(made.sampled_response(w) / (sampled * z**ahead) - 1).max() for ahead in (0, 1)) < 1e-9
+    assert (
+        min(abs(made.sampled_response(w) / (sampled * z**ahead) - 1).max() for ahead in (0, 1))
+        < 1e-9
+    )
     p = sampled_loop(loop(K=2.0, Kc=1.5, T=10.0, Td=2.0, Ti=None, Ts=0.5))
     np.testing.assert_allclose(p.response(w), 3.0 * np.exp(-2j * w) / (1 + 10j * w), rtol=1e-12)
 
@@ -55,8 +58,12 @@ def test_how_long_a_loop_is_waited_for(loop):
     pi = sampled_loop(loop(K=1.0, Kc=1.0, T=10.0, Td=2.0, Ti=8.0, S=5.0, J=2.0, Ts=0.5))
     slope = 1.0 * 1.0 / 8.0  # gain times half the jump over Ti, % per s
     assert pi.patience == pytest.approx(100 + (10 * 5.0 / slope + 500) / 0.5, abs=1)
-    level = sampled_loop(loop(kind="integrating", K=0.1, Td=2.0, Kc=2.0, Ti=40.0, S=5.0, J=2.0, Ts=0.5))
-    assert level.patience == pytest.approx(100 + (10 * 5.0 / (0.1 * 2.0 * 1.0) + 50 * 40.0) / 0.5, abs=1)
+    level = sampled_loop(
+        loop(kind="integrating", K=0.1, Td=2.0, Kc=2.0, Ti=40.0, S=5.0, J=2.0, Ts=0.5)
+    )
+    assert level.patience == pytest.approx(
+        100 + (10 * 5.0 / (0.1 * 2.0 * 1.0) + 50 * 40.0) / 0.5, abs=1
+    )
 
 
 def stage(name, **table):
@@ -66,7 +73,11 @@ def stage(name, **table):
 
 def test_one_stage_with_friction_is_described_and_two_are_not(loop):
     more = {"name": "stiction", "S": 2.0, "J": 1.0}
-    stages = [stage("choudhury", S=3.0, J=1.0), stage("kano", S=2.0, J=1.0), stage("kano", S=0.0, J=0.0)]
+    stages = [
+        stage("choudhury", S=3.0, J=1.0),
+        stage("kano", S=2.0, J=1.0),
+        stage("kano", S=0.0, J=0.0),
+    ]
     assert mapped_valve(SimpleNamespace(valves=stages[1:])) == (2.0, 1.0)
     assert mapped_valve(SimpleNamespace(valves=stages[2:])) == (0.0, 0.0)
     with pytest.raises(ParameterError, match="2 valve stages have friction"):
@@ -120,7 +131,10 @@ def test_a_loop_without_friction_has_no_cycle_and_no_cell(loop):
 def test_a_p_loop_cycles_where_gain_times_jump_exceeds_the_band(loop, J, said):
     made = sampled_loop(loop(K=1.0, Kc=2.0, Ti=None, S=5.0, J=2.5, Ts=0.5))
     assert refined(replace(made, J=J), None) is said
-    assert list(CONDITIONS) == [("self-regulating", "P", "stick-slip"), ("self-regulating", "PI", "dead-band")]
+    assert list(CONDITIONS) == [
+        ("self-regulating", "P", "stick-slip"),
+        ("self-regulating", "PI", "dead-band"),
+    ]
 
 
 def test_a_kick_starts_a_cycle_only_within_the_limits_of_op(loop):
@@ -158,7 +172,18 @@ def test_the_head_of_a_half_cycle_is_the_march_with_the_valve_set_free(loop, Ti)
     made = sampled_loop(loop(Ti=Ti, Ts=0.5, Td=1.0))
     m, c = made.delay + 3, made.order + 2
     head = np.full((c, c + 1), np.nan)
-    _move.py_func(made.A, made.B_old, made.B_new, made.C, made.integral, made.beta, made.fd, made.delay, m, head)
+    _move.py_func(
+        made.A,
+        made.B_old,
+        made.B_new,
+        made.C,
+        made.integral,
+        made.beta,
+        made.fd,
+        made.delay,
+        m,
+        head,
+    )
     start = np.array([0.7, 2.0, 5.0])
     x, u, v, w = start[:1], start[1], [start[2]] * (made.delay + 3), float(made.C @ start[:1])
     for k in range(1, m + made.delay + 3):
@@ -192,9 +217,13 @@ def test_half_cycles_that_are_kept_are_sorted_and_stable_where_deviations_die(lo
 def test_the_first_harmonic_of_valves_whose_answer_is_known():
     A = np.array([2.0, 10.0, 40.0])
     np.testing.assert_allclose(first_harmonic("ideal", {}, A), 1.0, atol=1e-12)
-    np.testing.assert_allclose(first_harmonic("deadzone", {"D": 6.0}, A), deadzone(6.0).N(A), atol=2e-3)
+    np.testing.assert_allclose(
+        first_harmonic("deadzone", {"D": 6.0}, A), deadzone(6.0).N(A), atol=2e-3
+    )
     assert first_harmonic("deadzone", {"D": 6.0}, 2.0) == pytest.approx(0.0, abs=1e-12)
-    lagging = first_harmonic("lag", {"T": 100 / (2 * np.pi)}, 10.0, period=100.0)  # a corner at the sine's own frequency
+    lagging = first_harmonic(
+        "lag", {"T": 100 / (2 * np.pi)}, 10.0, period=100.0
+    )  # a corner at the sine's own frequency
     assert lagging[0] == pytest.approx(1 / (1 + 1j), abs=5e-3)
 
 
@@ -212,7 +241,10 @@ def test_the_range_of_a_describing_function():
 
 
 def test_a_dead_band_in_an_integrating_loop_has_one_attracting_balance(loop):
-    found = intersections(sampled_loop(loop(kind="integrating", K=0.1, Td=1.0, Ti=20.0, J=0.0, Ts=0.1)), stiction(5.0, 0.0))
+    found = intersections(
+        sampled_loop(loop(kind="integrating", K=0.1, Td=1.0, Ti=20.0, J=0.0, Ts=0.1)),
+        stiction(5.0, 0.0),
+    )
     assert [f.stable for f in found].count(True) == 1
     assert [f.period for f in found] == sorted(f.period for f in found)
 
@@ -235,8 +267,19 @@ def test_a_prediction_is_printed_line_by_line():
         "exact cycle          19 s, OP +-2.5 %, smallest kick 3.51 %",
         "reason               why",
     ]
-    bare = {"table_11_3": None, "refined": None, "describing_function": [], "exact": None, "reason": ""}
-    assert [line[21:] for line in as_text(bare).splitlines()] == ["no cell", "no cell", "no limit cycle", "none"]
+    bare = {
+        "table_11_3": None,
+        "refined": None,
+        "describing_function": [],
+        "exact": None,
+        "reason": "",
+    }
+    assert [line[21:] for line in as_text(bare).splitlines()] == [
+        "no cell",
+        "no cell",
+        "no limit cycle",
+        "none",
+    ]
     unkicked = {**found, "exact": {**found["exact"], "kick_min": None}}
     assert "no kick starts it" in as_text(unkicked)
 
@@ -250,11 +293,18 @@ def test_the_loops_that_check_a_cell_cover_delays_resets_gains_and_jumps():
     }.items():
         loops = list(table_check._loops(process, controller, kind))
         assert len(loops) == n
-        assert {(m.integrating, m.integral) for m in loops} == {(process == "integrating", controller == "PI")}
+        assert {(m.integrating, m.integral) for m in loops} == {
+            (process == "integrating", controller == "PI")
+        }
         jumps = {0.0} if kind == "dead-band" else {1.0, 2.5, 5.0, 7.5}
         assert Counter(m.J for m in loops) == dict.fromkeys(jumps, n // len(jumps))
         for delayed in {m.delay for m in loops} - {0}:
-            gains = sorted({round(m.gain * m.static_gain if process == "self-regulating" else m.gain, 6) for m in loops})
+            gains = sorted(
+                {
+                    round(m.gain * m.static_gain if process == "self-regulating" else m.gain, 6)
+                    for m in loops
+                }
+            )
             assert gains[0] > 0.0
             assert delayed > 0
 
@@ -269,8 +319,12 @@ def test_errors_and_starts_of_the_check_of_theory(loop):
     made = loop(S=5.0, J=2.0, Kc=2.0, Ts=0.5)  # breaks away at 3.5
     found = list(starts(made))
     assert [round(start["kick"], 9) for _, start in found[:3]] == pytest.approx([3.675, 5.6, 10.5])
-    assert [moved.disturbance[0].parameters["amplitude"] for moved, _ in found[3:7]] == pytest.approx([1.75, 3.5, 5.25, 10.5])
-    assert [moved.setpoint.steps[0][1] - made.setpoint.value for moved, _ in found[7:]] == pytest.approx([1.05, 3.5])
+    assert [
+        moved.disturbance[0].parameters["amplitude"] for moved, _ in found[3:7]
+    ] == pytest.approx([1.75, 3.5, 5.25, 10.5])
+    assert [
+        moved.setpoint.steps[0][1] - made.setpoint.value for moved, _ in found[7:]
+    ] == pytest.approx([1.05, 3.5])
 
 
 def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
@@ -282,7 +336,10 @@ def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
     assert verify.ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
 
 
-@pytest.mark.parametrize(("irregularity", "said"), [(0.0099, ""), (0.0101, "half periods vary by 1 %"), (0.1, "vary by 10 %")])
+@pytest.mark.parametrize(
+    ("irregularity", "said"),
+    [(0.0099, ""), (0.0101, "half periods vary by 1 %"), (0.1, "vary by 10 %")],
+)
 def test_half_periods_that_vary_by_more_than_a_hundredth_are_said(loop, irregularity, said):
     made = replace(sampled_loop(loop(Ts=0.5)), misfit=0.0)
     told = _reason(made, replace(exact_cycle(made), irregularity=irregularity))
@@ -297,7 +354,9 @@ def test_kicks_are_counted_from_nought(monkeypatch):
     monkeypatch.setattr(verify, "sampled_loop", lambda loop: loop)
     monkeypatch.setattr(verify, "exact_cycle", lambda sampled: next(cycles))
     monkeypatch.setattr(verify, "kick_min", lambda sampled, cycle: None if sampled == "b" else 2.0)
-    monkeypatch.setattr(verify, "simulated_cycle", lambda loop, kick: (1.0, 1.0) if kick > 2.0 else None)
+    monkeypatch.setattr(
+        verify, "simulated_cycle", lambda loop, kick: (1.0, 1.0) if kick > 2.0 else None
+    )
     assert verify.kicks(1, 0) == (1, 1)
 
 
@@ -305,16 +364,24 @@ def test_kicks_are_counted_from_nought(monkeypatch):
     ("what", "loops", "words"),
     [
         ("predictions", 60, "exact cycle\nfew are off\n\nswitching times alone\nnone"),
-        ("kicks", 100, "1.02 kick_min starts the cycle and 0.9 does not: 7 of 100; no kick starts 3 others"),
+        (
+            "kicks",
+            100,
+            "1.02 kick_min starts the cycle and 0.9 does not: 7 of 100; no kick starts 3 others",
+        ),
         ("existence-p", 100, "K Kc J/S in 1.05..4: 9 of 100 cycle; in 0.3..0.95: 1 of 100"),
         ("existence-pi", 300, "right: 297 of 300"),
     ],
 )
-def test_the_command_asks_for_its_number_of_loops_and_says_what_it_found(monkeypatch, capsys, what, loops, words):
+def test_the_command_asks_for_its_number_of_loops_and_says_what_it_found(
+    monkeypatch, capsys, what, loops, words
+):
     monkeypatch.setattr("sys.argv", ["verify", what])
     asked = []
     found = {"predictions": ("few are off", "none"), "kicks": (7, 3), "existence_p": (9, 1)}
-    found["existence_pi"] = Errors(np.array([[40, 1], [2, 257]]), np.array([0.01]), np.array([0.02]))
+    found["existence_pi"] = Errors(
+        np.array([[40, 1], [2, 257]]), np.array([0.01]), np.array([0.02])
+    )
     for name, answer in found.items():
         monkeypatch.setattr(verify, name, lambda n, seed, answer=answer: asked.append(n) or answer)
     verify.main()
@@ -332,8 +399,12 @@ def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
     """Four loops: no cycle; a cycle that none, one and both of two load steps reach; the condition is wrong of the last."""
     reached = {"b": repeat(False), "c": cycle_through([True, False]), "d": repeat(True)}
     monkeypatch.setattr(table_check, "_loops", lambda *key: iter("abcd"))
-    monkeypatch.setattr(table_check, "exact_cycle", lambda loop: None if loop == "a" else loop.upper())
-    monkeypatch.setattr(table_check, "refined", lambda loop, cycle: loop in "bcd" if loop != "d" else False)
+    monkeypatch.setattr(
+        table_check, "exact_cycle", lambda loop: None if loop == "a" else loop.upper()
+    )
+    monkeypatch.setattr(
+        table_check, "refined", lambda loop, cycle: loop in "bcd" if loop != "d" else False
+    )
     monkeypatch.setattr(table_check, "after_load_step", lambda loop, step: step)
     monkeypatch.setattr(table_check, "reaches_cycle", lambda loop, cycle, step: next(reached[loop]))
     for found in table_check.check_table_11_3(load_steps=2):
@@ -351,7 +422,12 @@ def test_a_p_loop_cycles_where_its_gain_times_the_jump_is_above_the_band(loop, K
 
 
 def test_the_checked_loops_have_the_integral_times_they_promise():
-    for process, times in (("integrating", {10.0, 20.0, 40.0}), ("self-regulating", {5.0, 10.0, 20.0})):
+    for process, times in (
+        ("integrating", {10.0, 20.0, 40.0}),
+        ("self-regulating", {5.0, 10.0, 20.0}),
+    ):
         made = list(table_check._loops(process, "PI", "dead-band"))
         assert {round(loop.Ts / loop.beta, 9) for loop in made} == times
-        assert {round(loop.Td, 9) for loop in made} == ({0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0})
+        assert {round(loop.Td, 9) for loop in made} == (
+            {0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0}
+        )

@@ -56,7 +56,9 @@ def test_exact_cycle_equals_the_golden_simulations(loop, settings, period, ampli
     assert cycle.multiplier < 1
 
 
-@pytest.mark.parametrize("settings", [{"J": 0}, {"Ti": None, "Kc": 2}, {"Ti": None, "Kc": 3, "J": 0}, {"S": 0, "J": 0}])
+@pytest.mark.parametrize(
+    "settings", [{"J": 0}, {"Ti": None, "Kc": 2}, {"Ti": None, "Kc": 3, "J": 0}, {"S": 0, "J": 0}]
+)
 def test_loops_that_do_not_cycle_have_no_cycle(loop, settings):
     assert exact_cycle(sampled_loop(loop(**settings, Ts=0.2))) is None
 
@@ -119,7 +121,9 @@ def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
         {"model": "stribeck", "S": 5, "J": 2},
     ],
 )
-@pytest.mark.parametrize("plant", [{}, {"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30}])
+@pytest.mark.parametrize(
+    "plant", [{}, {"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30}]
+)
 def test_cycles_of_other_valve_models_are_those_of_the_simulator(loop, valve, plant):
     asked = loop(**plant, Ts=0.5, valve=valve)
     sampled = sampled_loop(asked)
@@ -132,7 +136,11 @@ def test_cycles_of_other_valve_models_are_those_of_the_simulator(loop, valve, pl
 
 
 @pytest.mark.parametrize(
-    "valve", [{"model": "hysteresis", "S": 2, "H": 3}, {"model": "asymmetric", "S_up": 5, "S_down": 4, "J_up": 2, "J_down": 1}]
+    "valve",
+    [
+        {"model": "hysteresis", "S": 2, "H": 3},
+        {"model": "asymmetric", "S_up": 5, "S_down": 4, "J_up": 2, "J_down": 1},
+    ],
 )
 def test_valves_that_are_no_map_are_known_as_such(loop, valve):
     assert sampled_loop(loop(Ts=0.5, valve=valve)).misfit > 0.1
@@ -165,7 +173,9 @@ def test_plants_of_higher_order_have_a_cycle_too(loop):
     setup = resolve_loop(asked, 0, 0, control.tf([1], np.polymul([10, 1], [0.01, 1])))
     sampled = reduced(setup, 5.0, 2.0)
     assert sampled.order == 2
-    assert exact_cycle(sampled).period == pytest.approx(exact_cycle(sampled_loop(asked)).period, rel=0.01)
+    assert exact_cycle(sampled).period == pytest.approx(
+        exact_cycle(sampled_loop(asked)).period, rel=0.01
+    )
 
 
 def test_settled_rejects_a_swing_that_fades(loop):
@@ -174,7 +184,12 @@ def test_settled_rejects_a_swing_that_fades(loop):
 
 
 @pytest.mark.parametrize(
-    "valve", [{"model": "choudhury", "S": 5, "J": 2}, {"model": "kano", "S": 5, "J": 2}, {"model": "stenman", "d": 4}]
+    "valve",
+    [
+        {"model": "choudhury", "S": 5, "J": 2},
+        {"model": "kano", "S": 5, "J": 2},
+        {"model": "stenman", "d": 4},
+    ],
 )
 def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
     asked = loop(Ts=0.5, n=4000, valve=valve, setpoint={"value": 30}, operating_point={"op0": 40})
@@ -183,7 +198,11 @@ def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
 
 
 @pytest.mark.parametrize(
-    ("settings", "says"), [({"J": 0}, "no limit cycle"), ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "no effect")]
+    ("settings", "says"),
+    [
+        ({"J": 0}, "no limit cycle"),
+        ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "no effect"),
+    ],
 )
 def test_cycle_start_says_why_it_cannot(loop, settings, says):
     with pytest.raises(ParameterError, match=says):

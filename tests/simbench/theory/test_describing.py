@@ -16,7 +16,12 @@ sizes = st.floats(0.5, 20)
 def printed(A, S, J):
     """Eqs. 11.1 and 11.2 with their signs restored."""
     phi = np.arcsin((A - S) / A)
-    re = A / 2 * np.sin(2 * phi) - 2 * A * np.cos(phi) - A * (np.pi / 2 + phi) + 2 * (S - J) * np.cos(phi)
+    re = (
+        A / 2 * np.sin(2 * phi)
+        - 2 * A * np.cos(phi)
+        - A * (np.pi / 2 + phi)
+        + 2 * (S - J) * np.cos(phi)
+    )
     im = -3 * A / 2 + A / 2 * np.cos(2 * phi) + 2 * A * np.sin(phi) - 2 * (S - J) * np.sin(phi)
     return -(re - 1j * im) / (np.pi * A)
 
@@ -52,10 +57,17 @@ def test_deadzone_equals_its_fourier_integral(D, above):
 @pytest.mark.parametrize("J", [0.0, 1.0, 5.0, 7.5])
 def test_measured_first_harmonic_of_the_valve_equals_the_formula(J):
     A = np.array([2.6, 3.0, 5.0, 12.0, 40.0])
-    assert np.abs(first_harmonic("choudhury", {"S": 5, "J": J}, A, samples=4000) - stiction(5, J).N(A)).max() < 1e-3
+    assert (
+        np.abs(
+            first_harmonic("choudhury", {"S": 5, "J": J}, A, samples=4000) - stiction(5, J).N(A)
+        ).max()
+        < 1e-3
+    )
     if J == 0:
         assert np.abs(first_harmonic("deadband", {"S": 5}, A) - stiction(5, 0).N(A)).max() < 1e-3
-        assert np.abs(first_harmonic("deadzone", {"D": 5}, A[1:]) - deadzone(5).N(A[1:])).max() < 1e-3
+        assert (
+            np.abs(first_harmonic("deadzone", {"D": 5}, A[1:]) - deadzone(5).N(A[1:])).max() < 1e-3
+        )
 
 
 def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minus_one():
@@ -75,7 +87,10 @@ def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minu
         ({"T": 3, "Td": 6, "Kc": 0.25, "Ti": 3}, [(144.3, 2.544)]),
         ({"Kc": 2.5, "Ti": 7}, [(39.65, 2.672)]),
         ({"K": 2, "Kc": 0.4, "Ti": 20, "J": 3}, []),
-        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30, "J": 0}, [(127.01, 3.208)]),
+        (
+            {"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30, "J": 0},
+            [(127.01, 3.208)],
+        ),
         ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 2, "Ti": None}, [(61.44, 2.507)]),
         ({"J": 0}, []),
     ],
@@ -95,7 +110,9 @@ def test_every_intersection_solves_the_harmonic_balance(loop):
     found = intersections(sampled, valve)
     assert found
     for f in found:
-        assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(-1, abs=1e-6)
+        assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(
+            -1, abs=1e-6
+        )
 
 
 def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
@@ -122,7 +139,9 @@ def test_sampled_frequency_response_is_that_of_the_stepped_loop(loop):
         new, old = (v[i - d] if i >= d else 0 for d in (sampled.delay, sampled.delay + 1))
         x = sampled.A @ x + sampled.B_new * new + sampled.B_old * old
     integral = sampled.beta / (1 - np.exp(-1j * w * 0.7))
-    assert y[-1] * (1 + integral) / v[-1] == pytest.approx(complex(sampled.sampled_response(w)), rel=1e-6)
+    assert y[-1] * (1 + integral) / v[-1] == pytest.approx(
+        complex(sampled.sampled_response(w)), rel=1e-6
+    )
 
 
 def test_describing_function_of_a_valve_that_stops_at_every_sample_follows_its_stop():
@@ -131,7 +150,9 @@ def test_describing_function_of_a_valve_that_stops_at_every_sample_follows_its_s
     assert abs(valve.N(np.array(40.0))) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("make", [lambda: stiction(0.0, 0.0), lambda: stiction(5.0, -1.0), lambda: deadzone(0.0)])
+@pytest.mark.parametrize(
+    "make", [lambda: stiction(0.0, 0.0), lambda: stiction(5.0, -1.0), lambda: deadzone(0.0)]
+)
 def test_impossible_sizes_are_refused(make):
     with pytest.raises(ParameterError, match="describing function"):
         make()

@@ -59,7 +59,9 @@ def marched(sampled, kick, n):
 def test_march_equals_the_obvious_loop(loop, case):
     sampled = sampled_loop(loop(Ts=0.7, **case))
     for kick in (1.01 * sampled.fs, 2 * sampled.fs):
-        for fast, slow in zip(marched(sampled, kick, 300), slow_march(sampled, kick, 300), strict=True):
+        for fast, slow in zip(
+            marched(sampled, kick, 300), slow_march(sampled, kick, 300), strict=True
+        ):
             assert np.abs(fast - slow).max() < 1e-6  # rounding grows from cycle to cycle
 
 
@@ -68,7 +70,9 @@ def test_march_of_a_valve_that_sticks_again_equals_the_obvious_loop(loop, case):
     J = case.get("J", 2.0)
     sampled = sampled_loop(loop(Ts=0.7, **case, valve={"model": "he", "S": 5.0, "J": J}))
     assert sampled.resticks
-    for fast, slow in zip(marched(sampled, 5.0, 300), slow_march(sampled, 5.0, 300, he), strict=True):
+    for fast, slow in zip(
+        marched(sampled, 5.0, 300), slow_march(sampled, 5.0, 300, he), strict=True
+    ):
         assert np.abs(fast - slow).max() < 1e-6
 
 
@@ -76,7 +80,12 @@ def test_march_of_a_valve_that_sticks_again_equals_the_obvious_loop(loop, case):
 def test_march_equals_the_simulator_before_chaos_sets_in(loop, direction):
     sign = 1 if direction == "reverse" else -1
     asked = loop(
-        K=2.0 * sign, Kc=0.5, Td=2.3, Ts=0.5, n=300, controller={"type": "PI", "Kc": 0.5, "Ti": 10, "direction": direction}
+        K=2.0 * sign,
+        Kc=0.5,
+        Td=2.3,
+        Ts=0.5,
+        n=300,
+        controller={"type": "PI", "Kc": 0.5, "Ti": 10, "direction": direction},
     )
     record = simulate(asked, kick=4.0).record
     op, mv = marched(sampled_loop(asked), 4.0, 300)
@@ -84,9 +93,16 @@ def test_march_equals_the_simulator_before_chaos_sets_in(loop, direction):
     assert np.abs(record.mv - 50 - mv).max() < 1e-8
 
 
-@pytest.mark.parametrize("case", [{}, {"Ti": None, "Kc": 4.0}, {"kind": "integrating", "K": 0.1, "Ti": None, "Kc": 2.0}])
+@pytest.mark.parametrize(
+    "case", [{}, {"Ti": None, "Kc": 4.0}, {"kind": "integrating", "K": 0.1, "Ti": None, "Kc": 2.0}]
+)
 def test_load_step_of_the_march_equals_that_of_the_simulator(loop, case):
-    asked = loop(**case, Ts=0.5, n=200, disturbance=[{"type": "ramp", "amplitude": 6.0, "period": 0.5, "at": "input"}])
+    asked = loop(
+        **case,
+        Ts=0.5,
+        n=200,
+        disturbance=[{"type": "ramp", "amplitude": 6.0, "period": 0.5, "at": "input"}],
+    )
     record = simulate(asked).record
     sampled = sampled_loop(asked)
     state = after_load_step(sampled, 6.0)
@@ -103,12 +119,16 @@ def test_load_step_of_the_march_equals_that_of_the_simulator(loop, case):
 def test_reversals_are_where_the_valve_turns(loop):
     sampled = sampled_loop(loop(Ts=0.5))
     run = reversals(sampled, *at_rest(sampled, 4.0), 30)
-    op, mv = slow_march(sampled, 4.0, int(run.sample[12]) + 200)  # chaos shifts later turns by a sample
+    op, mv = slow_march(
+        sampled, 4.0, int(run.sample[12]) + 200
+    )  # chaos shifts later turns by a sample
     for i in range(1, 12):
         a, b = int(run.sample[i - 1]), int(run.sample[i])
         up = mv[a] > mv[a - 1]
         assert (mv[b] < mv[b - 1]) == up
-        assert run.extreme[i] == pytest.approx(op[a - 1 : b].max() if up else op[a - 1 : b].min(), abs=1e-6)
+        assert run.extreme[i] == pytest.approx(
+            op[a - 1 : b].max() if up else op[a - 1 : b].min(), abs=1e-6
+        )
         assert run.stop[i] == pytest.approx(mv[b - 1], abs=1e-6)
 
 

@@ -85,7 +85,9 @@ def test_deadzone_has_no_cell_but_a_describing_function(loop):
     assert "deadzone" in theory["reason"]
 
 
-@pytest.mark.parametrize("effect", [{"name": "error_deadband", "width": 1.0}, {"name": "sensor_lag", "tau": 2.0}])
+@pytest.mark.parametrize(
+    "effect", [{"name": "error_deadband", "width": 1.0}, {"name": "sensor_lag", "tau": 2.0}]
+)
 def test_what_theory_does_not_describe_is_said(loop, effect):
     predicted, holds, theory = truth_columns(loop(effect=[effect], Ts=0.5))
     assert (predicted, holds, theory["exists"]) == (None, None, None)
@@ -93,14 +95,29 @@ def test_what_theory_does_not_describe_is_said(loop, effect):
 
 
 @pytest.mark.parametrize(
-    "valve", [{"model": "deadzone", "D": 1.0}, {"model": "lag", "T": 0.5}, {"model": "gain_ratio", "R": 2.0}]
+    "valve",
+    [
+        {"model": "deadzone", "D": 1.0},
+        {"model": "lag", "T": 0.5},
+        {"model": "gain_ratio", "R": 2.0},
+    ],
 )
-@pytest.mark.parametrize("effect", [{"name": "sensor_lag", "tau": 2.0}, {"name": "quantisation", "step": 0.1, "at": "loop"}])
+@pytest.mark.parametrize(
+    "effect",
+    [{"name": "sensor_lag", "tau": 2.0}, {"name": "quantisation", "step": 0.1, "at": "loop"}],
+)
 def test_a_valve_and_an_effect_that_theory_does_not_describe_are_both_said(loop, valve, effect):
     predicted, holds, theory = truth_columns(loop(valve=valve, effect=[effect], Ts=0.5))
-    assert (predicted, holds, theory["exists"], theory["describing_function"]) == (None, None, None, [])
+    assert (predicted, holds, theory["exists"], theory["describing_function"]) == (
+        None,
+        None,
+        None,
+        [],
+    )
     assert valve["model"] in theory["reason"]
-    assert theory["reason"].endswith("; the sensor has a lag or rounds PV; the cycle is known for a plain sensor only")
+    assert theory["reason"].endswith(
+        "; the sensor has a lag or rounds PV; the cycle is known for a plain sensor only"
+    )
 
 
 def test_unknown_valve_is_an_error(loop):
@@ -114,7 +131,12 @@ def test_disturbances_and_noise_do_not_change_the_prediction(loop):
 
 
 @pytest.mark.parametrize(
-    "settings", [*(s for s, _, _ in EIGHT), {"valve": {"model": "deadzone", "D": 5}}, {"valve": {"model": "ideal"}}]
+    "settings",
+    [
+        *(s for s, _, _ in EIGHT),
+        {"valve": {"model": "deadzone", "D": 5}},
+        {"valve": {"model": "ideal"}},
+    ],
 )
 def test_prediction_has_the_contract_s_keys_and_is_json(loop, settings):
     found = json.loads(json.dumps(predict(loop(**settings, Ts=0.2))))

@@ -15,34 +15,57 @@ STICKY = {
     "time_varying": {"S": 4.0, "J": 2.0, "t_end": 5.0},
     **{
         name: {"S": 4.0, "J": 2.0}
-        for name in ("choudhury", "choudhury_literal", "kano", "he", "coulomb", "karnopp", "stribeck")
+        for name in (
+            "choudhury",
+            "choudhury_literal",
+            "kano",
+            "he",
+            "coulomb",
+            "karnopp",
+            "stribeck",
+        )
     },
     "lugre": {"S": 4.0, "J": 2.0},
 }
 
 
 @pytest.mark.parametrize("name", STICKY)
-@pytest.mark.parametrize(("op", "rest"), [(-7.0, 0.0), (0.0, 0.0), (37.0, 37.0), (100.0, 100.0), (108.0, 100.0)])
+@pytest.mark.parametrize(
+    ("op", "rest"), [(-7.0, 0.0), (0.0, 0.0), (37.0, 37.0), (100.0, 100.0), (108.0, 100.0)]
+)
 def test_a_sticky_valve_begins_where_op_is_within_its_travel_and_stays(name, op, rest):
     np.testing.assert_allclose(valve_response(name, [op] * 4, STICKY[name]), rest, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["choudhury", "choudhury_literal", "kano", "he", "time_varying", "intermittent"])
+@pytest.mark.parametrize(
+    "name", ["choudhury", "choudhury_literal", "kano", "he", "time_varying", "intermittent"]
+)
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_first_move_from_rest_needs_half_of_S_plus_J(name, way):
-    reach = 4.0 if name == "choudhury_literal" else 3.0  # the flow chart as printed waits for all of S
-    before, after = (valve_response(name, 50.0 + way * np.array([0.0, reach + d]), STICKY[name])[1] for d in (-0.01, 0.01))
+    reach = (
+        4.0 if name == "choudhury_literal" else 3.0
+    )  # the flow chart as printed waits for all of S
+    before, after = (
+        valve_response(name, 50.0 + way * np.array([0.0, reach + d]), STICKY[name])[1]
+        for d in (-0.01, 0.01)
+    )
     assert before == 50.0
     assert after == pytest.approx(50.0 + way * (reach + 0.01 - 1.0))
 
 
 def test_either_way_of_an_asymmetric_valve_has_its_own_break_away_and_offset():
     table = STICKY["asymmetric"]  # up: 3 to break away, then 1 behind; down: 2, then 1
-    assert valve_response("asymmetric", [50, 53, 53.01], table).tolist() == pytest.approx([50, 50, 52.01])
-    assert valve_response("asymmetric", [50, 48, 47.99], table).tolist() == pytest.approx([50, 50, 48.99])
+    assert valve_response("asymmetric", [50, 53, 53.01], table).tolist() == pytest.approx(
+        [50, 50, 52.01]
+    )
+    assert valve_response("asymmetric", [50, 48, 47.99], table).tolist() == pytest.approx(
+        [50, 50, 48.99]
+    )
     table = {"S_up": 5.0, "J_up": 1.0, "S_down": 3.0, "J_down": 2.0}
     assert valve_response("asymmetric", [50, 60, 70], table).tolist() == pytest.approx([50, 58, 68])
-    assert valve_response("asymmetric", [50, 40, 30], table).tolist() == pytest.approx([50, 40.5, 30.5])
+    assert valve_response("asymmetric", [50, 40, 30], table).tolist() == pytest.approx(
+        [50, 40.5, 30.5]
+    )
 
 
 def test_a_spell_begins_at_its_delay_and_ends_after_its_length():
@@ -55,7 +78,9 @@ def test_a_spell_begins_at_its_delay_and_ends_after_its_length():
 def test_a_band_between_spells_is_kept():
     table = {"S": 8.0, "J": 0.0, "period": 4.0, "on": 1.0, "S_off": 3.0, "J_off": 1.0}
     op = 20.0 + 5.0 * np.arange(8)
-    assert (op - valve_response("intermittent", op, table)).tolist() == pytest.approx([0, 1, 1, 1, 4, 1, 1, 1])
+    assert (op - valve_response("intermittent", op, table)).tolist() == pytest.approx(
+        [0, 1, 1, 1, 4, 1, 1, 1]
+    )
 
 
 def test_friction_that_changes_in_time_is_halfway_there_at_half_time():
@@ -65,7 +90,8 @@ def test_friction_that_changes_in_time_is_halfway_there_at_half_time():
     assert behind.tolist() == pytest.approx([0, 1, 1, 1.25, 1.5, 1.75, 2, 2, 2])
     constant = {"S": 4.0, "J": 2.0, "t_end": 5.0}
     np.testing.assert_array_equal(
-        valve_response("time_varying", op, constant), valve_response("choudhury", op, {"S": 4.0, "J": 2.0})
+        valve_response("time_varying", op, constant),
+        valve_response("choudhury", op, {"S": 4.0, "J": 2.0}),
     )
 
 
@@ -73,7 +99,9 @@ def test_eight_plays_of_a_hysteresis_open_one_after_the_other():
     table = {"S": 2.0, "H": 7.0}  # half bands 1, 2 ... 8
     for rise in (0.0, 1.0, 3.5, 8.0, 20.0):
         moved = np.mean([max(rise - half, 0.0) for half in range(1, 9)])
-        assert valve_response("hysteresis", [40.0, 40.0 + rise], table)[1] == pytest.approx(40.0 + moved)
+        assert valve_response("hysteresis", [40.0, 40.0 + rise], table)[1] == pytest.approx(
+            40.0 + moved
+        )
 
 
 @pytest.mark.parametrize(
@@ -84,7 +112,11 @@ def test_eight_plays_of_a_hysteresis_open_one_after_the_other():
         ("stenman", {"d": 3.0}, (3.0, 3.0)),
         ("kano", {"S": 5.0, "J": 1.0}, (5.0, 1.0)),
         ("intermittent", {"S": 5.0, "J": 1.0, "period": 9.0, "on": 2.0, "S_off": 3.0}, (5.0, 1.0)),
-        ("time_varying", {"S": 5.0, "J": 1.0, "S_end": 7.0, "J_end": 2.0, "t_end": 9.0}, (7.0, 2.0)),
+        (
+            "time_varying",
+            {"S": 5.0, "J": 1.0, "S_end": 7.0, "J_end": 2.0, "t_end": 9.0},
+            (7.0, 2.0),
+        ),
         ("he", {"fs": 3.0, "fd": 1.0}, (4.0, 2.0)),
     ],
 )
@@ -103,7 +135,9 @@ def test_a_valve_asked_for_a_band_has_it(name, S, J):
     module = VALVES.load(name)
     found = module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 20.0), 1.0))
     assert found[0] == pytest.approx(S)
-    assert found[1] == pytest.approx({"stenman": S, "hysteresis": 0.0, "deadband": 0.0}.get(name, J))
+    assert found[1] == pytest.approx(
+        {"stenman": S, "hysteresis": 0.0, "deadband": 0.0}.get(name, J)
+    )
 
 
 @pytest.mark.parametrize(
@@ -135,7 +169,10 @@ def test_a_share_of_travel_may_be_anything_from_nought_to_all_of_it():
     for name in VALVES.names():
         for key, rule in VALVES.load(name).PARAMETERS.items():
             if isinstance(rule, Number) and rule.unit == "% of travel":
-                assert (rule.low, rule.high) == OTHER_RANGES.get((name, key), (0.0, 100.0)), (name, key)
+                assert (rule.low, rule.high) == OTHER_RANGES.get((name, key), (0.0, 100.0)), (
+                    name,
+                    key,
+                )
             elif isinstance(rule, Number) and rule.unit in ("s", "m/s", "N/m", "N s/m", "%/s"):
                 assert rule.low == 0.0, (name, key)
 
@@ -147,10 +184,15 @@ def test_a_gain_ratio_is_the_ratio_of_the_slopes_at_either_end():
         assert (mv[3] - mv[2]) / (mv[1] - mv[0]) == pytest.approx(R, rel=1e-3)
 
 
-@pytest.mark.parametrize(("op", "mv"), [(30.0, 35.0), (44.9, 49.9), (45.0, 50.0), (55.0, 50.0), (55.1, 50.1), (90.0, 85.0)])
+@pytest.mark.parametrize(
+    ("op", "mv"),
+    [(30.0, 35.0), (44.9, 49.9), (45.0, 50.0), (55.0, 50.0), (55.1, 50.1), (90.0, 85.0)],
+)
 def test_a_deadzone_by_hand(op, mv):
     assert valve_response("deadzone", [op], {"D": 10.0})[0] == pytest.approx(mv)
-    assert valve_response("deadzone", [op - 20.0], {"D": 10.0, "c": 30.0})[0] == pytest.approx(mv - 20.0)
+    assert valve_response("deadzone", [op - 20.0], {"D": 10.0, "c": 30.0})[0] == pytest.approx(
+        mv - 20.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -158,7 +200,10 @@ def test_a_deadzone_by_hand(op, mv):
     [
         ("asymmetric", {"S_up": 6.5, "J_up": 2.6, "S_down": 3.5, "J_down": 1.4}),
         ("hysteresis", {"S": 2.5, "H": 2.5}),
-        ("intermittent", {"S": 5.0, "J": 2.0, "S_off": 2.0, "J_off": 0.8, "period": 300.0, "on": 200.0}),
+        (
+            "intermittent",
+            {"S": 5.0, "J": 2.0, "S_off": 2.0, "J_off": 0.8, "period": 300.0, "on": 200.0},
+        ),
         ("stenman", {"d": 5.0}),
         ("time_varying", {"S": 2.5, "J": 1.0, "S_end": 5.0, "J_end": 2.0, "t_end": 100.0}),
     ],

@@ -14,7 +14,13 @@ def example(name):
     table = {"S": 4.0, "J": 2.0} if {"S", "J"} <= set(schema) else {}
     for key, rule in schema.items():
         if rule.default is None and key not in table:
-            table[key] = rule.names[-1] if not isinstance(rule, Number) else 4.0 if rule.high == 100.0 else rule.low + 10.0
+            table[key] = (
+                rule.names[-1]
+                if not isinstance(rule, Number)
+                else 4.0
+                if rule.high == 100.0
+                else rule.low + 10.0
+            )
     return table
 
 

@@ -18,7 +18,9 @@ def describing_function(A, S, J):
 def first_harmonic(A, S, J, n=20000):
     wave = np.sin(2 * np.pi * np.arange(n) / n)
     # below (S + J)/2 a valve at rest would never start: one push, then the cycle
-    op = 50 + np.concatenate([[0.0, (S + J) + A], np.roll(A * wave, -3 * n // 4), np.tile(A * wave, 2)])
+    op = 50 + np.concatenate(
+        [[0.0, (S + J) + A], np.roll(A * wave, -3 * n // 4), np.tile(A * wave, 2)]
+    )
     mv = valve_response("choudhury", op, {"S": S, "J": J})[-n:]
     return 2j / (n * A) * np.sum((mv - 50) * np.exp(-2j * np.pi * np.arange(n) / n))
 

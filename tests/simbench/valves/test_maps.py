@@ -52,7 +52,9 @@ def test_kano_equals_choudhury_with_holds_and_saturation(wandering_op, S, J):
     assert np.mean(wandering_op > 100) > 0.02
     assert np.mean(np.diff(wandering_op) == 0) > 0.1
     p = {"S": S, "J": J}
-    np.testing.assert_array_equal(valve_response("kano", wandering_op, p), valve_response("choudhury", wandering_op, p))
+    np.testing.assert_array_equal(
+        valve_response("kano", wandering_op, p), valve_response("choudhury", wandering_op, p)
+    )
 
 
 @pytest.mark.parametrize("quantum", [0.01, 0.1, 0.3])
@@ -60,7 +62,9 @@ def test_kano_equals_choudhury_when_op_lands_on_the_thresholds(wandering_op, qua
     op = np.round(wandering_op / quantum) * quantum
     for S, J in ((5, 2), (3.3, 0.3), (1.2, 1.2), (6, 0)):
         p = {"S": S, "J": J}
-        np.testing.assert_array_equal(valve_response("kano", op, p), valve_response("choudhury", op, p))
+        np.testing.assert_array_equal(
+            valve_response("kano", op, p), valve_response("choudhury", op, p)
+        )
 
 
 @pytest.mark.parametrize(("S", "J"), [(5, 7), (1, 6), (0, 3)])
@@ -99,7 +103,8 @@ def test_models_that_generalise_choudhury_contain_it(wandering_op):
 
 def test_stenman_is_he_with_no_offset_after_the_slip(wandering_op):
     np.testing.assert_array_equal(
-        valve_response("stenman", wandering_op, {"d": 3}), valve_response("he", wandering_op, {"fs": 3, "fd": 0})
+        valve_response("stenman", wandering_op, {"d": 3}),
+        valve_response("he", wandering_op, {"fs": 3, "fd": 0}),
     )
 
 
@@ -110,13 +115,19 @@ def test_he_gain_multiplies_the_slip_and_moves_the_band():
 
 
 def test_asymmetric_valve_opens_and_closes_with_its_own_band():
-    mv = valve_response("asymmetric", [50, 53, 54, 60, 58.4, 58, 57], {"S_up": 5, "J_up": 2, "S_down": 1, "J_down": 1})
+    mv = valve_response(
+        "asymmetric",
+        [50, 53, 54, 60, 58.4, 58, 57],
+        {"S_up": 5, "J_up": 2, "S_down": 1, "J_down": 1},
+    )
     np.testing.assert_allclose(mv, [50, 50, 52.5, 58.5, 58.5, 58.5, 57])
 
 
 def test_growing_friction_never_pushes_the_valve_back():
     op = 20.0 + 0.5 * np.arange(100.0)
-    mv = valve_response("time_varying", op, {"S": 0, "J": 0, "S_end": 20, "J_end": 0, "t_begin": 20, "t_end": 40})
+    mv = valve_response(
+        "time_varying", op, {"S": 0, "J": 0, "S_end": 20, "J_end": 0, "t_begin": 20, "t_end": 40}
+    )
     assert (np.diff(mv) >= 0).all()
     np.testing.assert_array_equal(mv[:20], op[:20])
     np.testing.assert_array_equal(mv[50:], op[50:] - 10)

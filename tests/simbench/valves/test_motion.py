@@ -67,7 +67,11 @@ def test_the_slow_mode_alone_fades_where_the_rate_is_at_rest():
     slow = a - np.sqrt(a * a - W2)
     assert z == pytest.approx(-rest / slow, rel=1e-5)
     # a fast mode that is still there, a rate that is at rest already, an underdamped valve: no closed form
-    for args in ((-2.0, 0.0, 1.0, 15.0, a, W2), (-1e-12, 0.0, 1.0, rest, a, W2), (-2.0, 0.0, 1.0, rest, 10.0, W2)):
+    for args in (
+        (-2.0, 0.0, 1.0, 15.0, a, W2),
+        (-1e-12, 0.0, 1.0, rest, a, W2),
+        (-2.0, 0.0, 1.0, rest, 10.0, W2),
+    ):
         assert fade_time(*args) == np.inf
 
 
@@ -75,30 +79,48 @@ def test_the_slow_mode_alone_fades_where_the_rate_is_at_rest():
 def test_a_target_is_reached_once(d):
     a, T = 30.0, 0.3
     t = arrival_time(-2.0 * d, 0.0, d, -0.7 * d, a, W2, T)
-    assert t == pytest.approx(brentq(lambda x: d * exact(-2.0 * d, 0.0, a, x)[0] + 0.7, 0, T), abs=1e-9)
+    assert t == pytest.approx(
+        brentq(lambda x: d * exact(-2.0 * d, 0.0, a, x)[0] + 0.7, 0, T), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("a", [3.0, 20.0, 60.0])
 @pytest.mark.parametrize(
-    ("u", "x", "r"), [(53.0, 50.0, 0.0), (47.0, 50.0, 0.0), (50.5, 50.0, 40.0), (99.0, 97.0, 80.0), (1.0, 3.0, -80.0)]
+    ("u", "x", "r"),
+    [
+        (53.0, 50.0, 0.0),
+        (47.0, 50.0, 0.0),
+        (50.5, 50.0, 40.0),
+        (99.0, 97.0, 80.0),
+        (1.0, 3.0, -80.0),
+    ],
 )
 def test_a_slide_is_the_limit_of_small_steps(u, x, r, a):
     for T in (0.03, 0.5):
-        few, many = (slide_in_substeps(u, x, r, 1.5, 0.8, 0.0, a, W2, 1e-6, T, T / n)[0] for n in (3_000, 6_000))
-        assert slide(u, x, r, 1.5, 0.8, a, W2, 1e-6, T)[0] == pytest.approx(2 * many - few, abs=2e-4)
+        few, many = (
+            slide_in_substeps(u, x, r, 1.5, 0.8, 0.0, a, W2, 1e-6, T, T / n)[0]
+            for n in (3_000, 6_000)
+        )
+        assert slide(u, x, r, 1.5, 0.8, a, W2, 1e-6, T)[0] == pytest.approx(
+            2 * many - few, abs=2e-4
+        )
 
 
 def test_a_valve_within_its_band_stays_and_beyond_it_leaves():
     for d in (1.0, -1.0):
         assert slide(50.0 + 1.5 * d, 50.0, 0.0, 1.5, 0.8, 60.0, W2, 1e-6, 1.0) == (50.0, 0.0)
-        assert d * (slide(50.0 + 1.51 * d, 50.0, 0.0, 1.5, 0.8, 60.0, W2, 1e-6, 1.0)[0] - 50.0) > 0.5
+        assert (
+            d * (slide(50.0 + 1.51 * d, 50.0, 0.0, 1.5, 0.8, 60.0, W2, 1e-6, 1.0)[0] - 50.0) > 0.5
+        )
 
 
 FRICTION = {"fs": 1.5, "fd": 0.8, "vs": 2.0, "a": 60.0, "w2": W2}
 
 
 def law(u, d, fs, fd, vs, a, w2):
-    return lambda t, y: np.array([y[1], w2 * (u - y[0] - d * (fd + (fs - fd) * np.exp(-((y[1] / vs) ** 2)))) - 2 * a * y[1]])
+    return lambda t, y: np.array(
+        [y[1], w2 * (u - y[0] - d * (fd + (fs - fd) * np.exp(-((y[1] / vs) ** 2)))) - 2 * a * y[1]]
+    )
 
 
 @pytest.mark.parametrize("d", [1.0, -1.0])
@@ -113,24 +135,37 @@ def test_a_runge_kutta_step_is_that_of_the_published_tableau(d, h):
     off = np.abs(h * (K.T @ RK45.E))
     x1, r1, error = runge_kutta(50.0 + 3.0 * d, *y, d, h, *FRICTION.values())
     assert (x1, r1) == pytest.approx(new, rel=1e-13)
-    assert error == pytest.approx(max(off[0] / TOLERANCE_X, off[1] / (TOLERANCE_R * max(abs(r1), FRICTION["vs"]))), rel=1e-6)
+    assert error == pytest.approx(
+        max(off[0] / TOLERANCE_X, off[1] / (TOLERANCE_R * max(abs(r1), FRICTION["vs"]))), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("d", [1.0, -1.0])
 @pytest.mark.parametrize(
-    ("ahead", "r", "T"), [(3.0, 0.0, 0.3), (1.6, 0.0, 0.1), (2.5, 30.0, 0.02), (1.0, 15.0, 0.5), (0.2, 1.0, 0.5)]
+    ("ahead", "r", "T"),
+    [(3.0, 0.0, 0.3), (1.6, 0.0, 0.1), (2.5, 30.0, 0.02), (1.0, 15.0, 0.5), (0.2, 1.0, 0.5)],
 )
 def test_a_slide_with_stribeck_friction_is_the_limit_of_small_steps(d, ahead, r, T):
     x, rate, h = slide_stribeck(50.0 + d * ahead, 50.0, d * r, 1e-6, *FRICTION.values(), 1e-6, T)
     few, many = (
-        slide_in_substeps(50.0 + d * ahead, 50.0, d * r, *FRICTION.values(), 1e-6, T, T / n)[0] for n in (3_000, 6_000)
+        slide_in_substeps(50.0 + d * ahead, 50.0, d * r, *FRICTION.values(), 1e-6, T, T / n)[0]
+        for n in (3_000, 6_000)
     )
     assert x == pytest.approx(2 * many - few, abs=3e-4)
     assert h > 0.0
     assert d * rate >= 0.0
 
 
-BRISTLES = {"fs": 1.5, "fd": 0.8, "vs": 2.0, "a": 60.0, "w2": W2, "g0": 4e6, "g1": 4e3, "soft": 1e-4}
+BRISTLES = {
+    "fs": 1.5,
+    "fd": 0.8,
+    "vs": 2.0,
+    "a": 60.0,
+    "w2": W2,
+    "g0": 4e6,
+    "g1": 4e3,
+    "soft": 1e-4,
+}
 
 
 def of_bristles(u, ramp, t, y):
@@ -138,7 +173,9 @@ def of_bristles(u, ramp, t, y):
     p = BRISTLES
     g = p["soft"] * (p["fd"] + (p["fs"] - p["fd"]) * np.exp(-((r / p["vs"]) ** 2)))
     slip = r - abs(r) * z / g
-    return np.array([r, p["w2"] * (u + ramp * t - x) - p["g0"] * z - p["g1"] * slip - 2 * p["a"] * r, slip])
+    return np.array(
+        [r, p["w2"] * (u + ramp * t - x) - p["g0"] * z - p["g1"] * slip - 2 * p["a"] * r, slip]
+    )
 
 
 def jacobian(u, y):
@@ -166,7 +203,9 @@ def test_the_linear_equations_of_a_step_are_solved():
         acc_r, acc_z, slip_r, slip_z = rng.standard_normal(4)
         b, c = rng.standard_normal(3), rng.uniform(0.01, 0.3)
         J = np.array([[0, 1, 0], [-W2, acc_r, acc_z], [0, slip_r, slip_z]])
-        assert solve(c, *b, W2, acc_r, acc_z, slip_r, slip_z) == pytest.approx(np.linalg.solve(np.eye(3) - c * J, b), rel=1e-9)
+        assert solve(c, *b, W2, acc_r, acc_z, slip_r, slip_z) == pytest.approx(
+            np.linalg.solve(np.eye(3) - c * J, b), rel=1e-9
+        )
 
 
 @pytest.mark.parametrize("ramp", [0.0, 40.0])
@@ -195,12 +234,27 @@ def test_a_step_of_the_bristles_is_that_of_the_published_method(y, ramp):
 def test_bristles_at_rest_under_what_they_carry_stay():
     # z holds (u - x) exactly: w2 (u - x) = g0 z
     z = W2 * 1.0 / BRISTLES["g0"]
-    assert slide_bristles(51.0, 0.0, 50.0, 0.0, z, 1e-6, *BRISTLES.values(), 5.0)[:3] == (50.0, 0.0, z)
+    assert slide_bristles(51.0, 0.0, 50.0, 0.0, z, 1e-6, *BRISTLES.values(), 5.0)[:3] == (
+        50.0,
+        0.0,
+        z,
+    )
     pushed = slide_bristles(52.0, 0.0, 50.0, 0.0, z, 1e-6, *BRISTLES.values(), 0.5)
     assert pushed[0] > 50.3
 
 
-EVEN = ["choudhury", "kano", "he", "stenman", "coulomb", "karnopp", "stribeck", "lugre", "deadband", "ideal"]
+EVEN = [
+    "choudhury",
+    "kano",
+    "he",
+    "stenman",
+    "coulomb",
+    "karnopp",
+    "stribeck",
+    "lugre",
+    "deadband",
+    "ideal",
+]
 
 
 def op_about(middle):
@@ -209,7 +263,9 @@ def op_about(middle):
 
 
 def table(name):
-    return {"stenman": {"d": 3.0}, "deadband": {"S": 4.0}, "ideal": {}}.get(name, {"S": 4.0, "J": 1.5})
+    return {"stenman": {"d": 3.0}, "deadband": {"S": 4.0}, "ideal": {}}.get(
+        name, {"S": 4.0, "J": 1.5}
+    )
 
 
 @pytest.mark.parametrize("name", EVEN)
@@ -219,5 +275,9 @@ def test_friction_is_the_same_everywhere_and_both_ways(name, Ts):
     assert name in VALVES.names()
     middle = valve_response(name, op_about(50.0), table(name), Ts)
     for place in (8.3, 91.7):
-        assert valve_response(name, op_about(place), table(name), Ts) - place == pytest.approx(middle - 50.0, abs=2e-3)
-    assert 100.0 - valve_response(name, 100.0 - op_about(50.0), table(name), Ts) == pytest.approx(middle, abs=2e-3)
+        assert valve_response(name, op_about(place), table(name), Ts) - place == pytest.approx(
+            middle - 50.0, abs=2e-3
+        )
+    assert 100.0 - valve_response(name, 100.0 - op_about(50.0), table(name), Ts) == pytest.approx(
+        middle, abs=2e-3
+    )

@@ -6,7 +6,10 @@ from detectors.errors import ParameterError, UnknownName
 from simbench.loop.parameters import VALVES, Choice, Number, resolve, valve_parameters
 from simbench.loop.physical.mapping import complete_band
 
-SCHEMA = {"S": Number("% of travel", low=0.0, high=100.0, says="band"), "T": Number("s", low=0.0, positive=True, default=1.0)}
+SCHEMA = {
+    "S": Number("% of travel", low=0.0, high=100.0, says="band"),
+    "T": Number("s", low=0.0, positive=True, default=1.0),
+}
 
 
 @pytest.mark.parametrize(
@@ -53,14 +56,21 @@ def test_resolved_parameters_survive_a_trip_to_another_process():
     assert p._fields == ("S", "T", "Ts")
 
 
-@pytest.mark.parametrize(("digits", "said"), [(400, "S = 1000000"), (5000, "S = a number of thousands of digits")])
+@pytest.mark.parametrize(
+    ("digits", "said"), [(400, "S = 1000000"), (5000, "S = a number of thousands of digits")]
+)
 def test_a_whole_number_too_large_for_a_float_is_refused(digits, said):
-    with pytest.raises(ParameterError, match=rf"{said}.* is not finite, it must be within .* \(%\)"):
+    with pytest.raises(
+        ParameterError, match=rf"{said}.* is not finite, it must be within .* \(%\)"
+    ):
         Number("%").read(10**digits, "S", "valve 'choudhury'")
 
 
 def test_a_band_follows_from_the_forces_and_back():
     nan = float("nan")
     whole = {"S": 5.0, "J": 2.0, "fs": 3.5, "fd": 1.5}
-    for given in ({"S": 5.0, "J": 2.0, "fs": nan, "fd": nan}, {"S": nan, "J": nan, "fs": 3.5, "fd": 1.5}):
+    for given in (
+        {"S": 5.0, "J": 2.0, "fs": nan, "fd": nan},
+        {"S": nan, "J": nan, "fs": 3.5, "fd": 1.5},
+    ):
         assert complete_band(given, "valve 'he'", ("fs", "fd"), 1.0) == whole

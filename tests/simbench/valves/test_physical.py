@@ -84,7 +84,12 @@ def test_band_and_forces_map_both_ways(model):
 
 @pytest.mark.parametrize(
     ("h", "largest", "mean_square"),
-    [(2e-3, 0.3783, 0.003839), (1e-3, 0.2077, 0.002108), (5e-4, 0.1076, 0.0010926), (1e-4, 0.02204, 0.00022403)],
+    [
+        (2e-3, 0.3783, 0.003839),
+        (1e-3, 0.2077, 0.002108),
+        (5e-4, 0.1076, 0.0010926),
+        (1e-4, 0.02204, 0.00022403),
+    ],
 )
 def test_fixed_steps_miss_the_exact_valve_by_the_published_amounts(h, largest, mean_square):
     # reference sheet 1.8: Karnopp's rule against the exact solution, OP sine of 45 %, 200 s
@@ -99,13 +104,18 @@ def test_fixed_steps_miss_the_exact_valve_by_the_published_amounts(h, largest, m
 def test_exact_valve_is_the_limit_of_substeps_and_halving_the_step_halves_the_error(table):
     op = sine(200.0)
     exact = valve_response("coulomb", op, table, 0.01)
-    error = [rms(valve_response("coulomb", op, {**table, "substep": h}, 0.01) - exact) for h in (2e-4, 1e-4, 5e-5)]
+    error = [
+        rms(valve_response("coulomb", op, {**table, "substep": h}, 0.01) - exact)
+        for h in (2e-4, 1e-4, 5e-5)
+    ]
     assert error[1] <= 2e-4
     assert error[0] / error[1] == pytest.approx(2.0, abs=0.1)
     assert error[1] / error[2] == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize("table", [SJ, {"S": 5, "J": 0}, {"S": 0.5, "J": 0.2}, {"S": 5, "J": 5}, PUBLISHED])
+@pytest.mark.parametrize(
+    "table", [SJ, {"S": 5, "J": 0}, {"S": 0.5, "J": 0.2}, {"S": 5, "J": 5}, PUBLISHED]
+)
 def test_with_op_held_for_a_second_exact_and_substeps_end_in_the_same_place(table):
     for op in (held_op(), sine(200.0, 1.0)):
         exact = valve_response("coulomb", op, table, 1.0)
@@ -128,7 +138,9 @@ def test_smoothly_driven_valve_is_the_stiction_map(table):
 def test_lugre_with_stiff_bristles_is_stribeck():
     op = sine(20.0)
     stribeck = valve_response("stribeck", op, SJ, 0.01)
-    soft, stiff = (rms(valve_response("lugre", op, {**SJ, "s0": s0}, 0.01) - stribeck) for s0 in (1e7, 1e9))
+    soft, stiff = (
+        rms(valve_response("lugre", op, {**SJ, "s0": s0}, 0.01) - stribeck) for s0 in (1e7, 1e9)
+    )
     assert stiff <= 0.06
     assert stiff < soft < 0.3
 
@@ -137,13 +149,17 @@ def test_lugre_valve_gives_before_it_breaks_away():
     p = parameters("lugre", SJ, 0.01)
     op = 50.0 + np.minimum(0.5 * np.arange(0, 4, 0.01), 1.0)
     # well below break-away the bristles are a second spring beside the actuator's
-    assert valve_response("lugre", op, SJ, 0.01)[-1] - 50.0 == pytest.approx(p.k / (p.k + p.s0), rel=0.2)
+    assert valve_response("lugre", op, SJ, 0.01)[-1] - 50.0 == pytest.approx(
+        p.k / (p.k + p.s0), rel=0.2
+    )
 
 
 def test_valve_that_comes_to_rest_in_every_sample_is_hes_map():
     op = held_op(1000)
     for table in (SJ, {"S": 4, "J": 4}, {"S": 4, "J": 0}):
-        np.testing.assert_allclose(valve_response("coulomb", op, table, 1.0), valve_response("he", op, table), atol=1e-7)
+        np.testing.assert_allclose(
+            valve_response("coulomb", op, table, 1.0), valve_response("he", op, table), atol=1e-7
+        )
 
 
 def test_overshooting_actuator_is_hes_map_with_the_gain_of_its_overshoot():
@@ -154,12 +170,16 @@ def test_overshooting_actuator_is_hes_map_with_the_gain_of_its_overshoot():
     op = np.concatenate([triangle, triangle])
     # OP overshoots break-away by a step's fraction, which the gain multiplies in both
     valve = valve_response("coulomb", op, table, 1.0)
-    np.testing.assert_allclose(valve, valve_response("he", op, {"S": 6, "J": 2, "K": 1 + over}), atol=1e-6)
+    np.testing.assert_allclose(
+        valve, valve_response("he", op, {"S": 6, "J": 2, "K": 1 + over}), atol=1e-6
+    )
     S, J = VALVES.load("coulomb").mapped_SJ(parameters("coulomb", table, 1.0))
     assert pytest.approx((6 - 2 * over, 2 + 2 * over)) == (S, J)
 
 
-@pytest.mark.parametrize("Fv", [0.0, 20.0, 200.0, 0.9999 * CRITICAL, CRITICAL, 1.0001 * CRITICAL, 5000.0])
+@pytest.mark.parametrize(
+    "Fv", [0.0, 20.0, 200.0, 0.9999 * CRITICAL, CRITICAL, 1.0001 * CRITICAL, 5000.0]
+)
 def test_any_damping_is_solved_like_fine_steps(Fv):
     table = {**SJ, "Fv": Fv}
     op = np.repeat(50.0 + 25.0 * np.sin(np.arange(40) * 0.7), 2)
@@ -175,18 +195,25 @@ def test_critical_damping_is_continuous_with_its_neighbours():
     op = held_op(200)
     middle = valve_response("coulomb", op, {**SJ, "Fv": CRITICAL}, 0.01)
     for share in (1 - 1e-9, 1 + 1e-9):
-        np.testing.assert_allclose(valve_response("coulomb", op, {**SJ, "Fv": CRITICAL * share}, 0.01), middle, atol=1e-6)
+        np.testing.assert_allclose(
+            valve_response("coulomb", op, {**SJ, "Fv": CRITICAL * share}, 0.01), middle, atol=1e-6
+        )
 
 
 def test_undamped_valve_swings_through_half_a_period_and_sticks():
     # 50 -> 54 with fs = 3.5, fd = 1.5: swings about 52.5 from 50 to 55, where |54 - 55| holds it
-    np.testing.assert_allclose(valve_response("coulomb", [50, 54, 54], {**SJ, "Fv": 0}, 1.0), [50, 55, 55], atol=1e-9)
+    np.testing.assert_allclose(
+        valve_response("coulomb", [50, 54, 54], {**SJ, "Fv": 0}, 1.0), [50, 55, 55], atol=1e-9
+    )
 
 
 def test_underdamped_valve_hits_its_stop_and_stays():
     mv = valve_response("coulomb", [50, 99, 99, 99], {"S": 1, "J": 0.5, "Fv": 10}, 0.05)
     assert mv.max() <= 100.0
-    assert valve_response("coulomb", [50, 100, *[100] * 20], {"S": 30, "J": 10, "Fv": 10}, 0.005)[-1] == 100.0
+    assert (
+        valve_response("coulomb", [50, 100, *[100] * 20], {"S": 30, "J": 10, "Fv": 10}, 0.005)[-1]
+        == 100.0
+    )
 
 
 def test_karnopp_valve_creeps_only_above_its_band():
@@ -195,13 +222,18 @@ def test_karnopp_valve_creeps_only_above_its_band():
     # break-away at 33.5, then every J = 2 up to 38
     assert count_jumps(valve_response("karnopp", slow, SJ, 0.01)) == 3
     fast = 30.0 + 0.1 * np.arange(0, 400, 0.01)
-    np.testing.assert_allclose(valve_response("karnopp", fast, SJ, 0.01), valve_response("coulomb", fast, SJ, 0.01), atol=1e-6)
+    np.testing.assert_allclose(
+        valve_response("karnopp", fast, SJ, 0.01),
+        valve_response("coulomb", fast, SJ, 0.01),
+        atol=1e-6,
+    )
 
 
 def test_coulomb_viscous_is_coulomb_with_equal_forces():
     op = held_op(300)
     np.testing.assert_array_equal(
-        valve_response("coulomb_viscous", op, {"S": 5}, 0.01), valve_response("coulomb", op, {"S": 5, "J": 0}, 0.01)
+        valve_response("coulomb_viscous", op, {"S": 5}, 0.01),
+        valve_response("coulomb", op, {"S": 5, "J": 0}, 0.01),
     )
     p = parameters("coulomb_viscous", {"Fc": 100.0}, 1.0)
     assert pytest.approx(200.0 * 100.0 / (p.k * p.stroke)) == p.S
@@ -211,7 +243,9 @@ def test_coulomb_viscous_is_coulomb_with_equal_forces():
 def test_stribeck_solver_equals_extrapolated_substeps(table, bound):
     op = sine(20.0)
     exact = valve_response("stribeck", op, table, 0.01)
-    coarse, fine = (valve_response("stribeck", op, {**table, "substep": h}, 0.01) for h in (2e-6, 1e-6))
+    coarse, fine = (
+        valve_response("stribeck", op, {**table, "substep": h}, 0.01) for h in (2e-6, 1e-6)
+    )
     assert np.abs(2 * fine - coarse - exact).max() <= bound
 
 
@@ -228,7 +262,9 @@ def test_stribeck_without_excess_force_is_coulomb():
     op = held_op(300)
     table = {"S": 5, "J": 0}
     np.testing.assert_allclose(
-        valve_response("stribeck", op, table, 0.01), valve_response("coulomb", op, table, 0.01), atol=1e-7
+        valve_response("stribeck", op, table, 0.01),
+        valve_response("coulomb", op, table, 0.01),
+        atol=1e-7,
     )
 
 
@@ -245,7 +281,9 @@ def test_lugre_equals_a_stiff_solver():
 
     y, before, reference = [p.stroke / 2, 0.0, 0.0], op[0], []
     for now in op:
-        y = solve_ivp(slopes, (0, Ts), y, args=(before, now), method="LSODA", rtol=1e-9, atol=1e-13).y[:, -1]
+        y = solve_ivp(
+            slopes, (0, Ts), y, args=(before, now), method="LSODA", rtol=1e-9, atol=1e-13
+        ).y[:, -1]
         before = now
         reference.append(100 * y[0] / p.stroke)
     assert np.abs(valve_response("lugre", op, SJ, Ts) - reference).max() < 1e-3
@@ -272,7 +310,9 @@ def test_impossible_physics_is_refused_with_the_reason(model, table, words):
 
 def test_too_large_a_substep_and_missing_coulomb_friction_are_refused():
     for model in ("coulomb", "coulomb_viscous", "karnopp", "stribeck"):
-        with pytest.raises(ParameterError, match=r"substep = 0.005 s is too large; above 0.00299 s"):
+        with pytest.raises(
+            ParameterError, match=r"substep = 0.005 s is too large; above 0.00299 s"
+        ):
             valve_response(model, [50.0], {"substep": 5e-3})
     with pytest.raises(ParameterError, match="needs Fc > 0"):
         valve_response("lugre", [50.0], {"S": 5, "J": 5})

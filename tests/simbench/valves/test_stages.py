@@ -17,7 +17,9 @@ def test_rate_limit_without_a_lag_is_a_ramp_that_arrives_exactly():
 
 def test_lag_and_rate_do_not_depend_on_the_sampling_period():
     coarse = valve_response("lag", [0.0, *[90.0] * 10, *[10.0] * 10], {"T": 2, "rate": 7}, Ts=2.0)
-    fine = valve_response("lag", np.repeat([0.0, *[90.0] * 10, *[10.0] * 10], 400), {"T": 2, "rate": 7}, Ts=0.005)
+    fine = valve_response(
+        "lag", np.repeat([0.0, *[90.0] * 10, *[10.0] * 10], 400), {"T": 2, "rate": 7}, Ts=0.005
+    )
     np.testing.assert_allclose(coarse, fine[399::400], atol=1e-9)
     assert np.abs(np.diff(fine)).max() <= 7 * 0.005 + 1e-12
 
@@ -25,13 +27,17 @@ def test_lag_and_rate_do_not_depend_on_the_sampling_period():
 @pytest.mark.parametrize("kind", ["linear", "equal_percentage", "quick_opening"])
 @pytest.mark.parametrize("authority", [1.0, 0.3])
 def test_characteristics_rise_to_full_flow(kind, authority):
-    flow = valve_response("characteristic", np.linspace(0, 100, 101), {"type": kind, "authority": authority})
+    flow = valve_response(
+        "characteristic", np.linspace(0, 100, 101), {"type": kind, "authority": authority}
+    )
     assert (np.diff(flow) > 0).all()
     assert flow[-1] == pytest.approx(100)
 
 
 def test_equal_percentage_multiplies_flow_by_the_same_factor_per_percent():
-    flow = valve_response("characteristic", np.linspace(0, 100, 11), {"type": "equal_percentage", "R": 50})
+    flow = valve_response(
+        "characteristic", np.linspace(0, 100, 11), {"type": "equal_percentage", "R": 50}
+    )
     np.testing.assert_allclose(flow[1:] / flow[:-1], 50**0.1)
 
 
@@ -44,4 +50,6 @@ def test_a_line_that_takes_most_pressure_turns_linear_into_quick_opening():
 
 
 def test_travel_stops_hold():
-    np.testing.assert_array_equal(valve_response("limits", [50, 5, 95], {"low": 20, "high": 80}), [50, 20, 80])
+    np.testing.assert_array_equal(
+        valve_response("limits", [50, 5, 95], {"low": 20, "high": 80}), [50, 20, 80]
+    )

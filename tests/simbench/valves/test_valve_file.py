@@ -31,7 +31,12 @@ def test_an_old_position_is_replaced_and_without_time_the_period_is_a_second(tmp
         ("op\n50\n\n", "idael", UnknownName, "did you mean 'ideal'"),
         ("t,op\n0,50\n1,\n", "ideal", RecordError, "line 3: op is empty"),
         ("t,op\n0,50\n1,hot\n", "ideal", RecordError, "line 3: op is 'hot'"),
-        ("t,op\n0,50\n1,51\n2,52\n5,53\n", "ideal", RecordError, "line 5: a time step of 3 s among steps of 1 s"),
+        (
+            "t,op\n0,50\n1,51\n2,52\n5,53\n",
+            "ideal",
+            RecordError,
+            "line 5: a time step of 3 s among steps of 1 s",
+        ),
         ("op\n50\n", "deadband", ParameterError, "needs S"),
     ],
 )

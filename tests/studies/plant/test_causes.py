@@ -23,7 +23,9 @@ def test_every_loop_has_a_week_of_its_own_but_a_victim_that_of_its_source(loops)
 
 def test_causes_are_counted_as_named(loops):
     says = {"stiction": "stiction", "tuning": "tuning", "outside": "cannot tell"}
-    named = {n: Causes(Cause(says.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()}
+    named = {
+        n: Causes(Cause(says.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
+    }
     lines = told(loops, named, [["4s", "4v"], ["0", "1"]])
     # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream, sensor and saturation wrong
     assert "of 9 loops: right 4, wrong 4, cannot tell 1" in lines[-1]

@@ -66,13 +66,19 @@ def test_friction_that_mv_shows_is_named_without_a_baseline():
 
 
 def test_a_valve_lag_that_mv_shows_is_named_without_a_baseline():
-    found = without_baseline(record_of(SHORT | {"effect": [{"name": "valve_lag", "tau": 8.0}]}, "self-regulating", mv=True))
+    found = without_baseline(
+        record_of(
+            SHORT | {"effect": [{"name": "valve_lag", "tau": 8.0}]}, "self-regulating", mv=True
+        )
+    )
     assert found.chosen[0] == "valve_lag"
 
 
 def test_nothing_is_said_of_a_valve_that_mv_shows_healthy():
     found = without_baseline(record_of(SHORT, "self-regulating", mv=True))
-    assert not {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"} & set(found.chosen)
+    assert not {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"} & set(
+        found.chosen
+    )
     assert not found.unexplained
 
 
@@ -98,17 +104,26 @@ def test_tuning_is_found_proportional_alone_too():
     P = {"type": "P", "Kc": 1.5}
     assert identify(record_of(SHORT | {"controller": P}, "self-regulating")).controller.type == "P"
     found = identify(record_of(SHORT, "self-regulating")).controller
-    assert (found.type, found.Kc, found.Ti) == ("PI", pytest.approx(1.5, rel=1e-3), pytest.approx(20.0, rel=1e-3))
+    assert (found.type, found.Kc, found.Ti) == (
+        "PI",
+        pytest.approx(1.5, rel=1e-3),
+        pytest.approx(20.0, rel=1e-3),
+    )
 
 
 def test_a_sticky_level_loop_of_unknown_process_names_friction_and_says_what_was_assumed():
     found = without_baseline(record_of(LEVEL | STICKY, kick=6.0))
     assert {"stiction", "deadband"} & set(found.chosen)
-    assert "process: not given; judged as integrating, the likelier of the two" in found.situation.notes
+    assert (
+        "process: not given; judged as integrating, the likelier of the two"
+        in found.situation.notes
+    )
 
 
 def test_a_given_process_is_no_assumption_to_report():
-    assert not any(n.startswith("process: ") for n in remarks_on(record_of(FLOW, "self-regulating")))
+    assert not any(
+        n.startswith("process: ") for n in remarks_on(record_of(FLOW, "self-regulating"))
+    )
 
 
 def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps():
@@ -120,7 +135,9 @@ def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps()
 
 
 def test_a_healthy_record_without_a_baseline_is_none_also_where_luck_is_kind():
-    report = diagnose(record_of(FLOW | {"sampling": {"Ts": 1.0, "n": 400}}, "self-regulating"), None)
+    report = diagnose(
+        record_of(FLOW | {"sampling": {"Ts": 1.0, "n": 400}}, "self-regulating"), None
+    )
     assert report.effect == "none"
 
 
@@ -170,9 +187,23 @@ def folder(tmp_path):
     frame = pd.DataFrame({"t_s": record.t, "sp": record.sp, "pv": record.pv, "op": record.op})
     frame.to_csv(tmp_path / "FIC1.csv", index=False)
     frame[:50].to_csv(tmp_path / "FIC2.csv", index=False)
-    columns = {"label": "no_stiction", "label_doubt": [np.nan, "short", "dead"], "dynamics": "self_regulating", "primary": 1}
-    flags = {"pv_quantised": [1, 0, 0], "compressed": 0, "spikes": 0, "sp_kind": ["steps", "constant", "constant"]}
-    ids = {"id": ["FIC1", "FIC2", "FIC3"], "unit_group": ["FIC1", "FIC2", "FIC3"], "usable": [1, 1, 0]}
+    columns = {
+        "label": "no_stiction",
+        "label_doubt": [np.nan, "short", "dead"],
+        "dynamics": "self_regulating",
+        "primary": 1,
+    }
+    flags = {
+        "pv_quantised": [1, 0, 0],
+        "compressed": 0,
+        "spikes": 0,
+        "sp_kind": ["steps", "constant", "constant"],
+    }
+    ids = {
+        "id": ["FIC1", "FIC2", "FIC3"],
+        "unit_group": ["FIC1", "FIC2", "FIC3"],
+        "usable": [1, 1, 0],
+    }
     pd.DataFrame(ids | columns | flags).to_csv(tmp_path / "records.csv", index=False)
     return tmp_path
 
@@ -188,7 +219,9 @@ def test_a_folder_gives_a_row_per_usable_record_and_says_why_one_was_refused(fol
 
 
 @on_plant_data
-@pytest.mark.parametrize("name", ["ISDB_PAP2", "ISDB_PAP4", "SGPT_2-CDU-7040-311-FIC31102_0628-0002"])
+@pytest.mark.parametrize(
+    "name", ["ISDB_PAP2", "ISDB_PAP4", "SGPT_2-CDU-7040-311-FIC31102_0628-0002"]
+)
 def test_pv_of_plants_that_repeats_its_values_stands_on_a_lattice(name):
     record = read_record(REAL / f"{name}.csv")
     assert lattice(record.pv, written_unit(record.pv, record.op)) or root_lattice(record.pv)

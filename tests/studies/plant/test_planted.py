@@ -28,14 +28,24 @@ def test_an_effect_changes_every_loop(scenarios, effect):
 
 def test_sticking_that_comes_and_goes_is_measured_by_the_loop(scenarios):
     for s in scenarios:
-        loop = plant(s.loop, COMES_AND_GOES, {"S": 0.5, "slip": 0.4, "period": 10.0}, Size(1.0, 8.0, 30.0))
+        loop = plant(
+            s.loop, COMES_AND_GOES, {"S": 0.5, "slip": 0.4, "period": 10.0}, Size(1.0, 8.0, 30.0)
+        )
         assert loop.valve.name == "intermittent"
-        assert loop.valve.parameters == pytest.approx({"S": 4.0, "J": 1.6, "period": 300.0, "on": 150.0})
+        assert loop.valve.parameters == pytest.approx(
+            {"S": 4.0, "J": 1.6, "period": 300.0, "on": 150.0}
+        )
 
 
 def answer(planted, order, predicted=-0.1, p=0.01):
     true = {"he": -0.2, "procedure": -0.1}
-    return {"planted": planted, "p": p, "order": order, "predicted": {"he": predicted, "procedure": 0.0}, "true": true}
+    return {
+        "planted": planted,
+        "p": p,
+        "order": order,
+        "predicted": {"he": predicted, "procedure": 0.0},
+        "true": true,
+    }
 
 
 def test_first_is_first_and_not_among_others():
@@ -51,7 +61,9 @@ def test_first_is_first_and_not_among_others():
 
 
 def test_friction_is_the_right_name_of_a_valve_that_sticks_at_times():
-    lines = told([answer(COMES_AND_GOES, [name]) for name in ("stiction", "deadband", "oscillation")])
+    lines = told(
+        [answer(COMES_AND_GOES, [name]) for name in ("stiction", "deadband", "oscillation")]
+    )
     assert lines[-1].split()[:2] == ["all", "2/3"]
 
 
@@ -67,6 +79,8 @@ def test_sticking_that_comes_and_goes_is_planted_in_loops_whose_valve_is_sound()
 
 def test_fleets_without_effect_are_seldom_told_apart(monkeypatch):
     monkeypatch.setattr(planted, "draw", lambda *a: None)
-    monkeypatch.setattr(planted, "units", lambda _: np.random.default_rng(1).standard_normal((60, 4)))
+    monkeypatch.setattr(
+        planted, "units", lambda _: np.random.default_rng(1).standard_normal((60, 4))
+    )
     share = float(planted.healthy(40, 10, 20)[1].split("p <= 0.05: ")[1].split()[0])
     assert share <= 0.2

@@ -47,7 +47,9 @@ def test_a_unit_is_called_by_most_of_its_records_and_by_the_likelihood_from_all_
     assert "found 0 of 1" in counted(rows, "procedure")[2]
 
 
-def test_only_records_with_a_label_that_nobody_doubts_are_asked_about_and_once(wave, tmp_path, monkeypatch, capsys):
+def test_only_records_with_a_label_that_nobody_doubts_are_asked_about_and_once(
+    wave, tmp_path, monkeypatch, capsys
+):
     good = {
         "unit_group": "u",
         "loop": "l",
@@ -58,11 +60,15 @@ def test_only_records_with_a_label_that_nobody_doubts_are_asked_about_and_once(w
         "dynamics": "integrating",
     }
     rows = [good, good | {"label_doubt": "why"}, good | {"label": "unknown"}, good | {"primary": 0}]
-    pd.DataFrame([{"id": f"r{i}", **row} for i, row in enumerate(rows)]).to_csv(tmp_path / "records.csv", index=False)
+    pd.DataFrame([{"id": f"r{i}", **row} for i, row in enumerate(rows)]).to_csv(
+        tmp_path / "records.csv", index=False
+    )
     for i in range(4):
         write_record(wave, tmp_path / f"r{i}.csv")
     asked = []
-    monkeypatch.setattr(recorded, "weighed", lambda r: asked.append(r.process) or {"procedure": True, "odds": None})
+    monkeypatch.setattr(
+        recorded, "weighed", lambda r: asked.append(r.process) or {"procedure": True, "odds": None}
+    )
     for _ in range(2):
         assert recorded.main([str(tmp_path), "-o", str(tmp_path / "kept")]) == 0
     assert asked == ["integrating"]

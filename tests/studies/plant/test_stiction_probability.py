@@ -28,7 +28,10 @@ def test_a_record_is_written_as_its_form_says(form):
 @pytest.mark.parametrize("form", study.LOOP_FORMS)
 def test_a_loop_is_run_again_as_its_form_says(form):
     loop = CASE.baseline
-    rerun = [study._rerun(loop, simulate(loop, 1).record, kind, 1, np.random.default_rng(2)) for kind in (form, "whole")]
+    rerun = [
+        study._rerun(loop, simulate(loop, 1).record, kind, 1, np.random.default_rng(2))
+        for kind in (form, "whole")
+    ]
     assert rerun[0].n == rerun[1].n
     assert not np.array_equal(rerun[0].op, rerun[1].op)
     assert (np.ptp(rerun[0].sp) > np.ptp(rerun[1].sp)) == (form == "moves")
@@ -47,7 +50,14 @@ def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():
     for i in range(60):
         sticky = i % 2 == 0
         evidence = [20.0 * sticky + rng.normal(), 0.0, 1.0]
-        rows.append({"simulator": ("own", "mill")[i // 30], "sticky": sticky, "form": "whole", "evidence": evidence})
+        rows.append(
+            {
+                "simulator": ("own", "mill")[i // 30],
+                "sticky": sticky,
+                "form": "whole",
+                "evidence": evidence,
+            }
+        )
     rule, y = study.RULES["gain"], np.array([r["sticky"] for r in rows])
     loss, area, _ = study.scores(study.left_out(rows, rule), y)
     assert area == 1.0

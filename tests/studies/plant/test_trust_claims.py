@@ -36,7 +36,10 @@ def test_the_cell_nearest_to_the_truth_is_what_was_claimed():
 
 
 def test_false_alarms_are_held_against_loops_that_are_sound_themselves():
-    sticky, sound = row(True, 0.9, "stiction", 2.0, 4.5, 0.4, 1.0), row(False, 0.1, "no_stiction", None, 0.0, 0.1, None)
+    sticky, sound = (
+        row(True, 0.9, "stiction", 2.0, 4.5, 0.4, 1.0),
+        row(False, 0.1, "no_stiction", None, 0.0, 0.1, None),
+    )
     lines = claims._claims([sticky, sound])
     assert "mean over the loops: 0 of 1 methods" in lines[-2]
     assert lines[-1] == "the same over the 1 loops whose own valve is sound: 1 of 1 methods"
@@ -56,7 +59,10 @@ def test_sticky_and_healthy_loops_weigh_the_same_in_the_calibration():
 
 
 def test_a_probability_is_held_against_the_share_that_sticks():
-    rows = [{"sticky": i % 2 == 0, "probability": 0.999 if i % 2 == 0 else 0.001, "procedure": False} for i in range(8)]
+    rows = [
+        {"sticky": i % 2 == 0, "probability": 0.999 if i % 2 == 0 else 0.001, "procedure": False}
+        for i in range(8)
+    ]
     lines = claims._probability(rows)
     assert lines[0] == "probability of stiction, 8 loops, 4 sticky: claimed, share sticky, loops"
     assert [line.split()[1:] for line in lines[1:3]] == [["0.00", "4"], ["1.00", "4"]]
@@ -65,7 +71,9 @@ def test_a_probability_is_held_against_the_share_that_sticks():
 
 
 def test_who_is_right_is_counted_on_the_same_loops():
-    lines = claims.who_is_right([*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}])
+    lines = claims.who_is_right(
+        [*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}]
+    )
     assert lines[1] == "right on 3 loops: best detector in hindsight (he) 0.67"
     assert lines[3].startswith("probability above one half 0.67 (0 won, 0 lost")
 
@@ -76,7 +84,9 @@ def test_an_abstention_is_not_right():
 
 
 def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(monkeypatch):
-    monkeypatch.setattr(claims, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i))
+    monkeypatch.setattr(
+        claims, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i)
+    )
     monkeypatch.setattr(claims, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
     few, more, most = (list(loops(count, TESTING)) for count in (3, 6, 100))
     assert few == more[:3] == most[:3]

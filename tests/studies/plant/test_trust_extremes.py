@@ -4,16 +4,30 @@ from results.studies.plant.trust_extremes import told
 
 
 def row(seen, said, S=1.0, visible=None, fitted=0.0):
-    return {"S": S, "J": S, "seen": seen, "fitted": fitted, "said": said, "probability": 0.5, "smallest_visible": visible}
+    return {
+        "S": S,
+        "J": S,
+        "seen": seen,
+        "fitted": fitted,
+        "said": said,
+        "probability": 0.5,
+        "smallest_visible": visible,
+    }
 
 
 def test_what_is_said_counts_where_it_is_right():
     rows = [
         {"buried": row(0.1, "no_stiction", visible=2.0), "plainly visible": row(0.9, "stiction")},
-        {"buried": row(0.1, "no_stiction", visible=0.5), "plainly visible": row(1.0, "no_stiction")},
+        {
+            "buried": row(0.1, "no_stiction", visible=0.5),
+            "plainly visible": row(1.0, "no_stiction"),
+        },
         {"buried": row(0.0, "cannot tell"), "plainly visible": row(0.5, "no_stiction")},
         {"buried": row(0.1, "no_stiction", fitted=1.0), "plainly visible": row(0.9, "stiction")},
-        {"buried": row(0.4, "no_stiction", fitted=None), "plainly visible": row(0.9, "no_stiction", S=4.0, visible=2.0)},
+        {
+            "buried": row(0.4, "no_stiction", fitted=None),
+            "plainly visible": row(0.9, "no_stiction", S=4.0, visible=2.0),
+        },
     ]
     _, buried, plain = told(rows)
     assert "unseen 1 of 3 " in buried

@@ -8,7 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 
-def step_response(t: float, kind: str, K: float, T: float | None, Td: float, lags: tuple[float, ...] = ()) -> float:
+def step_response(
+    t: float, kind: str, K: float, T: float | None, Td: float, lags: tuple[float, ...] = ()
+) -> float:
     """PV at time t after the input has stepped by 1 at time 0, by partial fractions (distinct time constants)."""
     s = t - Td
     if s <= 0.0:
@@ -53,7 +55,9 @@ class PlainController:
         self.track = None if Ti is None else min(1.0, Ts / (tracking * Ti))
 
     def area(self, e):
-        return {"forward": self.last_e, "backward": e, "trapezoidal": (e + self.last_e) / 2}[self.rule] * self.Ts
+        return {"forward": self.last_e, "backward": e, "trapezoidal": (e + self.last_e) / 2}[
+            self.rule
+        ] * self.Ts
 
     def limit(self, u):
         return self.lo if u < self.lo else self.hi if u > self.hi else u
@@ -73,7 +77,9 @@ class PlainController:
     def _conditional(self, e):
         grown = self.integral + self.Kc / self.Ti * self.area(e)
         wanted = self.Kc * e + grown
-        outward = (wanted > self.hi and grown > self.integral) or (wanted < self.lo and grown < self.integral)
+        outward = (wanted > self.hi and grown > self.integral) or (
+            wanted < self.lo and grown < self.integral
+        )
         if not outward:
             self.integral = grown
         return self.limit(self.Kc * e + self.integral)

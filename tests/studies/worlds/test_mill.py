@@ -27,8 +27,14 @@ KEYS = {
 }  # fmt: skip
 SEED = 404
 ENTRIES = [
-    *({"kind": "single", "effect": e, "strength": list(BANDS)[i % 3], "mv": i % 2 == 0} for i, e in enumerate(WORLD_EFFECTS)),
-    *({"kind": "foreign", "effect": f, "strength": list(BANDS)[i % 3], "mv": i % 2 == 1} for i, f in enumerate(mill.FOREIGN)),
+    *(
+        {"kind": "single", "effect": e, "strength": list(BANDS)[i % 3], "mv": i % 2 == 0}
+        for i, e in enumerate(WORLD_EFFECTS)
+    ),
+    *(
+        {"kind": "foreign", "effect": f, "strength": list(BANDS)[i % 3], "mv": i % 2 == 1}
+        for i, f in enumerate(mill.FOREIGN)
+    ),
     {"kind": "two", "mv": True},
     {"kind": "two", "mv": False},
     {"kind": "none", "mv": True},
@@ -55,7 +61,9 @@ def within_vocabulary(effect, parameters):
         assert value in rule.names if isinstance(rule, Choice) else rule.low <= value <= rule.high
 
 
-@pytest.mark.parametrize("number", range(len(ENTRIES)), ids=[f"{e['kind']}-{e.get('effect', '')}" for e in ENTRIES])
+@pytest.mark.parametrize(
+    "number", range(len(ENTRIES)), ids=[f"{e['kind']}-{e.get('effect', '')}" for e in ENTRIES]
+)
 def test_every_entry_gives_a_whole_item(number):
     entry, (columns, table, answer) = ENTRIES[number], drawn(number)
     json.dumps(answer, allow_nan=False)
@@ -71,12 +79,20 @@ def test_every_entry_gives_a_whole_item(number):
     given = answer["parameters2"] | answer["parameters"]
     assert sound(answer["case"], columns, (given.get("lo", 0.0), given.get("hi", 100.0)))
     if entry["kind"] == "none":
-        assert (answer["effect"], answer["block"], answer["parameters"], answer["ratio"]) == ("none", "none", {}, 1.0)
+        assert (answer["effect"], answer["block"], answer["parameters"], answer["ratio"]) == (
+            "none",
+            "none",
+            {},
+            1.0,
+        )
     elif entry["kind"] == "foreign":
         assert (answer["effect"], answer["foreign"]) == ("unknown", entry["effect"])
         assert answer["block"] == mill.FOREIGN[entry["effect"]]
     else:
-        for effect, block, parameters in (("effect", "block", "parameters"), ("effect2", "block2", "parameters2")):
+        for effect, block, parameters in (
+            ("effect", "block", "parameters"),
+            ("effect2", "block2", "parameters2"),
+        ):
             if answer[effect]:
                 assert answer[block] == WORLD_EFFECTS[answer[effect]].block
                 within_vocabulary(answer[effect], answer[parameters])
@@ -117,7 +133,9 @@ def test_another_seed_is_another_run_of_the_same_loop():
     assert np.array_equal(one["pv"], mill.simulate(other, [], 1)["pv"])
 
 
-@pytest.mark.parametrize("number", [i for i, e in enumerate(ENTRIES) if e.get("strength") in ("medium", "strong")][::3])
+@pytest.mark.parametrize(
+    "number", [i for i, e in enumerate(ENTRIES) if e.get("strength") in ("medium", "strong")][::3]
+)
 def test_visibility_is_found_again_under_fresh_seeds(number):
     _, _, answer = drawn(number)
     healthy = cloud(answer["case"], [], list(range(900, 924)))
@@ -142,7 +160,10 @@ def test_the_loop_comes_from_seed_and_index_and_not_from_the_effect():
     same = []
     for number in range(len(ENTRIES)):
         table, answer = drawn(number)[1:]
-        first = draw_loop(np.random.default_rng([SEED, number, 0]), "foptd" if "time_const" in answer["effect"] else None)
+        first = draw_loop(
+            np.random.default_rng([SEED, number, 0]),
+            "foptd" if "time_const" in answer["effect"] else None,
+        )
         there = baseline(first)
         if answer["block"] == "valve" or answer["block2"] == "valve":
             there["valve"] = {"model": "ideal"}
@@ -162,7 +183,12 @@ def test_wishes_are_heard_and_nonsense_is_refused():
     ):
         with pytest.raises(UnknownName, match=word):
             mill.draw(1, 1, entry)
-    impossible = {"kind": "single", "effect": "time_constant_mismatch", "strength": "weak", "plant": "integrating"}
+    impossible = {
+        "kind": "single",
+        "effect": "time_constant_mismatch",
+        "strength": "weak",
+        "plant": "integrating",
+    }
     with pytest.raises(ParameterError, match="foptd"):
         mill.draw(1, 1, impossible)
 
@@ -203,12 +229,21 @@ def test_statistics_are_phase_free_and_free_of_units_but_for_sizes():
     assert np.all(np.isfinite(x))
     scaled = measure({"sp": 7.0 * record["sp"] + 3.0, "op": op, "pv": 7.0 * pv + 3.0}, 1.0 / 7.0, 0)
     moved = np.abs(scaled - x) > 1e-6
-    units = [n.startswith(("power error", "size", "slow of error", "surprise")) and "op" not in n for n in names()]
+    units = [
+        n.startswith(("power error", "size", "slow of error", "surprise")) and "op" not in n
+        for n in names()
+    ]
     assert np.array_equal(moved, units)
 
 
 def test_the_world_imports_nothing_that_it_judges():
-    words = ("simbench.blind.world", "simbench.blind.menu", "simbench.loop.effects", "scenarios.spec", "detectors.errors")
+    words = (
+        "simbench.blind.world",
+        "simbench.blind.menu",
+        "simbench.loop.effects",
+        "scenarios.spec",
+        "detectors.errors",
+    )
     allowed = ("results.studies.worlds.mill", *words)
     for path in Path(mill.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

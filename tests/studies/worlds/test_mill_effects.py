@@ -35,7 +35,14 @@ FAMILY = {
 def a_case(product="velocity_backward", kind="foptd", **changes):
     """A plain loop without load, noise or archive; what a test wants otherwise comes by keyword."""
     plant = {"type": kind, "K": 0.8, "Td": 2.3, "lags": []}
-    tuning = {"product": product, "direction": "reverse", "Kc": 1.1, "Ti": 14.0, "tracking": 0.5, "resolution": 0.0}
+    tuning = {
+        "product": product,
+        "direction": "reverse",
+        "Kc": 1.1,
+        "Ti": 14.0,
+        "tracking": 0.5,
+        "resolution": 0.0,
+    }
     if kind == "foptd":
         plant["T"] = 12.0
     else:
@@ -62,7 +69,9 @@ def windy(**changes):
 
 
 def run(case, effect=None, seed=1, **parameters):
-    return build(case, [{"effect": effect, "parameters": parameters}] if effect else []).record(seed)
+    return build(case, [{"effect": effect, "parameters": parameters}] if effect else []).record(
+        seed
+    )
 
 
 def rows(case, effect, seed=1, **parameters):
@@ -91,12 +100,18 @@ def drawn_loops():
 @pytest.mark.parametrize("kind", ["foptd", "integrating"])
 def test_loop_agrees_with_sums_of_step_responses_and_plain_controllers(product, kind):
     case = a_case(product, kind, n=150, warm=1, load=LOAD)
-    case["setpoint"] = {"kind": "steps", "value": 40.0, "moves": [[20.0, 20.0, 52.0], [90.0, 90.0, 38.0]]}
+    case["setpoint"] = {
+        "kind": "steps",
+        "value": 40.0,
+        "moves": [[20.0, 20.0, 52.0], [90.0, 90.0, 38.0]],
+    }
     ours = run(case, "saturation", lo=47.0, hi=58.0)
     signals, _ = build(case, []).rows(1)
     plant = TWIN["SuperposedPlant"](1.0, kind, case["plant"]["K"], case["plant"].get("T"), 2.3)
     tuning, law = case["controller"], PRODUCTS[product]
-    plc = TWIN["PlainController"](FAMILY[law.law], law.rule, tuning["Kc"], tuning.get("Ti"), 1.0, 50.0, 47.0, 58.0, 0.5)
+    plc = TWIN["PlainController"](
+        FAMILY[law.law], law.rule, tuning["Kc"], tuning.get("Ti"), 1.0, 50.0, 47.0, 58.0, 0.5
+    )
     pv, op = [], []
     for sp, load in zip(signals["sp"], signals["load"]):
         pv.append(40.0 + plant.pv())
@@ -114,7 +129,10 @@ def test_direct_action_is_the_mirror_image():
     mirror["plant"]["K"] *= -1
     mirror["controller"]["direction"] = "direct"
     mirror["load"]["mean"] = 0.0
-    mirror["setpoint"]["value"], mirror["setpoint"]["moves"] = 60.0, [[100.0, 100.0, 56.0], [450.0, 450.0, 62.0]]
+    mirror["setpoint"]["value"], mirror["setpoint"]["moves"] = (
+        60.0,
+        [[100.0, 100.0, 56.0], [450.0, 450.0, 62.0]],
+    )
     mirror["noise"] = mirror["noise"] | {"std": -0.3}
     one, two = run(case), run(mirror)
     assert np.allclose(one["op"], two["op"])
@@ -150,11 +168,26 @@ def test_at_identity_an_effect_changes_no_bit(name):
         (a_case(), [("stiction", {"Q": 1.0})], UnknownName, "Q"),
         (a_case(), [("stiction", {"S": -1.0})], ParameterError, "0 to 100 % of travel"),
         (a_case(), [("valve_lag", {"tau": math.inf})], ParameterError, "tau = inf"),
-        (a_case(), [("quantisation", {"step": 1.0, "at": "plant"})], ParameterError, "loop, record"),
+        (
+            a_case(),
+            [("quantisation", {"step": 1.0, "at": "plant"})],
+            ParameterError,
+            "loop, record",
+        ),
         (a_case(), [("stiction", {"S": 1.0}), ("stiction", {"S": 2.0})], ParameterError, "twice"),
-        (a_case(), [("stiction", {"S": 1.0}), ("deadzone", {"D": 2.0})], ParameterError, "another friction"),
+        (
+            a_case(),
+            [("stiction", {"S": 1.0}), ("deadzone", {"D": 2.0})],
+            ParameterError,
+            "another friction",
+        ),
         (a_case(known_band=0.5), [("stiction", {"S": 1.0, "J": 0.5})], ParameterError, "dead-band"),
-        (a_case(kind="integrating"), [("time_constant_mismatch", {"factor": 2.0})], ParameterError, "foptd"),
+        (
+            a_case(kind="integrating"),
+            [("time_constant_mismatch", {"factor": 2.0})],
+            ParameterError,
+            "foptd",
+        ),
         (a_case("bias_p"), [("detuning", {"Ti_factor": 2.0})], ParameterError, "no Ti"),
         (a_case(), [("saturation", {"lo": 60.0, "hi": 40.0})], ParameterError, "not below"),
         (a_case(), [("steam_feedforward", {"gain": 0.5})], ParameterError, "without load"),
@@ -174,13 +207,20 @@ def test_stiction_reports_the_band_and_the_jump_of_its_model():
     for model, (kind, _) in valve.FRICTION.items():
         case["friction"] = model
         rig = build(case, [{"effect": "stiction", "parameters": {"S": 3.0, "J": 1.0}}])
-        assert (rig.element["kind"], rig.element["first"], rig.element["second"]) == (kind, 2.0, 1.0)
+        assert (rig.element["kind"], rig.element["first"], rig.element["second"]) == (
+            kind,
+            2.0,
+            1.0,
+        )
         r = rig.record(1)
         still_moving = np.diff(r["mv"]) != 0.0
         assert np.any(still_moving)
         assert not np.all(still_moving)
         assert np.max(np.abs(r["op"] - r["mv"])) <= 2.0 + 1e-6
-    assert build(case, [{"effect": "stiction", "parameters": {"S": 1.0, "J": 2.0}}]).element["kind"] == valve.CHOUDHURY
+    assert (
+        build(case, [{"effect": "stiction", "parameters": {"S": 1.0, "J": 2.0}}]).element["kind"]
+        == valve.CHOUDHURY
+    )
 
 
 def test_deadband_is_the_play_of_recorded_op_and_adds_to_a_known_one():
@@ -233,7 +273,9 @@ def test_nominal_runs_on_the_baselines_plant():
     case["nominal"] = case["plant"] | {"K": 1.0, "T": 9.0}
     other = a_case()
     other["plant"] = dict(case["nominal"])
-    assert np.array_equal(build(case, [], nominal=True).record(1)["pv"], build(other, []).record(1)["pv"])
+    assert np.array_equal(
+        build(case, [], nominal=True).record(1)["pv"], build(other, []).record(1)["pv"]
+    )
 
 
 # --- sensor
@@ -250,7 +292,10 @@ def test_noise_adds_white_noise_in_quadrature():
 
 def test_quantisation_in_the_loop_and_in_the_record():
     healthy = run(windy())
-    loop_, record = run(windy(), "quantisation", step=0.7, at="loop"), run(windy(), "quantisation", step=0.7, at="record")
+    loop_, record = (
+        run(windy(), "quantisation", step=0.7, at="loop"),
+        run(windy(), "quantisation", step=0.7, at="record"),
+    )
     for r in (loop_, record):
         assert np.allclose(r["pv"] / 0.7, np.round(r["pv"] / 0.7), atol=1e-9)
     assert np.array_equal(record["op"], healthy["op"])
@@ -281,7 +326,9 @@ def test_outliers_strike_single_samples():
     assert not np.any(hit[1:] & hit[:-1])
     assert np.mean(np.abs(off[hit])) == pytest.approx(5.0, rel=0.1)
     assert np.array_equal(healthy["op"], r["op"])
-    assert not np.array_equal(healthy["op"], run(windy(), "outliers", rate=0.03, size=5.0, at="loop")["op"])
+    assert not np.array_equal(
+        healthy["op"], run(windy(), "outliers", rate=0.03, size=5.0, at="loop")["op"]
+    )
 
 
 @pytest.mark.parametrize(("effect", "row"), [("drift", "wander"), ("load_drift", "load")])
@@ -331,7 +378,9 @@ def test_detuning_scales_the_tuning():
     case = a_case()
     twin = deepcopy(case)
     twin["controller"] |= {"Kc": 1.1 * 0.6, "Ti": 14.0 * 1.5}
-    assert np.array_equal(run(case, "detuning", Kc_factor=0.6, Ti_factor=1.5)["op"], run(twin)["op"])
+    assert np.array_equal(
+        run(case, "detuning", Kc_factor=0.6, Ti_factor=1.5)["op"], run(twin)["op"]
+    )
 
 
 def test_error_within_the_deadband_counts_as_none():
@@ -354,7 +403,10 @@ def test_op_quantisation_reaches_valve_and_record():
 
 def test_scans_that_are_missed_hold_op():
     case = windy()
-    rig = build(case, [{"effect": "scan_overrun", "parameters": {"share": 0.5, "length": 80.0, "scans": 5.0}}])
+    rig = build(
+        case,
+        [{"effect": "scan_overrun", "parameters": {"share": 0.5, "length": 80.0, "scans": 5.0}}],
+    )
     mode = rig.rows(1)[0]["mode"][case["warm"] :]
     r = rig.record(1)
     assert set(np.unique(mode)) == {0, 3}
@@ -389,10 +441,14 @@ def test_valve_faults_bound_the_stem():
 
 def test_ringing_positioner_overshoots_as_its_damping_says():
     case = still(a_case(warm=50, Ts=0.1))
-    rig = build(case, [{"effect": "positioner_ringing", "parameters": {"period": 10.0, "damping": 0.2}}])
+    rig = build(
+        case, [{"effect": "positioner_ringing", "parameters": {"period": 10.0, "damping": 0.2}}]
+    )
     rig.changes.append(("step", lambda rng, t, rows: rows["forward"].__iadd__(t >= 0.0)))
     mv = rig.record(1)["mv"] - 50.0
-    assert mv.max() == pytest.approx(1.0 + math.exp(-math.pi * 0.2 / math.sqrt(1.0 - 0.04)), abs=0.01)
+    assert mv.max() == pytest.approx(
+        1.0 + math.exp(-math.pi * 0.2 / math.sqrt(1.0 - 0.04)), abs=0.01
+    )
     assert mv[-1] == pytest.approx(1.0, abs=0.02)
 
 
@@ -424,7 +480,9 @@ def test_titration_has_slope_1_at_the_set_point_and_bends():
     case = still(a_case(warm=50, setpoint={"kind": "constant", "value": 40.0}))
     for shape, sign in ((1.0, -1.0), (-1.0, 1.0)):
         rig = build(case, [{"effect": "titration", "parameters": {"width": 2.0, "shape": shape}}])
-        rig.changes.append(("ramp", lambda rng, t, rows: rows["load"].__iadd__(np.clip(0.05 * t, 0.0, None))))
+        rig.changes.append(
+            ("ramp", lambda rng, t, rows: rows["load"].__iadd__(np.clip(0.05 * t, 0.0, None)))
+        )
         straight = build(case, [])
         straight.changes = rig.changes
         bent, y = rig.record(1)["pv"] - 40.0, straight.record(1)["pv"] - 40.0
@@ -435,7 +493,10 @@ def test_titration_has_slope_1_at_the_set_point_and_bends():
 
 @pytest.mark.parametrize(
     ("effect", "parameters", "share"),
-    [("frozen_spells", {"share": 0.3, "length": 25.0}, 0.3), ("scanner_hold", {"cycle": 20.0, "held": 0.25}, 0.25)],
+    [
+        ("frozen_spells", {"share": 0.3, "length": 25.0}, 0.3),
+        ("scanner_hold", {"cycle": 20.0, "held": 0.25}, 0.25),
+    ],
 )
 def test_held_measurements_repeat_and_the_controller_sees_it(effect, parameters, share):
     case = windy(n=5000)
@@ -459,7 +520,9 @@ def test_backwash_is_rectangular_and_regular():
 
 
 def test_surge_strikes_pv_itself():
-    change, _ = rows(a_case(n=4000), "surge_bursts", amplitude=3.0, period=12.0, cycles=6.0, rate=0.002)
+    change, _ = rows(
+        a_case(n=4000), "surge_bursts", amplitude=3.0, period=12.0, cycles=6.0, rate=0.002
+    )
     assert np.all(change["load"] == 0.0)
     assert 1.0 < np.max(np.abs(change["upset"])) < 9.0
     assert abs(np.mean(change["upset"])) < 0.05

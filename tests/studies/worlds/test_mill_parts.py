@@ -61,7 +61,9 @@ def test_first_order_fit_agrees_with_the_plant_of_higher_order():
 def test_margins_say_unstable_where_the_loop_grows():
     # integrator with one sample of hold: 1 - K Kc crosses the unit circle at K Kc = 2
     for gain, crosses in ((0.5, 0.25), (1.9, 0.95), (2.2, 1.1)):
-        _, cross = margins(discretise({"type": "integrating", "K": 1.0, "Td": 0.0}, 1.0), gain, 0.0, 1.0, 0.0)
+        _, cross = margins(
+            discretise({"type": "integrating", "K": 1.0, "Td": 0.0}, 1.0), gain, 0.0, 1.0, 0.0
+        )
         assert cross == pytest.approx(crosses, rel=0.02)
 
 
@@ -74,7 +76,17 @@ def test_products_agree_with_their_manuals(name, limits):
     state = np.array([50.0, 0.0, 50.0])
     e = 3.0 * np.sin(np.arange(200) / 9.0) + np.random.default_rng(1).standard_normal(200)
     ours = [
-        controller.control(product.law, x, state, Kc, Kc * Ts / Ti, now, before, *limits, min(1.0, Ts / (tracking * Ti)))
+        controller.control(
+            product.law,
+            x,
+            state,
+            Kc,
+            Kc * Ts / Ti,
+            now,
+            before,
+            *limits,
+            min(1.0, Ts / (tracking * Ti)),
+        )
         for x in e
     ]
     theirs = [twin(x) for x in e]
@@ -86,18 +98,31 @@ def test_products_of_one_rule_are_one_law_while_no_limit_is_reached():
     e = np.random.default_rng(2).standard_normal(100)
     for rule, (now, before) in RULES.items():
         runs = []
-        for product in (p for p in PRODUCTS.values() if p.rule == rule and p.law != controller.PROPORTIONAL):
+        for product in (
+            p for p in PRODUCTS.values() if p.rule == rule and p.law != controller.PROPORTIONAL
+        ):
             state = np.array([50.0, 0.0, 50.0])
-            runs.append([controller.control(product.law, x, state, 0.7, 0.1, now, before, 0.0, 100.0, 0.5) for x in e])
+            runs.append(
+                [
+                    controller.control(
+                        product.law, x, state, 0.7, 0.1, now, before, 0.0, 100.0, 0.5
+                    )
+                    for x in e
+                ]
+            )
         assert len(runs) >= 3
         assert np.allclose(runs, runs[0], atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [controller.VELOCITY, controller.CONDITIONAL, controller.TRACKING, controller.CLAMPED])
+@pytest.mark.parametrize(
+    "law", [controller.VELOCITY, controller.CONDITIONAL, controller.TRACKING, controller.CLAMPED]
+)
 def test_return_from_manual_is_bumpless(law):
     state = np.array([50.0, 0.0, 50.0])
     controller.follow(law, 2.5, state, 1.3, 61.0)
-    assert controller.control(law, 2.5, state, 1.3, 0.0, 1.0, 0.0, 0.0, 100.0, 0.5) == pytest.approx(61.0)
+    assert controller.control(
+        law, 2.5, state, 1.3, 0.0, 1.0, 0.0, 0.0, 100.0, 0.5
+    ) == pytest.approx(61.0)
 
 
 def positions(model, op, S, J):
@@ -148,9 +173,17 @@ def test_a_valve_holds_still_while_op_moves_less_than_its_break_away(model):
 
 def test_play_deadzone_and_characteristic_on_numbers_of_their_definitions():
     assert [valve.play(u, 50.0, 4.0) for u in (51.9, 52.0, 53.0, 47.0)] == [50.0, 50.0, 51.0, 49.0]
-    assert [valve.deadzone(u, 4.0, 50.0) for u in (51.9, 48.0, 55.0, 45.0)] == [50.0, 50.0, 53.0, 47.0]
+    assert [valve.deadzone(u, 4.0, 50.0) for u in (51.9, 48.0, 55.0, 45.0)] == [
+        50.0,
+        50.0,
+        53.0,
+        47.0,
+    ]
     assert valve.installed(50.0, 25.0) == pytest.approx(100.0 * (5.0 - 1.0) / 24.0)
-    gains = [(valve.installed(u + 1e-6, 30.0) - valve.installed(u, 30.0)) / 1e-6 for u in (0.0, 100.0 - 1e-6)]
+    gains = [
+        (valve.installed(u + 1e-6, 30.0) - valve.installed(u, 30.0)) / 1e-6
+        for u in (0.0, 100.0 - 1e-6)
+    ]
     assert gains[1] / gains[0] == pytest.approx(30.0, rel=1e-4)
 
 
@@ -168,14 +201,23 @@ def test_door_and_exception_report_keep_their_promise():
 
 
 def test_digits_spikes_and_average():
-    assert archive.significant(np.array([0.0, 1.23456, -98765.0, 0.00123456]), 3).tolist() == [0.0, 1.23, -98800.0, 0.00123]
+    assert archive.significant(np.array([0.0, 1.23456, -98765.0, 0.00123456]), 3).tolist() == [
+        0.0,
+        1.23,
+        -98800.0,
+        0.00123,
+    ]
     s = archive.spikes(200_000, 0.02, 5.0, np.random.default_rng(6))
     hit = s != 0.0
     assert np.mean(hit) == pytest.approx(0.02, rel=0.05)
     assert not np.any(hit[1:] & hit[:-1])
     assert np.mean(np.abs(s[hit])) == pytest.approx(5.0, rel=0.01)
     assert abs(np.mean(s[hit] > 0.0) - 0.5) < 0.03
-    assert archive.archived(np.array([1.0, 3.0, 4.0]), [{"stage": "average"}], 0).tolist() == [1.0, 2.0, 3.5]
+    assert archive.archived(np.array([1.0, 3.0, 4.0]), [{"stage": "average"}], 0).tolist() == [
+        1.0,
+        2.0,
+        3.5,
+    ]
 
 
 @pytest.mark.parametrize("kind", [k for k in nature.LOADS if k != "none"])
@@ -185,7 +227,9 @@ def test_loads_have_mean_0_and_standard_deviation_1(kind):
     assert np.sqrt(np.mean(x**2)) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("kind", "shape"), [("white", 0.0), ("ar1", 0.6), ("heavy", 5.0), ("flow", 0.0)])
+@pytest.mark.parametrize(
+    ("kind", "shape"), [("white", 0.0), ("ar1", 0.6), ("heavy", 5.0), ("flow", 0.0)]
+)
 def test_noises_have_standard_deviation_1_and_their_own_mark(kind, shape):
     x = nature.noise(kind, shape, 200_000, np.random.default_rng(7))
     assert np.std(x) == pytest.approx(1.0, abs=0.03)
@@ -200,6 +244,8 @@ def test_set_point_plans():
     assert sp[t == 0.0] == 12.0
     assert sp[t == 7.0] == pytest.approx(12.0 - 3.0 * 0.4)
     assert sp[t == 19.0] == 9.0
-    wander = nature.set_point({"value": 10.0, "tau": 20.0, "std": 2.0, "seed": 1}, np.arange(200_000.0))
+    wander = nature.set_point(
+        {"value": 10.0, "tau": 20.0, "std": 2.0, "seed": 1}, np.arange(200_000.0)
+    )
     assert np.std(wander) == pytest.approx(2.0, rel=0.1)
     assert math.isclose(float(np.std(np.diff(wander))), 2.0 / 20.0, rel_tol=0.1)

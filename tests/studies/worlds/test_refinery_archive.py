@@ -33,12 +33,16 @@ def test_swinging_door_leaves_a_straight_line_and_thins_noise():
 
 def test_swinging_door_by_hand():
     # from 0 the door of .5 lets 0, 1, 2 pass on one line; 5 does not, so that 2 is archived
-    np.testing.assert_allclose(archive.swinging_door(np.array([0.0, 1.3, 2.0, 5.0]), 0.5), [0.0, 1.0, 2.0, 5.0])
+    np.testing.assert_allclose(
+        archive.swinging_door(np.array([0.0, 1.3, 2.0, 5.0]), 0.5), [0.0, 1.0, 2.0, 5.0]
+    )
 
 
 def test_exception_reports_keep_jumps_sudden_and_small_moves_out():
     x = np.array([0.0, 0.1, 0.0, 0.05, 5.0, 5.0, 5.1, 5.0])
-    np.testing.assert_allclose(archive.exceptions(x, 0.2), [0.0, 0.05 / 3, 0.1 / 3, 0.05, 5.0, 5.05, 5.1, 5.0])
+    np.testing.assert_allclose(
+        archive.exceptions(x, 0.2), [0.0, 0.05 / 3, 0.1 / 3, 0.05, 5.0, 5.05, 5.1, 5.0]
+    )
 
 
 def test_exception_reports_leave_a_coarse_lattice_alone():
@@ -53,7 +57,11 @@ def test_printed_numbers_are_the_nearest_doubles():
 
 
 def test_places_print_finer_than_the_resolution_asked_for():
-    for centre, fine, style in ((350.0, 0.03, "digits"), (5.2, 0.004, "digits"), (6000.0, 3.0, "decimals")):
+    for centre, fine, style in (
+        (350.0, 0.03, "digits"),
+        (5.2, 0.004, "digits"),
+        (6000.0, 3.0, "decimals"),
+    ):
         places = archive.places_for(fine, centre, style)
         x = centre + np.arange(1000) * fine / 77
         assert np.abs(archive.printed(x, style, places) - x).max() <= fine / 2 * 1.0001
@@ -82,7 +90,9 @@ def test_load_steps_come_at_their_rate():
 def test_noise_has_variance_one(kind):
     x = loads.noise(np.random.default_rng(3), 100_000, {"kind": kind, "phi": 0.6})
     assert x.std() == pytest.approx(1.0, rel=0.03)
-    assert np.corrcoef(x[1:], x[:-1])[0, 1] == pytest.approx(0.6 if kind == "ar1" else 0.0, abs=0.02)
+    assert np.corrcoef(x[1:], x[:-1])[0, 1] == pytest.approx(
+        0.6 if kind == "ar1" else 0.0, abs=0.02
+    )
     assert np.abs(x).max() < 5.5
 
 
@@ -117,7 +127,16 @@ def test_sawtooth_rises_slowly_and_falls_at_once():
 def test_set_point_patterns():
     knots = [[3, 2.0], [6, 4.0]]
     assert pattern({"kind": "constant", "value": 1.0}, 2, 3, 1.0).tolist() == [1.0] * 5
-    assert pattern({"kind": "steps", "value": 1.0, "knots": knots}, 0, 8, 1.0).tolist() == [1, 1, 1, 2, 2, 2, 4, 4]
+    assert pattern({"kind": "steps", "value": 1.0, "knots": knots}, 0, 8, 1.0).tolist() == [
+        1,
+        1,
+        1,
+        2,
+        2,
+        2,
+        4,
+        4,
+    ]
     ramp = pattern({"kind": "ramps", "value": 1.0, "knots": knots}, 0, 8, 1.0)
     np.testing.assert_allclose(ramp[3:7], [2, 2 + 2 / 3, 2 + 4 / 3, 4])
     wander = {"kind": "cascade", "value": 9.0, "size": 2.0, "time": 30.0, "seed": 5}

@@ -18,9 +18,13 @@ from simbench.blind.world import WORLD_EFFECTS
 from simbench.loop.effects import BLOCKS, Choice
 
 STRENGTHS = ("weak", "medium", "strong")
-SINGLES = [{"kind": "single", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0} for i, e in enumerate(WORLD_EFFECTS)]
+SINGLES = [
+    {"kind": "single", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0}
+    for i, e in enumerate(WORLD_EFFECTS)
+]
 STRANGE = [
-    {"kind": "foreign", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 1} for i, e in enumerate(refinery.FOREIGN)
+    {"kind": "foreign", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 1}
+    for i, e in enumerate(refinery.FOREIGN)
 ]
 OTHERS = [{"kind": "none"}] * 3 + [{"kind": "two", "mv": False}, {"kind": "two", "mv": True}]
 
@@ -46,7 +50,14 @@ def a_loop(**wish):
     for i in range(200):
         rng = np.random.default_rng([5, i])
         classes = loops.draw_classes(rng, wish.get("plant", "foptd"))
-        quiet = {"averaging": False, "exceptions": False, "late": False, "known_play": False, "noise": "white", "load": "ou"}
+        quiet = {
+            "averaging": False,
+            "exceptions": False,
+            "late": False,
+            "known_play": False,
+            "noise": "white",
+            "load": "ou",
+        }
         classes |= {"controller": "PI", "sp": "constant", "n": 1200, **quiet, **wish}
         case = loops.draw_case(rng, classes)
         if case is not None:
@@ -77,7 +88,12 @@ def test_nothing_of_the_project_is_imported_but_the_shared_words():
             for name in names:
                 if name.split(".")[0] in ("simbench", "scenarios", "detectors"):
                     own = name.startswith("results.studies.worlds.refinery")
-                    words = ("simbench.blind.world", "simbench.blind.menu", "simbench.loop.effects", "detectors.errors")
+                    words = (
+                        "simbench.blind.world",
+                        "simbench.blind.menu",
+                        "simbench.loop.effects",
+                        "detectors.errors",
+                    )
                     assert own or name in words, f"{path.name} imports {name}"
 
 
@@ -98,7 +114,10 @@ def test_every_entry_gives_a_record_that_keeps_the_contract():
         n = loop.sampling.n
         wanted = {"t", "sp", "op", "pv"} | ({"mv"} if entry.get("mv") else set())
         assert set(columns) == wanted, where
-        assert all(x.shape == (n,) and x.dtype == np.float64 and np.all(np.isfinite(x)) for x in columns.values()), where
+        assert all(
+            x.shape == (n,) and x.dtype == np.float64 and np.all(np.isfinite(x))
+            for x in columns.values()
+        ), where
         assert 800 <= n <= 5000
         np.testing.assert_allclose(np.diff(columns["t"]), loop.sampling.Ts, rtol=1e-3)
         assert columns["op"].min() >= 0, where
@@ -122,9 +141,18 @@ def test_every_answer_is_in_the_vocabulary_and_its_bounds():
     for entry, item in drawn():
         a = item.answer
         if entry["kind"] == "none":
-            assert (a["effect"], a["block"], a["parameters"], a["ratio"]) == ("none", "none", {}, 1.0)
+            assert (a["effect"], a["block"], a["parameters"], a["ratio"]) == (
+                "none",
+                "none",
+                {},
+                1.0,
+            )
         elif entry["kind"] == "foreign":
-            assert (a["effect"], a["foreign"], a["block"]) == ("unknown", entry["effect"], refinery.FOREIGN[entry["effect"]])
+            assert (a["effect"], a["foreign"], a["block"]) == (
+                "unknown",
+                entry["effect"],
+                refinery.FOREIGN[entry["effect"]],
+            )
             for name, (_, low, high) in foreign.PARAMETERS[a["foreign"]].items():
                 assert low <= a["parameters"][name] <= high
         for effect, block, parameters in (
@@ -136,7 +164,11 @@ def test_every_answer_is_in_the_vocabulary_and_its_bounds():
             assert block == WORLD_EFFECTS[effect].block
             for name, value in parameters.items():
                 rule = WORLD_EFFECTS[effect].parameters[name]
-                assert value in rule.names if isinstance(rule, Choice) else rule.low <= value <= rule.high, (effect, name)
+                assert (
+                    value in rule.names
+                    if isinstance(rule, Choice)
+                    else rule.low <= value <= rule.high
+                ), (effect, name)
             if effect == "stiction":
                 assert parameters["S"] >= 0.3
         if entry["kind"] == "two":
@@ -166,11 +198,19 @@ def test_ratio_lies_in_its_band_when_measured_again():
 def test_classes_of_the_loop_do_not_depend_on_the_entry():
     changed = 0
     for i, (entry, item) in enumerate(drawn()):
-        if drawing.NEEDS_FOPTD & {entry.get("effect"), item.answer["effect"], item.answer["effect2"]}:
+        if drawing.NEEDS_FOPTD & {
+            entry.get("effect"),
+            item.answer["effect"],
+            item.answer["effect2"],
+        }:
             continue
         expected = loops.draw_classes(np.random.default_rng([11, i, 2]))
         case = item.answer["case"]
-        same = (case["n"], case["Ts"], case["controller"]["type"]) == (expected["n"], expected["Ts"], expected["controller"])
+        same = (case["n"], case["Ts"], case["controller"]["type"]) == (
+            expected["n"],
+            expected["Ts"],
+            expected["controller"],
+        )
         changed += not same
     assert changed <= 0.1 * len(drawn())
 
@@ -183,9 +223,14 @@ def test_a_record_without_effect_holds_none():
 
 @pytest.mark.parametrize("effect", WORLD_EFFECTS)
 def test_effect_at_identity_changes_no_bit(effect):
-    for answer in (a_loop(), a_loop(plant="integrating", load="pink", noise="flow", averaging=True, exceptions=True)):
+    for answer in (
+        a_loop(),
+        a_loop(plant="integrating", load="pink", noise="flow", averaging=True, exceptions=True),
+    ):
         plain = refinery.simulate(answer, [], 3)
-        same = refinery.simulate(answer, [{"effect": effect, "parameters": dict(WORLD_EFFECTS[effect].identity)}], 3)
+        same = refinery.simulate(
+            answer, [{"effect": effect, "parameters": dict(WORLD_EFFECTS[effect].identity)}], 3
+        )
         assert all(np.array_equal(plain[c], same[c]) for c in plain)
 
 
@@ -201,16 +246,27 @@ def test_nominal_runs_the_plant_of_the_baseline():
     answer = a_loop(higher_order=True)
     setup = simulation.build(answer["case"], nominal=True)
     base = answer["case"]["baseline"]["plant"]
-    assert (setup.plant.K, setup.plant.T, setup.plant.Td, setup.plant.lag1) == (base["K"], base["T"], base["Td"], 0.0)
+    assert (setup.plant.K, setup.plant.T, setup.plant.Td, setup.plant.lag1) == (
+        base["K"],
+        base["T"],
+        base["Td"],
+        0.0,
+    )
     a, b = refinery.simulate(answer, [], 3), refinery.simulate(answer, [], 3, nominal=True)
     assert not np.array_equal(a["pv"], b["pv"])
 
 
-@pytest.mark.parametrize(("effect", "number"), [("gain_mismatch", "K"), ("time_constant_mismatch", "T")])
+@pytest.mark.parametrize(
+    ("effect", "number"), [("gain_mismatch", "K"), ("time_constant_mismatch", "T")]
+)
 def test_mismatch_is_the_ratio_to_the_baseline(effect, number):
-    a = refinery.draw(8, 2, {"kind": "single", "effect": effect, "strength": "medium", "mv": False}).answer
+    a = refinery.draw(
+        8, 2, {"kind": "single", "effect": effect, "strength": "medium", "mv": False}
+    ).answer
     setup = search.prepared(a["case"], truth(a))
-    assert getattr(setup.plant, number) == pytest.approx(a["parameters"]["factor"] * a["case"]["baseline"]["plant"][number])
+    assert getattr(setup.plant, number) == pytest.approx(
+        a["parameters"]["factor"] * a["case"]["baseline"]["plant"][number]
+    )
 
 
 def test_wrong_entries_and_effects_are_refused_in_one_sentence():

@@ -29,7 +29,9 @@ def answer():
 
 
 def record(answer, effect=None, **parameters):
-    return refinery.simulate(answer, [{"effect": effect, "parameters": parameters}] if effect else [], 3)
+    return refinery.simulate(
+        answer, [{"effect": effect, "parameters": parameters}] if effect else [], 3
+    )
 
 
 def test_every_effect_moves_something(answer):
@@ -80,7 +82,9 @@ def test_valve_effects_stand_between_op_and_mv(answer):
     c = answer["case"]["m0"]
     zone = record(answer, "deadzone", D=2.0, c=c)
     np.testing.assert_allclose(
-        zone["mv"], c + np.sign(zone["op"] - c) * np.maximum(np.abs(zone["op"] - c) - 1.0, 0.0), atol=1e-9
+        zone["mv"],
+        c + np.sign(zone["op"] - c) * np.maximum(np.abs(zone["op"] - c) - 1.0, 0.0),
+        atol=1e-9,
     )
     band = record(answer, "deadband", S=2.0)
     x = band["mv"][0]
@@ -91,7 +95,9 @@ def test_valve_effects_stand_between_op_and_mv(answer):
     np.testing.assert_allclose(trim["mv"], 100 * (30 ** (trim["op"] / 100) - 1) / 29, atol=1e-8)
     lag = record(answer, "valve_lag", tau=25.0)
     a = np.exp(-answer["case"]["Ts"] / 25.0)
-    np.testing.assert_allclose(lag["mv"][1:], a * lag["mv"][:-1] + (1 - a) * lag["op"][1:], atol=1e-8)
+    np.testing.assert_allclose(
+        lag["mv"][1:], a * lag["mv"][:-1] + (1 - a) * lag["op"][1:], atol=1e-8
+    )
 
 
 def test_noise_adds_in_quadrature(answer):
@@ -107,20 +113,31 @@ def test_loads_enter_in_per_cent_at_the_input(answer):
     case = answer["case"]
     plain = simulation._signals(prepared(case, []), case, 1).load
     sine = simulation._signals(
-        prepared(case, [{"effect": "oscillation", "parameters": {"amplitude": 4.0, "period": 60.0}}]), case, 1
+        prepared(
+            case, [{"effect": "oscillation", "parameters": {"amplitude": 4.0, "period": 60.0}}]
+        ),
+        case,
+        1,
     )
     extra = sine.load - plain
     assert np.ptp(extra) / 2 == pytest.approx(4.0, rel=1e-3)
     h = case["Ts"] / simulation.SUBSTEPS
     spectrum = np.abs(np.fft.rfft(extra))
     assert np.fft.rfftfreq(extra.size, h)[np.argmax(spectrum)] == pytest.approx(1 / 60.0, rel=0.02)
-    ramp = simulation._signals(prepared(case, [{"effect": "load_drift", "parameters": {"rate": 0.002}}]), case, 1).load - plain
+    ramp = (
+        simulation._signals(
+            prepared(case, [{"effect": "load_drift", "parameters": {"rate": 0.002}}]), case, 1
+        ).load
+        - plain
+    )
     assert ramp[-1] - ramp[0] == pytest.approx(0.002 * h * (ramp.size - 1))
 
 
 def test_sensor_drift_is_added_to_the_reading(answer):
     case = answer["case"]
-    error = simulation._signals(prepared(case, [{"effect": "drift", "parameters": {"rate": 0.01}}]), case, 1).error
+    error = simulation._signals(
+        prepared(case, [{"effect": "drift", "parameters": {"rate": 0.01}}]), case, 1
+    ).error
     assert np.diff(error) == pytest.approx(0.01 * case["Ts"])
 
 
@@ -140,14 +157,19 @@ def test_saturation_and_error_deadband_bind(answer):
 
 def test_detuning_shows_in_the_law(answer):
     """Regress OP's steps on the errors: Kc and Kc Ts/Ti come out as the tuning times its factors."""
-    own, sign = answer["case"]["controller"], 1.0 if answer["case"]["controller"]["direction"] == "reverse" else -1.0
+    own, sign = (
+        answer["case"]["controller"],
+        1.0 if answer["case"]["controller"]["direction"] == "reverse" else -1.0,
+    )
     for effect, kf, tf in ((None, 1.0, 1.0), ("detuning", 1.4, 0.8)):
         r = record(answer, effect, Kc_factor=kf, Ti_factor=tf) if effect else record(answer)
         e = r["sp"] - r["pv"]
         a, b = np.linalg.lstsq(np.column_stack([e[1:], e[:-1]]), np.diff(r["op"]), rcond=None)[0]
         Kc = own["Kc"] * kf
         # whichever the integral rule, the sum of both coefficients is Kc Ts/Ti
-        assert sign * (a + b) == pytest.approx(Kc * answer["case"]["Ts"] / (own["Ti"] * tf), rel=1e-4)
+        assert sign * (a + b) == pytest.approx(
+            Kc * answer["case"]["Ts"] / (own["Ti"] * tf), rel=1e-4
+        )
         share = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}[own["rule"]]
         assert -sign * b == pytest.approx(Kc - share * sign * (a + b), rel=1e-4)
 

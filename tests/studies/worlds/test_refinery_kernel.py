@@ -111,14 +111,22 @@ class Twin:
             drive = self.drive(op[-1])
             for j in range(SUBSTEPS):
                 shaft = drive + (shaft - drive) * math.exp(-h / self.v.lag) if self.v.lag else drive
-                flow = 100 * (self.v.R ** (shaft / 100) - 1) / (self.v.R - 1) if self.v.R != 1 else shaft
+                flow = (
+                    100 * (self.v.R ** (shaft / 100) - 1) / (self.v.R - 1)
+                    if self.v.R != 1
+                    else shaft
+                )
                 inputs.append(flow + x.load[k * SUBSTEPS + j] - M0)
                 back = len(inputs) - 1 - p.Td / h
                 i = math.floor(back)
                 at = lambda q: inputs[q] if q >= 0 else 0.0  # noqa: E731
                 w = at(i) + (back - i) * (at(i + 1) - at(i)) if back > i else at(i)
                 before = [y, *lags]
-                y = y + p.K * h * w if p.integrating else p.K * w + (y - p.K * w) * math.exp(-h / p.T)
+                y = (
+                    y + p.K * h * w
+                    if p.integrating
+                    else p.K * w + (y - p.K * w) * math.exp(-h / p.T)
+                )
                 out, old = y, before[0]
                 for q, tau in enumerate((p.lag1, p.lag2, p.extra_lag)):
                     mean = (out + old) / 2
@@ -150,7 +158,9 @@ def test_every_controller_form_agrees_with_the_slow_twin(changed):
     for a, b in zip(fast, slow):
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-8)
     if "lo" in changed:
-        assert np.isclose(fast[1].min(), 45) or np.isclose(fast[1].max(), 56), "the limits were never met"
+        assert np.isclose(fast[1].min(), 45) or np.isclose(fast[1].max(), 56), (
+            "the limits were never met"
+        )
 
 
 PARTS = [

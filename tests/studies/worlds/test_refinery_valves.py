@@ -44,7 +44,13 @@ def test_play_by_hand():
 
 
 def test_dead_zone_by_hand():
-    assert [valves.dead_zone(u, 4.0, 50.0) for u in (47.0, 48.5, 50.0, 51.9, 53.0)] == [49.0, 50.0, 50.0, 50.0, 51.0]
+    assert [valves.dead_zone(u, 4.0, 50.0) for u in (47.0, 48.5, 50.0, 51.9, 53.0)] == [
+        49.0,
+        50.0,
+        50.0,
+        50.0,
+        51.0,
+    ]
 
 
 def test_trim_by_hand_and_back():

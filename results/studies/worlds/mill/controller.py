@@ -22,16 +22,36 @@ class _Product(NamedTuple):
 
 PRODUCTS = {
     "bias_p": _Product(PROPORTIONAL, "backward", "P with a manual bias, positional"),
-    "velocity_backward": _Product(VELOCITY, "backward", "increments added to the limited OP, newest error"),
-    "velocity_forward": _Product(VELOCITY, "forward", "increments added to the limited OP, previous error"),
-    "velocity_trapezoidal": _Product(VELOCITY, "trapezoidal", "increments added to the limited OP, mean error"),
-    "conditional_backward": _Product(CONDITIONAL, "backward", "positional; no integration further into a limit"),
-    "conditional_trapezoidal": _Product(CONDITIONAL, "trapezoidal", "positional; no integration further into a limit"),
-    "tracking_forward": _Product(TRACKING, "forward", "positional; integral pulled back by the excess (back-calculation)"),
-    "tracking_backward": _Product(TRACKING, "backward", "positional; integral pulled back by the excess (back-calculation)"),
-    "clamped_forward": _Product(CLAMPED, "forward", "positional; the integral itself held within the limits"),
-    "clamped_backward": _Product(CLAMPED, "backward", "positional; the integral itself held within the limits"),
-    "clamped_trapezoidal": _Product(CLAMPED, "trapezoidal", "positional; the integral itself held within the limits"),
+    "velocity_backward": _Product(
+        VELOCITY, "backward", "increments added to the limited OP, newest error"
+    ),
+    "velocity_forward": _Product(
+        VELOCITY, "forward", "increments added to the limited OP, previous error"
+    ),
+    "velocity_trapezoidal": _Product(
+        VELOCITY, "trapezoidal", "increments added to the limited OP, mean error"
+    ),
+    "conditional_backward": _Product(
+        CONDITIONAL, "backward", "positional; no integration further into a limit"
+    ),
+    "conditional_trapezoidal": _Product(
+        CONDITIONAL, "trapezoidal", "positional; no integration further into a limit"
+    ),
+    "tracking_forward": _Product(
+        TRACKING, "forward", "positional; integral pulled back by the excess (back-calculation)"
+    ),
+    "tracking_backward": _Product(
+        TRACKING, "backward", "positional; integral pulled back by the excess (back-calculation)"
+    ),
+    "clamped_forward": _Product(
+        CLAMPED, "forward", "positional; the integral itself held within the limits"
+    ),
+    "clamped_backward": _Product(
+        CLAMPED, "backward", "positional; the integral itself held within the limits"
+    ),
+    "clamped_trapezoidal": _Product(
+        CLAMPED, "trapezoidal", "positional; the integral itself held within the limits"
+    ),
 }
 STATES = 3  # integral or bias, previous error, OP before anything is added to it
 

@@ -11,7 +11,15 @@ import numpy as np
 from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.loops import baseline, draw_loop, logu
-from results.studies.worlds.mill.oracle import BANDS, CLOUD, TRIALS, Cloud, cloud, ratio, strength_of
+from results.studies.worlds.mill.oracle import (
+    BANDS,
+    CLOUD,
+    TRIALS,
+    Cloud,
+    cloud,
+    ratio,
+    strength_of,
+)
 from results.studies.worlds.mill.rig import Case
 from results.studies.worlds.mill.scales import Scales
 from results.studies.worlds.mill.sizes import family
@@ -51,7 +59,9 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
             found = _try(deepcopy(case), entry, names, rng)
             if found is not None:
                 return found
-    raise ParameterError(f"{LOOPS} drawn loops cannot hold the entry {what.strip()!r} (seed {seed}, index {index})")
+    raise ParameterError(
+        f"{LOOPS} drawn loops cannot hold the entry {what.strip()!r} (seed {seed}, index {index})"
+    )
 
 
 def sound(case: Case, record: Record, limits: tuple[float, float] = (0.0, 100.0)) -> bool:
@@ -78,7 +88,9 @@ def _check(entry: dict[str, Any]) -> None:
     if entry.get("plant") not in (None, "foptd", "integrating"):
         raise UnknownName("plant", str(entry["plant"]), ["foptd", "integrating"], "entry")
     if entry.get("effect") == "time_constant_mismatch" and entry.get("plant") == "integrating":
-        raise ParameterError("effect 'time_constant_mismatch' on an integrating plant; it needs a foptd plant")
+        raise ParameterError(
+            "effect 'time_constant_mismatch' on an integrating plant; it needs a foptd plant"
+        )
 
 
 def _names(entry: dict[str, Any], seed: int, index: int, attempt: int) -> list[str]:
@@ -88,7 +100,9 @@ def _names(entry: dict[str, Any], seed: int, index: int, attempt: int) -> list[s
     return [entry["effect"]] if entry["kind"] != "none" else []
 
 
-def _try(case: Case, entry: dict[str, Any], names: list[str], rng: np.random.Generator) -> Item | None:
+def _try(
+    case: Case, entry: dict[str, Any], names: list[str], rng: np.random.Generator
+) -> Item | None:
     """The entry in this very loop, or None where it cannot be had."""
     kind = entry["kind"]
     for effect in names:
@@ -99,7 +113,9 @@ def _try(case: Case, entry: dict[str, Any], names: list[str], rng: np.random.Gen
         return None
     if kind == "none":
         _, records = ratio(case, [], seeds[:1], healthy)
-        return _item(case, entry, [], 1.0, records[0], seeds[0]) if sound(case, records[0]) else None
+        return (
+            _item(case, entry, [], 1.0, records[0], seeds[0]) if sound(case, records[0]) else None
+        )
     scales = Scales.of(case, healthy.records)
     bands = [(2.0, 12.0)] * 2 if kind == "two" else [BANDS[entry["strength"]]]
     try:
@@ -144,7 +160,9 @@ def _search(
     low, high, best = lowest, highest, None
     for step in range(9):
         at = 0.5 * (low + high)
-        if step == 3 and best is None:  # always too large, or always too small: is there room at all?
+        if (
+            step == 3 and best is None
+        ):  # always too large, or always too small: is there room at all?
             at = lowest if low == lowest else highest if high == highest else at
         found, good = _found(case, effect, sizes.at(float(np.exp(at))), seeds, healthy)
         if good and band[0] <= found.ratio < band[1]:
@@ -161,7 +179,9 @@ def _search(
     return best
 
 
-def _found(case: Case, effect: str, parameters: dict[str, Any], seeds: list[int], healthy: Cloud) -> tuple[_Found, bool]:
+def _found(
+    case: Case, effect: str, parameters: dict[str, Any], seeds: list[int], healthy: Cloud
+) -> tuple[_Found, bool]:
     """An effect of a size, how visible it is, and whether its records are sound."""
     given = {"effect": effect, "parameters": parameters}
     value, records = ratio(case, [given], seeds, healthy)
@@ -194,17 +214,27 @@ def _pair(rng: np.random.Generator) -> list[str]:
             return [one, two]
 
 
-def _item(case: Case, entry: dict[str, Any], found: list[_Found], value: float, record: Record, seed: int) -> Item:
+def _item(
+    case: Case, entry: dict[str, Any], found: list[_Found], value: float, record: Record, seed: int
+) -> Item:
     kind, mv = entry["kind"], bool(entry.get("mv", False))
     one, two = (*(f.effect for f in found), None, None)[:2]
     foreign = one["effect"] if kind == "foreign" and one else ""
     answer = {
         "kind": kind,
-        "block": NONE if one is None else KINDS[foreign].block if foreign else WORLD_EFFECTS[one["effect"]].block,
+        "block": NONE
+        if one is None
+        else KINDS[foreign].block
+        if foreign
+        else WORLD_EFFECTS[one["effect"]].block,
         "effect": NONE if one is None else UNKNOWN if foreign else one["effect"],
         "effect2": two["effect"] if two else "",
         "block2": WORLD_EFFECTS[two["effect"]].block if two else "",
-        "strength": entry["strength"] if kind in ("single", "foreign") else strength_of(value) if found else "",
+        "strength": entry["strength"]
+        if kind in ("single", "foreign")
+        else strength_of(value)
+        if found
+        else "",
         "ratio": round(value, 4),
         "parameters": one["parameters"] if one else {},
         "parameters2": two["parameters"] if two else {},

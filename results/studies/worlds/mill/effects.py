@@ -48,9 +48,13 @@ def _checked(effect: str, parameters: Parameters) -> Parameters:
         rule = known[key]
         if isinstance(rule, Choice):
             if value not in rule.names:
-                raise ParameterError(f"{effect}.{key} = {value!r}; allowed: {', '.join(rule.names)}")
+                raise ParameterError(
+                    f"{effect}.{key} = {value!r}; allowed: {', '.join(rule.names)}"
+                )
         elif not (math.isfinite(value) and rule.low <= value <= rule.high):
-            raise ParameterError(f"{effect}.{key} = {value}; allowed: {rule.low:g} to {rule.high:g} {rule.unit}")
+            raise ParameterError(
+                f"{effect}.{key} = {value}; allowed: {rule.low:g} to {rule.high:g} {rule.unit}"
+            )
         full[key] = value
     return full
 
@@ -60,14 +64,18 @@ def _checked(effect: str, parameters: Parameters) -> Parameters:
 
 def _friction_slot(rig: Rig, name: str) -> None:
     if rig.element["kind"] != valve.NO_FRICTION:
-        raise ParameterError(f"effect {name!r} beside another friction or dead-zone: a valve has one")
+        raise ParameterError(
+            f"effect {name!r} beside another friction or dead-zone: a valve has one"
+        )
 
 
 def _stiction(rig: Rig, p: Parameters) -> None:
     if p["S"] == 0.0 and p["J"] == 0.0:
         return
     if rig.case["known_band"] > 0.0:
-        raise ParameterError("effect 'stiction' beside the known dead-band of this valve: the contract refuses it")
+        raise ParameterError(
+            "effect 'stiction' beside the known dead-band of this valve: the contract refuses it"
+        )
     _friction_slot(rig, "stiction")
     # a stem of mass and spring cannot jump further than its band; only the data-driven map can
     model = rig.case["friction"] if p["J"] <= p["S"] else "choudhury"
@@ -103,7 +111,9 @@ def _gain_mismatch(rig: Rig, p: Parameters) -> None:
 
 def _time_constant_mismatch(rig: Rig, p: Parameters) -> None:
     if rig.plant["type"] == "integrating":
-        raise ParameterError("effect 'time_constant_mismatch' in an integrating loop; it needs a foptd plant")
+        raise ParameterError(
+            "effect 'time_constant_mismatch' in an integrating loop; it needs a foptd plant"
+        )
     rig.plant["T"] *= p["factor"]
 
 
@@ -210,7 +220,9 @@ def _saturation(rig: Rig, p: Parameters) -> None:
 
 def _detuning(rig: Rig, p: Parameters) -> None:
     if rig.Ti is None and p["Ti_factor"] != 1.0:
-        raise ParameterError(f"detuning.Ti_factor = {p['Ti_factor']} on a P controller; it has no Ti")
+        raise ParameterError(
+            f"detuning.Ti_factor = {p['Ti_factor']} on a P controller; it has no Ti"
+        )
     rig.Kc *= p["Kc_factor"]
     rig.Ti = None if rig.Ti is None else rig.Ti * p["Ti_factor"]
 
@@ -223,4 +235,6 @@ def _op_quantisation(rig: Rig, p: Parameters) -> None:
     rig.law["step"] = p["step"]
 
 
-ACTS: dict[str, Callable[[Rig, Parameters], None]] = {name: globals()["_" + name] for name in WORLD_EFFECTS}
+ACTS: dict[str, Callable[[Rig, Parameters], None]] = {
+    name: globals()["_" + name] for name in WORLD_EFFECTS
+}

@@ -57,7 +57,9 @@ def _steam_feedforward(rig: Rig, p: Parameters) -> None:
     if p["gain"] == 0.0:
         return
     if rig.case["load"]["std"] == 0.0:
-        raise ParameterError("foreign kind 'steam_feedforward' in a loop without load; there is nothing to feed forward")
+        raise ParameterError(
+            "foreign kind 'steam_feedforward' in a loop without load; there is nothing to feed forward"
+        )
     error = 0.01 * rig.case["load"]["std"]
 
     def change(rng, t, rows):
@@ -105,7 +107,10 @@ def _shrink_swell(rig: Rig, p: Parameters) -> None:
 
 def _header_resonance(rig: Rig, p: Parameters) -> None:
     if p["period"] > 0.0:
-        rig.plant["sections"] = [*rig.plant.get("sections", ()), ["resonance", p["period"], p["damping"]]]
+        rig.plant["sections"] = [
+            *rig.plant.get("sections", ()),
+            ["resonance", p["period"], p["damping"]],
+        ]
 
 
 def _titration(rig: Rig, p: Parameters) -> None:
@@ -113,7 +118,10 @@ def _titration(rig: Rig, p: Parameters) -> None:
 
 
 def _white_water(rig: Rig, p: Parameters) -> None:
-    rig.place |= {"share": p["share"], "back": max(1, round(p["delay"] / rig.case["Ts"])) if p["share"] > 0.0 else 0}
+    rig.place |= {
+        "share": p["share"],
+        "back": max(1, round(p["delay"] / rig.case["Ts"])) if p["share"] > 0.0 else 0,
+    }
 
 
 def _frozen_spells(rig: Rig, p: Parameters) -> None:
@@ -176,7 +184,9 @@ KINDS: dict[str, _Kind] = {
         {
             "share": _Quantity("-", 0.0, 0.95, 0.0, "share of the time"),
             "length": _Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
-            "scans": _Quantity("samples", 1.0, 100.0, 1.0, "m; the integral does not know of the scans missed"),
+            "scans": _Quantity(
+                "samples", 1.0, 100.0, 1.0, "m; the integral does not know of the scans missed"
+            ),
         },
         _scan_overrun,
     ),
@@ -204,7 +214,10 @@ KINDS: dict[str, _Kind] = {
     "travel_stop": _Kind(
         "valve",
         "a mechanical stop or debris keeps the stem from part of its travel while OP goes on",
-        {"lo": _Quantity("%", 0.0, 100.0, 0.0, "lower stop"), "hi": _Quantity("%", 0.0, 100.0, 100.0, "upper stop")},
+        {
+            "lo": _Quantity("%", 0.0, 100.0, 0.0, "lower stop"),
+            "hi": _Quantity("%", 0.0, 100.0, 100.0, "upper stop"),
+        },
         _travel_stop,
     ),
     "positioner_ringing": _Kind(
@@ -235,15 +248,26 @@ KINDS: dict[str, _Kind] = {
         "process",
         "PV bends away from the set point like a titration curve, slope 1 at the set point",
         {
-            "width": _Quantity("PV units", 0.0, _BIG, 0.0, "deviation at which it bends; 0 = straight"),
-            "shape": _Quantity("-", -1.0, 1.0, 1.0, "+1 flattens (asinh: neutral point), -1 steepens (sinh: buffered)"),
+            "width": _Quantity(
+                "PV units", 0.0, _BIG, 0.0, "deviation at which it bends; 0 = straight"
+            ),
+            "shape": _Quantity(
+                "-",
+                -1.0,
+                1.0,
+                1.0,
+                "+1 flattens (asinh: neutral point), -1 steepens (sinh: buffered)",
+            ),
         },
         _titration,
     ),
     "white_water_recycle": _Kind(
         "process",
         "a share of the flow comes back to the inlet after a long delay (white water, recycled condensate)",
-        {"share": _Quantity("-", 0.0, 0.95, 0.0, "of the flow"), "delay": _Quantity("s", 0.0, _BIG, 0.0, "round trip")},
+        {
+            "share": _Quantity("-", 0.0, 0.95, 0.0, "of the flow"),
+            "delay": _Quantity("s", 0.0, _BIG, 0.0, "round trip"),
+        },
         _white_water,
     ),
     "frozen_spells": _Kind(

@@ -77,7 +77,11 @@ def _backwash(rng, s):
 def _surge(rng, s):
     period, cycles = max(4.0 * s.case["Ts"], s.pace * logu(rng, 0.2, 2.0)), rng.uniform(4.0, 12.0)
     rate = logu(rng, 5.0, 30.0) / s.length
-    return 0.5 * s.noise, 60.0 * s.error, lambda x: {"amplitude": x, "period": period, "cycles": cycles, "rate": rate}
+    return (
+        0.5 * s.noise,
+        60.0 * s.error,
+        lambda x: {"amplitude": x, "period": period, "cycles": cycles, "rate": rate},
+    )
 
 
 FAMILIES: dict[str, Callable] = {

@@ -28,12 +28,18 @@ def draw_set_point(rng: np.random.Generator, case: Case, pace: float) -> dict[st
     if kind == "constant":
         return plan
     # a step is given time to settle, at least eight times T + Td on average
-    count = int(rng.integers(2, max(3, min(11, length / (8.0 * pace))))) if kind == "steps" else int(rng.integers(2, 6))
+    count = (
+        int(rng.integers(2, max(3, min(11, length / (8.0 * pace)))))
+        if kind == "steps"
+        else int(rng.integers(2, 6))
+    )
     starts = np.sort(rng.uniform(-0.05, 0.97, count)) * length
     lasts = np.zeros(count) if kind == "steps" else rng.uniform(0.03, 0.15, count) * length
     moves, level = [], value
     for start, last in zip(starts, lasts):
-        level = float(f"{value + size * rng.uniform(0.4, 1.0) * (-1.0 if level > value else 1.0):.6g}")
+        level = float(
+            f"{value + size * rng.uniform(0.4, 1.0) * (-1.0 if level > value else 1.0):.6g}"
+        )
         moves.append([float(start), float(start + last), level])
     # ramps that would overlap run one after the other
     for before, after in pairwise(moves):

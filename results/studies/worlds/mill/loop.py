@@ -68,7 +68,9 @@ class Signals(NamedTuple):
     upset: np.ndarray  # what strikes PV itself, behind the plant
     spikes: np.ndarray
     forward: np.ndarray  # feedforward added to OP, %
-    mode: np.ndarray  # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
+    mode: (
+        np.ndarray
+    )  # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
     held: np.ndarray  # int8: 1 = the measurement repeats its last value
     hand: np.ndarray  # OP as an operator's test adds to where he took over, %; NaN without
 
@@ -153,7 +155,9 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
             u = clip(taken + s.hand[k], law.lo, law.hi)
             follow(law.product, e, state, law.Kc, u)
         elif s.mode[k] == 0:
-            u = control(law.product, e, state, law.Kc, law.ki, law.now, law.before, law.lo, law.hi, law.back)
+            u = control(
+                law.product, e, state, law.Kc, law.ki, law.now, law.before, law.lo, law.hi, law.back
+            )
         elif s.mode[k] < 3:
             u = clip(state[2] + (law.hand * e if s.mode[k] == 2 else 0.0), law.lo, law.hi)
             follow(law.product, e, state, law.Kc, u)
@@ -184,7 +188,11 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
     return pv, op, mv, true
 
 
-def run(plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place) -> dict[str, np.ndarray]:
+def run(
+    plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place
+) -> dict[str, np.ndarray]:
     """Run the loop over all rows of the signals, from rest at the operating point."""
-    pv, op, mv, true = _run(plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place)
+    pv, op, mv, true = _run(
+        plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place
+    )
     return {"pv": pv, "op": op, "mv": mv, "true": true}

@@ -26,7 +26,25 @@ _SERVICES = {
     "drum level": ("integrating", (5.0, 60.0), (0.1, 1.0)),
     "header pressure": ("integrating", (3.0, 100.0), (0.05, 1.5)),
 }
-_SPANS = (1.0, 1.6, 2.5, 4.0, 6.0, 10.0, 14.0, 25.0, 40.0, 60.0, 100.0, 150.0, 250.0, 400.0, 600.0, 1000.0, 2500.0)
+_SPANS = (
+    1.0,
+    1.6,
+    2.5,
+    4.0,
+    6.0,
+    10.0,
+    14.0,
+    25.0,
+    40.0,
+    60.0,
+    100.0,
+    150.0,
+    250.0,
+    400.0,
+    600.0,
+    1000.0,
+    2500.0,
+)
 
 
 def logu(rng: np.random.Generator, low: float, high: float) -> float:
@@ -56,7 +74,11 @@ def draw_loop(rng: np.random.Generator, wish: str | None = None) -> Case:
 def baseline(case: Case) -> dict[str, Any]:
     """Return what the plant's engineer believes: the tables of the loop file."""
     tuning = case["controller"]
-    controller = {"type": "P" if tuning["product"] == "bias_p" else "PI", "Kc": tuning["Kc"], "direction": tuning["direction"]}
+    controller = {
+        "type": "P" if tuning["product"] == "bias_p" else "PI",
+        "Kc": tuning["Kc"],
+        "direction": tuning["direction"],
+    }
     if "Ti" in tuning:
         controller["Ti"] = tuning["Ti"]
     band = case["known_band"]
@@ -110,7 +132,11 @@ def _plant(rng: np.random.Generator, kind: str, T: float, Td: float, span: float
 def _nominal(plant: dict[str, Any], off: np.ndarray) -> dict[str, Any]:
     """First-order plant of the same step response, its numbers off by these shares."""
     T, Td = fitted(plant.get("T"), plant["Td"], plant["lags"])
-    nominal = {"type": plant["type"], "K": signif(plant["K"] * (1 + off[0]), 4), "Td": signif(Td * (1 + off[2]), 4)}
+    nominal = {
+        "type": plant["type"],
+        "K": signif(plant["K"] * (1 + off[0]), 4),
+        "Td": signif(Td * (1 + off[2]), 4),
+    }
     if T is not None:
         nominal["T"] = signif(T * (1 + off[1]), 4)
     return nominal
@@ -126,7 +152,10 @@ def _tuning(rng: np.random.Generator, plant: dict[str, Any], Ts: float, T: float
     elif proportional:
         Kc, Ti = logu(rng, 0.5, 5.0), 0.0
     else:
-        Kc, Ti = plant["T"] / (wanted + late), min(plant["T"], 4.0 * (wanted + late)) * logu(rng, 0.6, 2.0)
+        Kc, Ti = (
+            plant["T"] / (wanted + late),
+            min(plant["T"], 4.0 * (wanted + late)) * logu(rng, 0.6, 2.0),
+        )
     products = [p for p in PRODUCTS if p != "bias_p"]
     tuning = {
         "product": "bias_p" if proportional else str(rng.choice(products)),
@@ -142,7 +171,9 @@ def _sound(plant: dict[str, Any], tuning: dict[str, Any], Ts: float) -> bool:
     """Largest sensitivity below 2.1, gain margin above 1.6."""
     per = Ts / tuning["Ti"] if "Ti" in tuning else 0.0
     sign = 1.0 if tuning["direction"] == "reverse" else -1.0
-    peak, cross = margins(discretise(plant, Ts), sign * tuning["Kc"], per, *RULES[PRODUCTS[tuning["product"]].rule])
+    peak, cross = margins(
+        discretise(plant, Ts), sign * tuning["Kc"], per, *RULES[PRODUCTS[tuning["product"]].rule]
+    )
     return peak < 2.1 and cross < 0.62
 
 
@@ -159,13 +190,25 @@ def _weather(rng: np.random.Generator, case: Case, pace: float) -> bool:
         "shot": (0.3, 3.0),
         "telegraph": (4.0, 30.0),
     }
-    case["load"] = {"kind": kind, "std": 1.0, "mean": 0.0, "pace": pace * logu(rng, *slow.get(kind, (1.0, 1.0)))}
-    case |= {"transmitter": {"count": 0.0, "count_at": 0.0}, "noise": {"kind": "white", "shape": 0.0, "std": 0.0, "flow": 0.0}}
+    case["load"] = {
+        "kind": kind,
+        "std": 1.0,
+        "mean": 0.0,
+        "pace": pace * logu(rng, *slow.get(kind, (1.0, 1.0))),
+    }
+    case |= {
+        "transmitter": {"count": 0.0, "count_at": 0.0},
+        "noise": {"kind": "white", "shape": 0.0, "std": 0.0, "flow": 0.0},
+    }
     case["archive"] = {"pv": [], "op": [], "mv": [], "sp": [], "op_late": False}
     if kind == "none":
         case["load"]["std"] = 0.0
     else:
-        quiet = case | {"setpoint": {"value": case["setpoint"]["value"]}, "known_band": 0.0, "n": 5000}
+        quiet = case | {
+            "setpoint": {"value": case["setpoint"]["value"]},
+            "known_band": 0.0,
+            "n": 5000,
+        }
         unit = [Rig.of(quiet).record(seed) for seed in (1, 2)]
         case["load"]["std"] = signif(target / float(np.mean([np.std(r["pv"]) for r in unit])), 4)
         if case["load"]["std"] * np.mean([np.std(r["op"]) for r in unit]) > 9.0:
@@ -178,6 +221,11 @@ def _weather(rng: np.random.Generator, case: Case, pace: float) -> bool:
     noise = str(rng.choice(NOISES, p=[0.5, 0.2, 0.15, 0.15]))
     shape = {"ar1": rng.uniform(0.3, 0.85), "heavy": rng.uniform(3.5, 7.0)}.get(noise, 0.0)
     flow = rng.uniform(0.5, 1.0) / case["op0"] if noise == "flow" else 0.0
-    case["noise"] = {"kind": noise, "shape": float(shape), "std": signif(share * target, 4), "flow": float(flow)}
+    case["noise"] = {
+        "kind": noise,
+        "shape": float(shape),
+        "std": signif(share * target, 4),
+        "flow": float(flow),
+    }
     history.draw_archive(rng, case)
     return True

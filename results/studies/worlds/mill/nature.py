@@ -70,11 +70,17 @@ def set_point(plan: dict[str, Any], t: np.ndarray) -> np.ndarray:
     """Return the set point at the times t."""
     sp = np.full(len(t), float(plan["value"]))
     for start, end, value in plan.get("moves", ()):
-        share = np.clip((t - start) / (end - start), 0.0, 1.0) if end > start else (t >= start).astype(float)
+        share = (
+            np.clip((t - start) / (end - start), 0.0, 1.0)
+            if end > start
+            else (t >= start).astype(float)
+        )
         sp = sp + share * (value - sp)
     if "tau" in plan:
         keep = np.exp(-(t[1] - t[0]) / plan["tau"])
-        x = lfilter([1.0 - keep], [1.0, -keep], stream(plan["seed"], "cascade").standard_normal(len(t)))
+        x = lfilter(
+            [1.0 - keep], [1.0, -keep], stream(plan["seed"], "cascade").standard_normal(len(t))
+        )
         x = lfilter([1.0 - keep], [1.0, -keep], x)
         variance = (1.0 - keep) ** 4 * (1.0 + keep**2) / (1.0 - keep**2) ** 3
         sp = sp + plan["std"] * x / np.sqrt(variance)

@@ -36,7 +36,13 @@ def discretise(plant: _Plant, Ts: float) -> Discrete:
         late = 0.0
     phi, before = _held(A, B, late)
     rest, new = _held(A, B, Ts - late)
-    return Discrete(np.ascontiguousarray(rest @ phi), np.ascontiguousarray(rest @ before), np.ascontiguousarray(new), C, delay)
+    return Discrete(
+        np.ascontiguousarray(rest @ phi),
+        np.ascontiguousarray(rest @ before),
+        np.ascontiguousarray(new),
+        C,
+        delay,
+    )
 
 
 def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -44,7 +50,9 @@ def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     integrating = plant["type"] == "integrating"
     first = ("integrator", plant["K"]) if integrating else ("lag", plant["T"], plant["K"])
     A, B, C, _ = _section(first)
-    for part in [("lag", tau, 1.0) for tau in plant.get("lags", ())] + [tuple(s) for s in plant.get("sections", ())]:
+    for part in [("lag", tau, 1.0) for tau in plant.get("lags", ())] + [
+        tuple(s) for s in plant.get("sections", ())
+    ]:
         a, b, c, d = _section(part)
         m, n = len(B), len(b)
         A = np.block([[A, np.zeros((m, n))], [np.outer(b, C), a]])
@@ -71,13 +79,17 @@ def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None,
         x = rest @ x + new
 
     def misfit(theta: float) -> float:
-        return float(np.sum((truth - (1.0 - np.exp(-np.maximum(t - theta, 0.0) / (total - theta)))) ** 2))
+        return float(
+            np.sum((truth - (1.0 - np.exp(-np.maximum(t - theta, 0.0) / (total - theta)))) ** 2)
+        )
 
     theta = float(minimize_scalar(misfit, bounds=(0.0, sum(lags)), method="bounded").x)
     return total - theta, Td + theta
 
 
-def margins(g: Discrete, Kc: float, per_sample: float, now: float, before: float) -> tuple[float, float]:
+def margins(
+    g: Discrete, Kc: float, per_sample: float, now: float, before: float
+) -> tuple[float, float]:
     """Return the largest sensitivity and the loop gain at the phase crossover of plant and PI controller, both sampled."""
     w = np.geomspace(1e-3, math.pi, 400)
     z = np.exp(1j * w)
@@ -87,8 +99,12 @@ def margins(g: Discrete, Kc: float, per_sample: float, now: float, before: float
     law = Kc * (1.0 + per_sample * (now + before / z) / (1.0 - 1.0 / z))
     L = (x @ g.c) * law
     phase = np.unwrap(np.angle(L))
-    phase -= 2 * math.pi * np.round(phase[0] / (2 * math.pi) + 0.25)  # start between -270 and +90 degrees
-    cross = np.floor((phase[1:] + math.pi) / (2 * math.pi)) != np.floor((phase[:-1] + math.pi) / (2 * math.pi))
+    phase -= (
+        2 * math.pi * np.round(phase[0] / (2 * math.pi) + 0.25)
+    )  # start between -270 and +90 degrees
+    cross = np.floor((phase[1:] + math.pi) / (2 * math.pi)) != np.floor(
+        (phase[:-1] + math.pi) / (2 * math.pi)
+    )
     worst = float(np.max(np.maximum(np.abs(L[1:]), np.abs(L[:-1]))[cross], initial=0.0))
     if L[-1].real < 0.0:  # L is real at half the sampling frequency
         worst = max(worst, float(abs(L[-1])))
@@ -116,4 +132,9 @@ def _section(part: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         return np.array([[-1.0 / tau]]), np.array([(1.0 + a / tau) / tau]), np.ones(1), -a / tau
     period, damping = part[1], part[2]
     w = 2.0 * math.pi / period
-    return np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]]), np.array([0.0, w * w]), np.array([1.0, 0.0]), 0.0
+    return (
+        np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]]),
+        np.array([0.0, w * w]),
+        np.array([1.0, 0.0]),
+        0.0,
+    )

@@ -69,7 +69,9 @@ class Rig:
             between = (np.arange(rows["sp"].size) - warm) % plan.faster != 0
             rows["mode"] = np.where(between, 3, rows["mode"]).astype(np.int8)
         plant = discretise(self.plant, case["Ts"])
-        out = run(plant, self._law(), self._element(), self._sensor(), Signals(**rows), self._place())
+        out = run(
+            plant, self._law(), self._element(), self._sensor(), Signals(**rows), self._place()
+        )
         # a late logger writes what stood in the output register before this scan, the valve's answer with it
         raw = plan is not None and plan.raw
         late = 1 if case["archive"]["op_late"] and not raw else 0
@@ -78,7 +80,9 @@ class Rig:
         columns = {"t": np.round(np.arange(case["n"]) * case["Ts"], 9)}
         for name in ("sp", "op", "pv", "mv"):
             stages = ordered(self.stages) if name == "pv" else case["archive"][name]
-            columns[name] = archived(out[name][first[name] :][: case["n"]], [] if raw else stages, seed)
+            columns[name] = archived(
+                out[name][first[name] :][: case["n"]], [] if raw else stages, seed
+            )
         return columns if plan is None else operated(columns, out["true"][warm:], plan, seed)
 
     def rows(self, seed: int) -> tuple[_Rows, np.ndarray]:
@@ -87,10 +91,18 @@ class Rig:
         N, load, noise = case["warm"] + case["n"], case["load"], case["noise"]
         t = (np.arange(N) - case["warm"]) * case["Ts"]
         rows: _Rows = {k: np.zeros(N) for k in ("wander", "upset", "spikes", "forward")}
-        rows |= {"mode": np.zeros(N, np.int8), "held": np.zeros(N, np.int8), "hand": np.full(N, np.nan)}
+        rows |= {
+            "mode": np.zeros(N, np.int8),
+            "held": np.zeros(N, np.int8),
+            "hand": np.full(N, np.nan),
+        }
         rows["sp"] = nature.set_point(case["setpoint"], t)
-        rows["load"] = load["mean"] + load["std"] * nature.load(load["kind"], load["pace"], N, nature.stream(seed, "load"))
-        rows["noise"] = noise["std"] * nature.noise(noise["kind"], noise["shape"], N, nature.stream(seed, "noise"))
+        rows["load"] = load["mean"] + load["std"] * nature.load(
+            load["kind"], load["pace"], N, nature.stream(seed, "load")
+        )
+        rows["noise"] = noise["std"] * nature.noise(
+            noise["kind"], noise["shape"], N, nature.stream(seed, "noise")
+        )
         for name, change in self.changes:
             change(nature.stream(seed, name), t, rows)
         return rows, t
@@ -109,15 +121,24 @@ class Rig:
 
     def _element(self) -> Element:
         e = self.element
-        numbers = [float(e[k]) for k in ("first", "second", "R", "keep", "rate", "stop_lo", "stop_hi")]
+        numbers = [
+            float(e[k]) for k in ("first", "second", "R", "keep", "rate", "stop_lo", "stop_hi")
+        ]
         return Element(float(e["band"]), int(e["kind"]), *numbers, e["ring"])
 
     def _sensor(self) -> Sensor:
-        return Sensor(*(float(self.sensor[k]) for k in ("keep", "step", "count", "count_at", "flow", "width", "shape")))
+        return Sensor(
+            *(
+                float(self.sensor[k])
+                for k in ("keep", "step", "count", "count_at", "flow", "width", "shape")
+            )
+        )
 
     def _place(self) -> Place:
         p = self.place
-        return Place(float(p["pv0"]), float(p["mv0"]), float(p["op0"]), float(p["share"]), int(p["back"]))
+        return Place(
+            float(p["pv0"]), float(p["mv0"]), float(p["op0"]), float(p["share"]), int(p["back"])
+        )
 
 
 def keep(tau: float, Ts: float) -> float:

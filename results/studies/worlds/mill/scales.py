@@ -62,6 +62,9 @@ def limits(s: Scales, side: int) -> tuple[float, float, Callable[[float], Parame
 
     def at(x: float) -> Parameters:
         cut = int((0.5 * x if side == 2 else x) * (n - 1))
-        return {"lo": float(s.op[cut]) if side > 0 else 0.0, "hi": float(s.op[n - 1 - cut]) if side != 1 else 100.0}
+        return {
+            "lo": float(s.op[cut]) if side > 0 else 0.0,
+            "hi": float(s.op[n - 1 - cut]) if side != 1 else 100.0,
+        }
 
     return 0.003, 0.47, at

@@ -18,12 +18,17 @@ from simbench.loop.effects import Choice
 def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
     """Draw what an effect's size does not settle (direction, period, ratio of its numbers) and return its family."""
     low, high, at = _FAMILIES[effect](rng, s)
-    rules = WORLD_EFFECTS[effect].parameters if effect in WORLD_EFFECTS else KINDS[effect].parameters
+    rules = (
+        WORLD_EFFECTS[effect].parameters if effect in WORLD_EFFECTS else KINDS[effect].parameters
+    )
     ranges = {k: q for k, q in rules.items() if not isinstance(q, Choice)}
 
     def within(size: float) -> Parameters:
         values = {k: signif(v, 6) + 0.0 if k in ranges else v for k, v in at(size).items()}
-        return {k: float(np.clip(v, ranges[k].low, ranges[k].high)) if k in ranges else v for k, v in values.items()}
+        return {
+            k: float(np.clip(v, ranges[k].low, ranges[k].high)) if k in ranges else v
+            for k, v in values.items()
+        }
 
     if not 0.0 < low < high:
         raise ParameterError(f"effect {effect!r} has no room in this loop")
@@ -34,7 +39,9 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
 
 
 def _stiction(rng, s):
-    top = 1.0 if s.case["friction"] in ("choudhury", "he") else 0.6  # a stem with sliding friction slips less than its band
+    top = (
+        1.0 if s.case["friction"] in ("choudhury", "he") else 0.6
+    )  # a stem with sliding friction slips less than its band
     share = rng.uniform(0.1, top)
     return 0.3, 15.0, lambda x: {"S": x, "J": share * x}
 
@@ -106,7 +113,10 @@ def _compression(rng, s):
 
 
 def _outliers(rng, s):
-    at, rate = "record" if rng.random() < 0.5 else "loop", max(logu(rng, 0.003, 0.03), 8.0 / s.case["n"])
+    at, rate = (
+        "record" if rng.random() < 0.5 else "loop",
+        max(logu(rng, 0.003, 0.03), 8.0 / s.case["n"]),
+    )
     return 5.0 * s.noise, 60.0 * s.error, lambda x: {"rate": rate, "size": x, "at": at}
 
 
@@ -114,7 +124,11 @@ def _ramp_and_walk(rng, s, unit: float) -> tuple[float, float, Callable[[float],
     """A ramp, a walk or both, of a size x at the record's end."""
     sign, way = either(rng), rng.integers(3)
     ramp, walk = float(way != 1), float(way != 0)
-    return unit, 300.0 * unit, lambda x: {"rate": sign * ramp * x / s.length, "walk": walk * x / np.sqrt(s.length)}
+    return (
+        unit,
+        300.0 * unit,
+        lambda x: {"rate": sign * ramp * x / s.length, "walk": walk * x / np.sqrt(s.length)},
+    )
 
 
 def _drift(rng, s):
@@ -150,7 +164,11 @@ def _detuning(rng, s):
     if "Ti" in s.case["controller"]:
         ways += [(0, 1), (0, -1), (1, -1), (-1, 1), (-1, -1)]
     gain, time = ways[rng.integers(len(ways))]
-    return np.log(1.25), np.log(20.0), lambda x: {"Kc_factor": float(np.exp(gain * x)), "Ti_factor": float(np.exp(time * x))}
+    return (
+        np.log(1.25),
+        np.log(20.0),
+        lambda x: {"Kc_factor": float(np.exp(gain * x)), "Ti_factor": float(np.exp(time * x))},
+    )
 
 
 def _error_deadband(rng, s):
@@ -161,4 +179,6 @@ def _op_quantisation(rng, s):
     return max(0.6 * s.move, 0.01), 20.0, lambda x: {"step": x}
 
 
-_FAMILIES: dict[str, Callable] = {name: globals()["_" + name] for name in WORLD_EFFECTS} | foreign_sizes.FAMILIES
+_FAMILIES: dict[str, Callable] = {
+    name: globals()["_" + name] for name in WORLD_EFFECTS
+} | foreign_sizes.FAMILIES

@@ -8,7 +8,16 @@ import numpy as np
 
 Record = dict[str, np.ndarray]
 _SEGMENT = 256
-_BANDS = ((1, 2), (2, 3), (3, 5), (5, 9), (9, 17), (17, 33), (33, 65), (65, 129))  # bins of a segment's spectrum
+_BANDS = (
+    (1, 2),
+    (2, 3),
+    (3, 5),
+    (5, 9),
+    (9, 17),
+    (17, 33),
+    (33, 65),
+    (65, 129),
+)  # bins of a segment's spectrum
 _CROSS = 7  # bands in which the two signals' coherency says something
 
 # smallest spread granted to a statistic, by the first word of its name (sizes and powers in decades): about a tenth of a size,
@@ -31,7 +40,13 @@ def names() -> tuple[str, ...]:
     moves = [f"{q} of {s}'s moves" for s in ("pv", "op") for q in of_moves]
     levels = [f"{q} of {s}" for s in ("error", "op") for q in of_levels]
     bends = ["size of pv's bends", "straight pv", "peaks of pv"]
-    models = ["gain of the law: Kc", "gain of the law: integral", "misfit of the law", "surprise of pv", "offset of the error"]
+    models = [
+        "gain of the law: Kc",
+        "gain of the law: integral",
+        "misfit of the law",
+        "surprise of pv",
+        "offset of the error",
+    ]
     return (*spectra, *cross, *moves, *levels, *bends, *models)
 
 
@@ -51,7 +66,16 @@ def measure(record: Record, Kc: float, late: int) -> np.ndarray:
     bends = np.abs(np.diff(pv, 2))
     high, usual = np.quantile(bends, (0.997, 0.8))
     straight = float(np.mean(bends < 1e-6 * np.ptp(pv)))
-    values = [_log(power_e), _log(power_u), coherency.real, coherency.imag, _moves(pv), _moves(op), _levels(e), _levels(u)]
+    values = [
+        _log(power_e),
+        _log(power_u),
+        coherency.real,
+        coherency.imag,
+        _moves(pv),
+        _moves(op),
+        _levels(e),
+        _levels(u),
+    ]
     values += [[_log(np.std(bends)), straight, _log(high) - _log(usual)], _law(error, op, Kc, late)]
     values.append([_surprise(pv, op), error.mean() / (np.std(e) + 1e-12)])
     return np.concatenate(values)
@@ -67,7 +91,11 @@ def _spectra(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     rows = starts[:, None] + np.arange(_SEGMENT)
     window = np.hanning(_SEGMENT)
     fx, fy = np.fft.rfft(x[rows] * window), np.fft.rfft(y[rows] * window)
-    both = [np.mean(np.abs(fx) ** 2, axis=0), np.mean(np.abs(fy) ** 2, axis=0), np.mean(fx * fy.conj(), axis=0)]
+    both = [
+        np.mean(np.abs(fx) ** 2, axis=0),
+        np.mean(np.abs(fy) ** 2, axis=0),
+        np.mean(fx * fy.conj(), axis=0),
+    ]
     xx, yy, xy = (np.array([p[lo:hi].mean() for lo, hi in _BANDS]) for p in both)
     return xx, yy, xy
 
@@ -86,7 +114,14 @@ def _moves(x: np.ndarray) -> list[float]:
     stands = step == 0.0
     runs = np.diff(np.flatnonzero(np.concatenate([[True], ~stands, [True]]))) - 1
     distinct = len(np.unique(x)) / len(x)
-    return [size, kurtosis, skew, float(stands.mean()), float(np.log10(1.0 + runs.max())), float(np.log10(distinct))]
+    return [
+        size,
+        kurtosis,
+        skew,
+        float(stands.mean()),
+        float(np.log10(1.0 + runs.max())),
+        float(np.log10(distinct)),
+    ]
 
 
 def _levels(x: np.ndarray) -> list[float]:

@@ -10,15 +10,30 @@ from numba import njit
 # what the compiled loop calls the friction in its valve
 NO_FRICTION, DEADZONE, CHOUDHURY, _HE, _COULOMB, _KARNOPP, _STRIBECK = range(7)
 FRICTION = {
-    "choudhury": (CHOUDHURY, "Choudhury, Thornhill and Shah 2005: stops when OP reverses or stands"),
+    "choudhury": (
+        CHOUDHURY,
+        "Choudhury, Thornhill and Shah 2005: stops when OP reverses or stands",
+    ),
     "he": (_HE, "He, Wang, Pottmann and Qin 2007: stops at every sample"),
-    "coulomb": (_COULOMB, "spring, diaphragm, mass, viscous and dry friction, solved exactly between samples"),
-    "karnopp": (_KARNOPP, "the same stem, taken as stopped once it is slower than a limit (Karnopp 1985)"),
-    "stribeck": (_STRIBECK, "friction that falls with speed, in small steps along the pressure's ramp"),
+    "coulomb": (
+        _COULOMB,
+        "spring, diaphragm, mass, viscous and dry friction, solved exactly between samples",
+    ),
+    "karnopp": (
+        _KARNOPP,
+        "the same stem, taken as stopped once it is slower than a limit (Karnopp 1985)",
+    ),
+    "stribeck": (
+        _STRIBECK,
+        "friction that falls with speed, in small steps along the pressure's ramp",
+    ),
 }
 STATES = 3
 _STEPS = 32  # of the pressure's ramp within one sample
-_SLOW, _FAST = 0.10, 0.03  # time constants of the stem, in samples: an actuator is fast beside its scan
+_SLOW, _FAST = (
+    0.10,
+    0.03,
+)  # time constants of the stem, in samples: an actuator is fast beside its scan
 
 
 def friction_numbers(S: float, J: float) -> np.ndarray:

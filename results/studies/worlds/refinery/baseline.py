@@ -11,7 +11,9 @@ def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndar
     taus = [x for x in (T, *lags) if x > 0.0]
     y = np.ones_like(t)
     for i, tau in enumerate(taus):
-        weight = tau ** (len(taus) - 1) / np.prod([tau - other for j, other in enumerate(taus) if j != i])
+        weight = tau ** (len(taus) - 1) / np.prod(
+            [tau - other for j, other in enumerate(taus) if j != i]
+        )
         y -= weight * np.exp(-np.maximum(t, 0.0) / tau)
     return np.where(t > 0.0, y, 0.0)
 
@@ -28,5 +30,9 @@ def fitted(plant: dict) -> dict:
     T = plant["T"]
     t = np.linspace(0.0, 5.0 * T, 400)
     goal = step_response(t, T, lags)
-    fit = least_squares(lambda x: step_response(t - x[1], x[0], (0.0, 0.0)) - goal, [T, sum(lags)], x_scale=[T, 0.1 * T])
+    fit = least_squares(
+        lambda x: step_response(t - x[1], x[0], (0.0, 0.0)) - goal,
+        [T, sum(lags)],
+        x_scale=[T, 0.1 * T],
+    )
     return {**model, "T": float(fit.x[0]), "Td": plant["Td"] + float(fit.x[1])}

@@ -100,7 +100,9 @@ def execute(sp, pv, manual, state, c):
         if c.Ti > 0.0:
             state[_INTEGRAL] = out - c.bias - c.Kc * e - d
     elif c.velocity:
-        out = min(max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[_DERIVATIVE], lo), hi)
+        out = min(
+            max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[_DERIVATIVE], lo), hi
+        )
     elif c.Ti > 0.0:
         out = positional(c.Kc * e + d, step, lo, hi, state, c)
     else:

@@ -35,7 +35,12 @@ def _pair(rng: np.random.Generator) -> tuple[str, str]:
     blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
     while True:
         chosen = rng.choice(len(blocks), 2, replace=False)
-        a, b = (loops.pick(rng, tuple(n for n in sorted(WORLD_EFFECTS) if WORLD_EFFECTS[n].block == blocks[i])) for i in chosen)
+        a, b = (
+            loops.pick(
+                rng, tuple(n for n in sorted(WORLD_EFFECTS) if WORLD_EFFECTS[n].block == blocks[i])
+            )
+            for i in chosen
+        )
         if not any(a in s and b in s for s in SAME):
             return a, b
 
@@ -48,11 +53,15 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
         return _pair(rng)
     known = {"single": WORLD_EFFECTS, "foreign": foreign.FOREIGN}.get(str(kind))
     if known is None:
-        raise ParameterError(f"entry: kind = {kind!r} is unknown; allowed: none, single, two, foreign")
+        raise ParameterError(
+            f"entry: kind = {kind!r} is unknown; allowed: none, single, two, foreign"
+        )
     if entry.get("effect") not in known:
         raise UnknownName(f"{kind} effect", str(entry.get("effect")), known)
     if entry.get("strength") not in oracle.BANDS:
-        raise ParameterError(f"entry: strength = {entry.get('strength')!r}; allowed: {', '.join(oracle.BANDS)}")
+        raise ParameterError(
+            f"entry: strength = {entry.get('strength')!r}; allowed: {', '.join(oracle.BANDS)}"
+        )
     return (entry["effect"],)
 
 
@@ -60,7 +69,11 @@ def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int)
     ids = [item["effect"] for item in found]
     kind = entry["kind"]
     block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.FOREIGN[i] for i in ids]
-    strength = next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "") if found else ""
+    strength = (
+        next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "")
+        if found
+        else ""
+    )
     answer = {
         "kind": kind,
         "block": block[0] if found else NONE,
@@ -84,7 +97,12 @@ def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int)
 
 
 def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Generator) -> Item:
-    case = loops.draw_case(rng, classes, frozenset(_EXACT[n] for n in names if n in _EXACT), any(n in _VALVE for n in names))
+    case = loops.draw_case(
+        rng,
+        classes,
+        frozenset(_EXACT[n] for n in names if n in _EXACT),
+        any(n in _VALVE for n in names),
+    )
     if case is None:
         raise Misfit
     case["mv"] = bool(entry.get("mv", False))
@@ -124,7 +142,9 @@ def draw(seed: int, index: int, entry: dict) -> Item:
     raise ParameterError(f"entry {entry!r}: none of {LOOPS} drawn loops can hold it")
 
 
-def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
+def simulate(
+    answer: dict, effects: list[dict], seed: int, nominal: bool = False
+) -> dict[str, np.ndarray]:
     """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
 
     >>> item = draw(1, 0, {"kind": "none"})

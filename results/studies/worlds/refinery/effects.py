@@ -26,14 +26,22 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
     for name in parameters:
         if name not in known:
             raise ParameterError(f"{effect}: unknown parameter {name!r}; known: {', '.join(known)}")
-    full = {**WORLD_EFFECTS[effect].identity, **({"c": case["m0"]} if effect == "deadzone" else {}), **parameters}
+    full = {
+        **WORLD_EFFECTS[effect].identity,
+        **({"c": case["m0"]} if effect == "deadzone" else {}),
+        **parameters,
+    }
     for name, value in full.items():
         rule = known[name]
         if isinstance(rule, Choice):
             if value not in rule.names:
-                raise ParameterError(f"{effect}: {name} = {value!r}; allowed: {', '.join(rule.names)}")
+                raise ParameterError(
+                    f"{effect}: {name} = {value!r}; allowed: {', '.join(rule.names)}"
+                )
         elif not rule.low <= value <= rule.high:
-            raise ParameterError(f"{effect}: {name} = {value!r} is outside {rule.low:g}..{rule.high:g} {rule.unit}")
+            raise ParameterError(
+                f"{effect}: {name} = {value!r} is outside {rule.low:g}..{rule.high:g} {rule.unit}"
+            )
     return full
 
 
@@ -88,7 +96,9 @@ def time_constant_mismatch(setup: Setup, p: dict, case: dict) -> None:
     if setup.plant.integrating:
         if p["factor"] == 1.0:
             return
-        raise ParameterError(f"time_constant_mismatch: factor = {p['factor']!r} needs a foptd plant; this one integrates")
+        raise ParameterError(
+            f"time_constant_mismatch: factor = {p['factor']!r} needs a foptd plant; this one integrates"
+        )
     setup.plant = setup.plant._replace(T=setup.plant.T * p["factor"])
 
 
@@ -148,7 +158,11 @@ def oscillation(setup: Setup, p: dict, case: dict) -> None:
     if amplitude > 0.0:
         if period <= 0.0:
             raise ParameterError(f"oscillation: period = {period!r} s; allowed: above 0")
-        setup.loads.append(lambda rng, n, h, _: amplitude * np.sin(2 * np.pi * (np.arange(n) * h / period + rng.random())))
+        setup.loads.append(
+            lambda rng, n, h, _: (
+                amplitude * np.sin(2 * np.pi * (np.arange(n) * h / period + rng.random()))
+            )
+        )
 
 
 def load_steps(setup: Setup, p: dict, case: dict) -> None:
@@ -160,7 +174,9 @@ def load_steps(setup: Setup, p: dict, case: dict) -> None:
 def load_drift(setup: Setup, p: dict, case: dict) -> None:
     """Ramp and walk."""
     if p["rate"] != 0.0 or p["walk"] > 0.0:
-        setup.loads.append(lambda rng, n, h, middle: loads.wander(rng, n, h, p["rate"], p["walk"], middle))
+        setup.loads.append(
+            lambda rng, n, h, middle: loads.wander(rng, n, h, p["rate"], p["walk"], middle)
+        )
 
 
 def saturation(setup: Setup, p: dict, case: dict) -> None:
@@ -174,7 +190,9 @@ def detuning(setup: Setup, p: dict, case: dict) -> None:
     """Other tuning in the plant's controller."""
     c = setup.controller
     if c.Ti == 0.0 and p["Ti_factor"] != 1.0:
-        raise ParameterError(f"detuning: Ti_factor = {p['Ti_factor']!r} needs a PI controller; this one is P")
+        raise ParameterError(
+            f"detuning: Ti_factor = {p['Ti_factor']!r} needs a PI controller; this one is P"
+        )
     setup.controller = c._replace(Kc=c.Kc * p["Kc_factor"], Ti=c.Ti * p["Ti_factor"])
 
 

@@ -46,7 +46,11 @@ PARAMETERS: dict[str, dict[str, tuple[str, float, float]]] = {
     "plugged_line_freeze": {"length": ("samples", 1.0, 1e6), "share": ("-", 0.0, 0.9)},
     "sticking_float": {"width": ("PV units", 0.0, 1e9)},
     "range_clip": {"lo": ("PV units", -1e18, 1e18), "hi": ("PV units", -1e18, 1e18)},
-    "slug_flow": {"amplitude": ("%", 0.0, 100.0), "period": ("s", 1e-9, 1e9), "jitter": ("-", 0.0, 0.5)},
+    "slug_flow": {
+        "amplitude": ("%", 0.0, 100.0),
+        "period": ("s", 1e-9, 1e9),
+        "jitter": ("-", 0.0, 0.5),
+    },
     "rain_bursts": {
         "std": ("%", 0.0, 100.0),
         "time": ("s", 1e-9, 1e9),
@@ -70,7 +74,9 @@ def check(kind: str, parameters: dict) -> dict:
 
 def error_squared(setup: Setup, p: dict, case: dict) -> None:
     """Shinskey's blend: e (1 - share + share |e|/e_full)."""
-    setup.controller = setup.controller._replace(square_share=float(p["share"]), square_scale=float(p["error_of_full_gain"]))
+    setup.controller = setup.controller._replace(
+        square_share=float(p["share"]), square_scale=float(p["error_of_full_gain"])
+    )
 
 
 def hidden_derivative(setup: Setup, p: dict, case: dict) -> None:
@@ -107,7 +113,9 @@ def asymmetric_response(setup: Setup, p: dict, case: dict) -> None:
     """T sqrt(ratio) when PV falls, T/sqrt(ratio) when it rises."""
     if setup.plant.integrating:
         raise ParameterError("asymmetric_response needs a foptd plant; this one integrates")
-    setup.plant = setup.plant._replace(T=setup.plant.T / float(np.sqrt(p["ratio"])), slower=float(p["ratio"]))
+    setup.plant = setup.plant._replace(
+        T=setup.plant.T / float(np.sqrt(p["ratio"])), slower=float(p["ratio"])
+    )
 
 
 def heat_recycle(setup: Setup, p: dict, case: dict) -> None:
@@ -134,7 +142,9 @@ def range_clip(setup: Setup, p: dict, case: dict) -> None:
 
 def slug_flow(setup: Setup, p: dict, case: dict) -> None:
     """Irregular sawtooth load."""
-    setup.loads.append(lambda rng, n, h, _: p["amplitude"] * loads.sawtooth(rng, n, h, p["period"], p["jitter"]))
+    setup.loads.append(
+        lambda rng, n, h, _: p["amplitude"] * loads.sawtooth(rng, n, h, p["period"], p["jitter"])
+    )
 
 
 def rain_bursts(setup: Setup, p: dict, case: dict) -> None:

@@ -40,7 +40,11 @@ def jumps(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray
 def telegraph(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray:
     """Return a signal that switches between -1 and +1 at the events of a Poisson process."""
     start = rng.integers(0, 2)
-    return 2.0 * ((np.searchsorted(_arrivals(rng, n, h, rate), np.arange(n), side="right") + start) % 2) - 1.0
+    return (
+        2.0
+        * ((np.searchsorted(_arrivals(rng, n, h, rate), np.arange(n), side="right") + start) % 2)
+        - 1.0
+    )
 
 
 def shot(rng: np.random.Generator, n: int, h: float, rate: float, decay: float) -> np.ndarray:
@@ -53,7 +57,9 @@ def shot(rng: np.random.Generator, n: int, h: float, rate: float, decay: float) 
     return (x - rate * decay) / np.sqrt(rate * decay)
 
 
-def sawtooth(rng: np.random.Generator, n: int, h: float, period: float, jitter: float) -> np.ndarray:
+def sawtooth(
+    rng: np.random.Generator, n: int, h: float, period: float, jitter: float
+) -> np.ndarray:
     """Return slow build-ups from -1 to +1 with sudden ends; periods and heights scatter by the share `jitter`."""
     count = int(n * h / period * 2.0) + 8
     lengths = period * np.clip(1.0 + jitter * rng.standard_normal(count), 0.3, 2.0)
@@ -90,7 +96,9 @@ def ordinary(rng: np.random.Generator, n: int, h: float, spec: dict) -> np.ndarr
         return scale * shot(rng, n, h, rate, time)
     # jumps never come alone: a plant whose only load is a few steps would be a finding, not a nuisance
     wandering = ornstein_uhlenbeck(rng, n, h, time)
-    return scale * (0.8 * wandering + 0.6 * (jumps if kind == "steps" else telegraph)(rng, n, h, rate))
+    return scale * (
+        0.8 * wandering + 0.6 * (jumps if kind == "steps" else telegraph)(rng, n, h, rate)
+    )
 
 
 def noise(rng: np.random.Generator, n: int, spec: dict) -> np.ndarray:
@@ -106,7 +114,9 @@ def noise(rng: np.random.Generator, n: int, spec: dict) -> np.ndarray:
     return rng.standard_normal(n)
 
 
-def wander(rng: np.random.Generator, n: int, h: float, rate: float, walk: float, middle: int) -> np.ndarray:
+def wander(
+    rng: np.random.Generator, n: int, h: float, rate: float, walk: float, middle: int
+) -> np.ndarray:
     """Return a ramp of `rate` per s plus a random walk of `walk` per sqrt(s), both 0 at the cell `middle`, shape (n,)."""
     x = rate * h * (np.arange(n) - middle)
     if walk > 0.0:

@@ -62,7 +62,11 @@ def rounded(x: float, digits: int = 4) -> float:
 def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
     """Return the classes of a loop; `plant` is a wish."""
     integrating = bool(rng.random() < 1 / 3)
-    fit = [s for s in _SERVICES if s.integrating == (integrating if plant is None else plant == "integrating")]
+    fit = [
+        s
+        for s in _SERVICES
+        if s.integrating == (integrating if plant is None else plant == "integrating")
+    ]
     service = fit[int(rng.integers(len(fit)))]
     Ts = pick(rng, service.periods)
     return {
@@ -87,7 +91,9 @@ def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
     }
 
 
-def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozenset) -> tuple[dict, dict]:
+def _plants(
+    rng: np.random.Generator, classes: dict, span: float, exact: frozenset
+) -> tuple[dict, dict]:
     """Return the true plant and the baseline's."""
     sign = 1.0 if classes["direction"] == "reverse" else -1.0
     integrating = classes["plant"] == "integrating"
@@ -114,19 +120,34 @@ def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozens
     return true, {k: v for k, v in base.items() if v is not None}
 
 
-def _tuning(rng: np.random.Generator, classes: dict, base: dict, time: float) -> tuple[float, float | None]:
+def _tuning(
+    rng: np.random.Generator, classes: dict, base: dict, time: float
+) -> tuple[float, float | None]:
     """SIMC rules (Skogestad 2003) with a closed-loop time from brisk to sluggish, and an operator's hand on Ti."""
     K, Td = abs(base["K"]), base["Td"]
     if classes["plant"] == "foptd":
         wanted = max(Td * rng.uniform(0.8, 2.0), base["T"] * rng.uniform(0.25, 1.2))
-        Kc, Ti = base["T"] / (K * (wanted + Td)), min(base["T"], 4.0 * (wanted + Td)) * rng.uniform(0.8, 1.5)
+        Kc, Ti = (
+            base["T"] / (K * (wanted + Td)),
+            min(base["T"], 4.0 * (wanted + Td)) * rng.uniform(0.8, 1.5),
+        )
     else:
         wanted = Td * rng.uniform(1.0, 3.0) + time * rng.uniform(0.3, 1.5)
         Kc, Ti = 1.0 / (K * (wanted + Td)), 4.0 * (wanted + Td) * rng.uniform(0.7, 1.8)
-    return rounded(Kc, 3), None if classes["controller"] == "P" else rounded(max(Ti, classes["Ts"]), 3)
+    return rounded(Kc, 3), None if classes["controller"] == "P" else rounded(
+        max(Ti, classes["Ts"]), 3
+    )
 
 
-def _setpoint(rng: np.random.Generator, classes: dict, value: float, span: float, K: float, Kc: float, time: float) -> dict:
+def _setpoint(
+    rng: np.random.Generator,
+    classes: dict,
+    value: float,
+    span: float,
+    K: float,
+    Kc: float,
+    time: float,
+) -> dict:
     """Moves of 2 to 10 % of span, small enough that the valve can follow and the kick Kc times step stays below 20 %."""
     kind, n = classes["sp"], classes["n"]
     size = min(span * log_uniform(rng, 0.02, 0.1), 20.0 / Kc)
@@ -134,7 +155,11 @@ def _setpoint(rng: np.random.Generator, classes: dict, value: float, span: float
         size = min(size, 15.0 * abs(K))
     spec: dict = {"kind": kind, "value": value}
     if kind == "cascade":
-        spec |= {"size": size * 0.5, "time": time * log_uniform(rng, 4.0, 30.0), "seed": int(rng.integers(2**31))}
+        spec |= {
+            "size": size * 0.5,
+            "time": time * log_uniform(rng, 4.0, 30.0),
+            "seed": int(rng.integers(2**31)),
+        }
     elif kind in ("steps", "ramps"):
         count = int(rng.integers(3, 11))
         at = np.sort(rng.choice(np.arange(20, n - 20), count, replace=False))
@@ -163,7 +188,10 @@ def _archive(rng: np.random.Generator, classes: dict, case: dict, dop: float) ->
 
 
 def draw_case(
-    rng: np.random.Generator, classes: dict, exact: frozenset = frozenset(), valve_effect: bool = False
+    rng: np.random.Generator,
+    classes: dict,
+    exact: frozenset = frozenset(),
+    valve_effect: bool = False,
 ) -> dict | None:
     """Return a loop of these classes as JSON types, or None when it does not behave like a working loop."""
     service = next(s for s in _SERVICES if s.name == classes["service"])
@@ -237,7 +265,9 @@ def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: b
         if not np.isfinite(per_percent) or per_percent <= 0.0:
             return None
         # a load beyond 12 % of travel (std) is an upset, not an ordinary day
-        case["load"]["scale"] = min(load_std / per_percent, 12.0, 10.0 / max(np.std(unit["op"]) / 1e-3, 1e-9))
+        case["load"]["scale"] = min(
+            load_std / per_percent, 12.0, 10.0 / max(np.std(unit["op"]) / 1e-3, 1e-9)
+        )
         load_std = case["load"]["scale"] * per_percent
     if load_std < 0.003 * span:
         return None
@@ -256,7 +286,9 @@ def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: b
         case["baseline"]["valve"] = {"model": "deadband", "S": case["known_play"]}
     seen = run(build(case), case, seed)
     dop = float(np.std(np.diff(seen["op"])))
-    case["controller"]["op_step"] = float(pick(rng, (0.0, 0.0, 100 / 65536, 100 / 16384, 100 / 4096, 0.1)))
+    case["controller"]["op_step"] = float(
+        pick(rng, (0.0, 0.0, 100 / 65536, 100 / 16384, 100 / 4096, 0.1))
+    )
     if case["controller"]["op_step"] > 0.1 * dop:
         case["controller"]["op_step"] = 0.0
     case["scales"] = {

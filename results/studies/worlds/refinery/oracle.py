@@ -56,7 +56,10 @@ def _slow(x: np.ndarray) -> list[float]:
     """How far the means of tenths of the record lie apart, and how far the last third from the first."""
     means = np.array([part.mean() for part in np.array_split(x, 10)])
     spread = max(float(np.std(x)), 1e-12)
-    return [_log(float(np.std(means)) / spread), abs(float(means[7:].mean() - means[:3].mean())) / spread * 0.2]
+    return [
+        _log(float(np.std(means)) / spread),
+        abs(float(means[7:].mean() - means[:3].mean())) / spread * 0.2,
+    ]
 
 
 def _samples(x: np.ndarray) -> list[float]:
@@ -65,8 +68,13 @@ def _samples(x: np.ndarray) -> list[float]:
     size = max(float(np.std(d)), 1e-12)
     still = np.abs(d) < 1e-6 * size
     straight = (np.abs(np.diff(d)) < 0.02 * size) & ~still[1:]
-    middle = np.abs(x[1:-1] - np.maximum(np.minimum(x[:-2], x[2:]), np.minimum(np.maximum(x[:-2], x[2:]), x[1:-1])))
-    scale = max(float(np.median(middle[middle > 0.0])) if np.any(middle > 0.0) else 0.0, 1e-9 * size)
+    middle = np.abs(
+        x[1:-1]
+        - np.maximum(np.minimum(x[:-2], x[2:]), np.minimum(np.maximum(x[:-2], x[2:]), x[1:-1]))
+    )
+    scale = max(
+        float(np.median(middle[middle > 0.0])) if np.any(middle > 0.0) else 0.0, 1e-9 * size
+    )
     span = max(float(np.ptp(x)), 1e-12)
     ends = [float(np.mean(x > x.max() - 1e-6 * span)), float(np.mean(x < x.min() + 1e-6 * span))]
     lone = [10.0 * float(np.mean(middle > 8.0 * scale)), 0.1 * _log(float(middle.max()) / scale)]
@@ -81,7 +89,9 @@ def features(record: dict[str, np.ndarray], time: float) -> list[np.ndarray]:
     e_bands, e_line = _spectrum(e)
     op_bands, op_line = _spectrum(op)
     shapes = [v for x in (e, op, *differences[:2]) for v in _shape(x)]
-    correlation = _correlations(e, e, lags) + _correlations(op, op, lags) + _correlations(e, op, (0, *lags))
+    correlation = (
+        _correlations(e, e, lags) + _correlations(op, op, lags) + _correlations(e, op, (0, *lags))
+    )
     groups = [
         (np.array([_log(float(np.std(x))) for x in (e, op, *differences)]), _LOG),
         (np.array(e_bands), 2 * _LOG),
@@ -103,8 +113,13 @@ class Cloud:
     def __init__(self, members: list[list[np.ndarray]]) -> None:
         self._groups = [np.array(group) for group in zip(*members)]
         count = len(members)
-        own = [self._distance([g[i] for g in self._groups], np.arange(count) != i) for i in range(count)]
-        self.spread = float(np.mean(own))  # mean distance of a record without the effect from the others
+        own = [
+            self._distance([g[i] for g in self._groups], np.arange(count) != i)
+            for i in range(count)
+        ]
+        self.spread = float(
+            np.mean(own)
+        )  # mean distance of a record without the effect from the others
 
     def _distance(self, record: list[np.ndarray], keep: np.ndarray) -> float:
         worst = 0.0

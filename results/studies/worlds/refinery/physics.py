@@ -28,9 +28,13 @@ class Plant(NamedTuple):
     lag2: float = 0.0
     extra_lag: float = 0.0
     slower: float = 1.0  # foreign: T when PV falls / T when PV rises
-    swell: float = 0.0  # foreign: gain of the opposite fast path / K (integrating: / (K swell_time))
+    swell: float = (
+        0.0  # foreign: gain of the opposite fast path / K (integrating: / (K swell_time))
+    )
     swell_time: float = 1.0
-    recycle: float = 0.0  # foreign: share of the output that comes back through the feed-effluent exchanger
+    recycle: float = (
+        0.0  # foreign: share of the output that comes back through the feed-effluent exchanger
+    )
     recycle_delay: float = 0.0
 
 
@@ -132,7 +136,14 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
     is.
     """
     n, h = x.sp.size, c.Ts / SUBSTEPS
-    pv, op, mv, pv_mean, mv_mean, true = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    pv, op, mv, pv_mean, mv_mean, true = (
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+    )
     line, back = np.zeros(int(p.Td / h) + 3), np.zeros(int(p.recycle_delay / h) + 3)
     own, keeps = controller.at_rest(), _keeps(h, p, s.lag, v.lag)
     y, chain = np.zeros(2), np.full(4, x.sp[0] - pv0)  # chain: plant, then three lags
@@ -165,7 +176,14 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
             position = valves.stroke(drive, h, keeps[7], stem, v)
             cell, last = (cell + 1) % line.size, (last + 1) % back.size
             line[cell] = position + x.load[k * SUBSTEPS + j] - m0
-            _react(y, _delayed(line, cell, p.Td / h), _delayed(back, last, p.recycle_delay / h), h, p, keeps)
+            _react(
+                y,
+                _delayed(line, cell, p.Td / h),
+                _delayed(back, last, p.recycle_delay / h),
+                h,
+                p,
+                keeps,
+            )
             back[last] = y[0]
             old, new = chain[0], y[0] + y[1]
             chain[0] = new

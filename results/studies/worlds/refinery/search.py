@@ -13,7 +13,10 @@ from results.studies.worlds.refinery.simulation import Setup, build, run
 from results.studies.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 from simbench.blind.world import WORLD_EFFECTS
 
-CLOUD, SHOWN = 12, 6  # realisations without and with the effect that make a ratio; the first shown is the record's own
+CLOUD, SHOWN = (
+    12,
+    6,
+)  # realisations without and with the effect that make a ratio; the first shown is the record's own
 _STEPS = 10  # sizes tried on one loop
 _TWO = (2.0, 8.0)  # ratio of each of two effects alone
 _BESIDE = 1.3  # ratio of each against the loop that has the other already
@@ -84,7 +87,13 @@ class Bench:
 
 
 def sized(
-    bench: Bench, name: str, size: Size, shape: dict, case: dict, band: tuple[float, float], rng: np.random.Generator
+    bench: Bench,
+    name: str,
+    size: Size,
+    shape: dict,
+    case: dict,
+    band: tuple[float, float],
+    rng: np.random.Generator,
 ) -> tuple[dict, float]:
     """Search the size at which the ratio falls into `band`; return the effect's table and the ratio.
 
@@ -118,7 +127,9 @@ def one(
     return [item], ratio
 
 
-def two(names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator) -> tuple[list[dict], float]:
+def two(
+    names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator
+) -> tuple[list[dict], float]:
     """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit where there are none."""
     bench = Bench(case, [], seeds)
     found = []

@@ -28,7 +28,9 @@ class Setup:
     controller: Controller
     valve: Valve
     sensor: Sensor
-    loads: list[_LoadMaker] = field(default_factory=list)  # (rng, cells, h, cell of the record's middle) -> load in %
+    loads: list[_LoadMaker] = field(
+        default_factory=list
+    )  # (rng, cells, h, cell of the record's middle) -> load in %
     noise_std: float = 0.0
     white_std: float = 0.0  # added in quadrature, PV units
     drift: tuple[float, float] = (0.0, 0.0)  # rate, walk
@@ -99,7 +101,17 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
     if setup.manual[1] > 0.0:
         manual = loads.gate(_stream(seed, _MANUAL), count, *setup.manual)
     none, scans = np.full(count, np.nan), np.zeros(count, dtype=bool)
-    return Signals(pattern(case["setpoint"], warm, n, case["Ts"]), load, noise, error, spikes, held, manual, none, scans)
+    return Signals(
+        pattern(case["setpoint"], warm, n, case["Ts"]),
+        load,
+        noise,
+        error,
+        spikes,
+        held,
+        manual,
+        none,
+        scans,
+    )
 
 
 def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> dict[str, np.ndarray]:
@@ -112,13 +124,22 @@ def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> di
     stem = valves.rest(valves.untrim(case["m0"], setup.valve.R))
     control = setup.controller._replace(bias=float(valves.untrim(case["m0"], setup.valve.R)))
     raw = physics.close_loop(
-        setup.plant, control, setup.valve, setup.sensor, signals, float(case["m0"]), float(case["pv0"]), stem
+        setup.plant,
+        control,
+        setup.valve,
+        setup.sensor,
+        signals,
+        float(case["m0"]),
+        float(case["pv0"]),
+        stem,
     )
     columns = _archive(raw[:5], signals.sp, setup, case, seed, plan is not None and plan.raw)
     return columns if plan is None else operated(columns, raw[5][case["warm"] :], plan, seed)
 
 
-def _archive(shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, raw: bool = False) -> dict[str, np.ndarray]:
+def _archive(
+    shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, raw: bool = False
+) -> dict[str, np.ndarray]:
     seen, op, mv, seen_mean, mv_mean = shown
     warm, n, how = case["warm"], case["n"], case["archive"]
     if raw:
@@ -135,6 +156,14 @@ def _archive(shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, 
     # the mean of the scan before, or a historian that reads before the controller writes: OP and MV are one scan old
     shift = 1 if how["late"] or how["averaging"] else 0
     past = slice(warm - shift, warm + n - shift)
-    columns = {"sp": sp[warm:], "op": op[past], "pv": pv, "mv": mv_mean[warm:] if how["averaging"] else mv[past]}
-    printed = {name: archive.printed(x, how["style"], how["places"][name]) + 0.0 for name, x in columns.items()}
+    columns = {
+        "sp": sp[warm:],
+        "op": op[past],
+        "pv": pv,
+        "mv": mv_mean[warm:] if how["averaging"] else mv[past],
+    }
+    printed = {
+        name: archive.printed(x, how["style"], how["places"][name]) + 0.0
+        for name, x in columns.items()
+    }
     return {"t": np.round(np.arange(n) * case["Ts"], 6), **printed}

@@ -53,7 +53,10 @@ def _wander(unit: float, size: float, shape: dict, case: dict) -> dict:
     """Ramp and walk that move by about size * unit over the record."""
     long = case["n"] * case["Ts"]
     walk = 0.0 if shape["walk"] < 1e-9 else shape["walk"] * size * unit / math.sqrt(long)
-    return {"rate": 0.0 if abs(shape["ramp"]) < 1e-9 else shape["ramp"] * size * unit / long, "walk": walk}
+    return {
+        "rate": 0.0 if abs(shape["ramp"]) < 1e-9 else shape["ramp"] * size * unit / long,
+        "walk": walk,
+    }
 
 
 def _lag(size: float, shape: dict, case: dict) -> dict:
@@ -62,12 +65,16 @@ def _lag(size: float, shape: dict, case: dict) -> dict:
 
 def _zone(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Centre near the balance: a zone that OP never meets is no fault."""
-    return {"c": float(np.clip(case["m0"] + rng.uniform(-0.5, 0.5) * case["scales"]["op"], 1.0, 99.0))}
+    return {
+        "c": float(np.clip(case["m0"] + rng.uniform(-0.5, 0.5) * case["scales"]["op"], 1.0, 99.0))
+    }
 
 
 def _dead_time(size: float, shape: dict, case: dict) -> dict:
     Td = case["plant"]["Td"]
-    return {"extra": size * max(Td, 0.5 * case["time"]) if shape["sign"] > 0 else -min(size, 1.0) * Td}
+    return {
+        "extra": size * max(Td, 0.5 * case["time"]) if shape["sign"] > 0 else -min(size, 1.0) * Td
+    }
 
 
 def _somewhere(rng: _Rng, case: dict, seen: _Columns) -> dict:
@@ -83,7 +90,11 @@ def _period(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """From far above to far below the loop's bandwidth; at least ten periods in the record."""
     time = case["time"] + case["plant"]["Td"]
     low = max(6.0 * case["Ts"], 0.8 * time)
-    return {"period": log_uniform(rng, low, max(min(25.0 * time, case["n"] * case["Ts"] / 10.0), 1.5 * low))}
+    return {
+        "period": log_uniform(
+            rng, low, max(min(25.0 * time, case["n"] * case["Ts"] / 10.0), 1.5 * low)
+        )
+    }
 
 
 def _dwell(rng: _Rng, case: dict, seen: _Columns) -> dict:
@@ -104,7 +115,9 @@ def _limits(signal: str, lowest: float, highest: float) -> Callable[[float, dict
     def parameters(size: float, shape: dict, case: dict) -> dict:
         size *= 0.6 if shape["side"] == "both" else 1.0  # something must be left between the two
         lo = float(np.interp(size, GRID, shape[signal])) if shape["side"] != "high" else lowest
-        hi = float(np.interp(1.0 - size, GRID, shape[signal])) if shape["side"] != "low" else highest
+        hi = (
+            float(np.interp(1.0 - size, GRID, shape[signal])) if shape["side"] != "low" else highest
+        )
         return {"lo": lo, "hi": hi}
 
     return parameters
@@ -127,28 +140,52 @@ SIZES: dict[str, Size] = {
     "deadband": Size(_none, lambda s, q, c: {"S": s}, 0.3, 15.0),
     "deadzone": Size(_zone, lambda s, q, c: {"D": s, "c": q["c"]}, 0.3, 20.0),
     "valve_lag": Size(_none, _lag, 0.02, 6.0),
-    "valve_characteristic": Size(_mostly_up, lambda s, q, c: {"R": math.exp(q["sign"] * s)}, 0.3, 3.9),
+    "valve_characteristic": Size(
+        _mostly_up, lambda s, q, c: {"R": math.exp(q["sign"] * s)}, 0.3, 3.9
+    ),
     "gain_mismatch": Size(_sign, lambda s, q, c: {"factor": math.exp(q["sign"] * s)}, 0.22, 2.5),
-    "time_constant_mismatch": Size(_sign, lambda s, q, c: {"factor": math.exp(q["sign"] * s)}, 0.22, 2.5),
+    "time_constant_mismatch": Size(
+        _sign, lambda s, q, c: {"factor": math.exp(q["sign"] * s)}, 0.22, 2.5
+    ),
     "dead_time_mismatch": Size(_mostly_up, _dead_time, 0.25, 5.0),
     "extra_lag": Size(_none, _lag, 0.02, 6.0),
     "noise": Size(_none, lambda s, q, c: {"factor": 1.0 + s, "std": 0.0}, 0.1, 40.0),
-    "quantisation": Size(_somewhere, lambda s, q, c: {"step": s * c["noise"]["std"], "at": q["at"]}, 0.4, 300.0),
+    "quantisation": Size(
+        _somewhere, lambda s, q, c: {"step": s * c["noise"]["std"], "at": q["at"]}, 0.4, 300.0
+    ),
     "sensor_lag": Size(_none, _lag, 0.02, 6.0),
     "compression": Size(_none, lambda s, q, c: {"band": s * c["noise"]["std"]}, 0.3, 300.0),
-    "outliers": Size(_spikes, lambda s, q, c: {"rate": q["rate"], "size": s * c["noise"]["std"], "at": q["at"]}, 5.0, 1000.0),
+    "outliers": Size(
+        _spikes,
+        lambda s, q, c: {"rate": q["rate"], "size": s * c["noise"]["std"], "at": q["at"]},
+        5.0,
+        1000.0,
+    ),
     "drift": Size(_mix, lambda s, q, c: _wander(c["scales"]["e"], s, q, c), 0.3, 500.0),
     "oscillation": Size(
-        _period, lambda s, q, c: {"amplitude": min(s * c["scales"]["op"], 45.0), "period": q["period"]}, 0.03, 50.0
+        _period,
+        lambda s, q, c: {"amplitude": min(s * c["scales"]["op"], 45.0), "period": q["period"]},
+        0.03,
+        50.0,
     ),
-    "load_steps": Size(_dwell, lambda s, q, c: {"rate": q["rate"], "size": min(s * c["scales"]["op"], 30.0)}, 0.1, 100.0),
+    "load_steps": Size(
+        _dwell,
+        lambda s, q, c: {"rate": q["rate"], "size": min(s * c["scales"]["op"], 30.0)},
+        0.1,
+        100.0,
+    ),
     "load_drift": Size(_mix, lambda s, q, c: _wander(c["scales"]["op"], s, q, c), 0.3, 200.0),
     "saturation": Size(_sides, _limits("op", 0.0, 100.0), 0.01, 0.45),
     "detuning": Size(
-        _retuned, lambda s, q, c: {"Kc_factor": math.exp(q["Kc"] * s), "Ti_factor": math.exp(q["Ti"] * s)}, 0.15, 3.0
+        _retuned,
+        lambda s, q, c: {"Kc_factor": math.exp(q["Kc"] * s), "Ti_factor": math.exp(q["Ti"] * s)},
+        0.15,
+        3.0,
     ),
     "error_deadband": Size(_none, lambda s, q, c: {"width": s * c["scales"]["e"]}, 0.1, 40.0),
-    "op_quantisation": Size(_none, lambda s, q, c: {"step": min(s * c["scales"]["dop"], 30.0)}, 0.25, 1000.0),
+    "op_quantisation": Size(
+        _none, lambda s, q, c: {"step": min(s * c["scales"]["dop"], 30.0)}, 0.25, 1000.0
+    ),
 }
 
 
@@ -168,7 +205,10 @@ def _swell(rng: _Rng, case: dict, seen: _Columns) -> dict:
 
 def _inverse(size: float, shape: dict, case: dict) -> dict:
     # a tank's swell must outrun its filling from the first moment: gain above 1
-    return {"gain": size if case["plant"]["type"] == "foptd" else 1.0 + 4.0 * size, "tau": shape["tau"]}
+    return {
+        "gain": size if case["plant"]["type"] == "foptd" else 1.0 + 4.0 * size,
+        "tau": shape["tau"],
+    }
 
 
 def _recycle(rng: _Rng, case: dict, seen: _Columns) -> dict:
@@ -189,24 +229,45 @@ def _showers(rng: _Rng, case: dict, seen: _Columns) -> dict:
 
 FOREIGN_SIZES: dict[str, Size] = {
     "error_squared": Size(
-        _squared, lambda s, q, c: {"share": min(s, 1.0), "error_of_full_gain": q["full"] * max(s, 1.0)}, 0.2, 8.0
+        _squared,
+        lambda s, q, c: {"share": min(s, 1.0), "error_of_full_gain": q["full"] * max(s, 1.0)},
+        0.2,
+        8.0,
     ),
-    "hidden_derivative": Size(_none, lambda s, q, c: {"Td": s * (c["plant"]["Td"] + 0.3 * c["time"])}, 0.05, 4.0),
-    "one_way_ramp": Size(_none, lambda s, q, c: {"close_rate": c["scales"]["dop"] / c["Ts"] / s}, 0.3, 100.0),
-    "manual_episodes": Size(_episode, lambda s, q, c: {"length": q["length"], "share": s}, 0.03, 0.6),
-    "stroke_speed_limit": Size(_none, lambda s, q, c: {"speed": c["scales"]["dop"] / c["Ts"] / s}, 0.3, 300.0),
+    "hidden_derivative": Size(
+        _none, lambda s, q, c: {"Td": s * (c["plant"]["Td"] + 0.3 * c["time"])}, 0.05, 4.0
+    ),
+    "one_way_ramp": Size(
+        _none, lambda s, q, c: {"close_rate": c["scales"]["dop"] / c["Ts"] / s}, 0.3, 100.0
+    ),
+    "manual_episodes": Size(
+        _episode, lambda s, q, c: {"length": q["length"], "share": s}, 0.03, 0.6
+    ),
+    "stroke_speed_limit": Size(
+        _none, lambda s, q, c: {"speed": c["scales"]["dop"] / c["Ts"] / s}, 0.3, 300.0
+    ),
     "jammed_travel": Size(_sides, _limits("op", 0.0, 100.0), 0.01, 0.45),
     "inverse_response": Size(_swell, _inverse, 0.3, 2.5),
-    "asymmetric_response": Size(_sign, lambda s, q, c: {"ratio": math.exp(q["sign"] * s)}, 0.5, 3.9),
+    "asymmetric_response": Size(
+        _sign, lambda s, q, c: {"ratio": math.exp(q["sign"] * s)}, 0.5, 3.9
+    ),
     "heat_recycle": Size(_recycle, lambda s, q, c: {"share": s, "delay": q["delay"]}, 0.25, 0.9),
-    "plugged_line_freeze": Size(_episode, lambda s, q, c: {"length": q["length"], "share": s}, 0.02, 0.6),
+    "plugged_line_freeze": Size(
+        _episode, lambda s, q, c: {"length": q["length"], "share": s}, 0.02, 0.6
+    ),
     "sticking_float": Size(_none, lambda s, q, c: {"width": s * c["scales"]["e"]}, 0.1, 20.0),
     "range_clip": Size(_sides, _limits("pv", -1e15, 1e15), 0.01, 0.45),
     "slug_flow": Size(
         _slugs,
-        lambda s, q, c: {"amplitude": min(s * c["scales"]["op"], 45.0), "period": q["period"], "jitter": q["jitter"]},
+        lambda s, q, c: {
+            "amplitude": min(s * c["scales"]["op"], 45.0),
+            "period": q["period"],
+            "jitter": q["jitter"],
+        },
         0.05,
         50.0,
     ),
-    "rain_bursts": Size(_showers, lambda s, q, c: {"std": min(s * c["scales"]["op"], 40.0), **q}, 0.2, 60.0),
+    "rain_bursts": Size(
+        _showers, lambda s, q, c: {"std": min(s * c["scales"]["op"], 40.0), **q}, 0.2, 60.0
+    ),
 }

@@ -19,7 +19,9 @@ from simbench.blind.worlds.own.loops import TrueLoop
 
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 
-TITLE = "loops of a plant: stems with friction by force balance, velocity and position PI, a historian"
+TITLE = (
+    "loops of a plant: stems with friction by force balance, velocity and position PI, a historian"
+)
 
 
 def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
@@ -29,14 +31,19 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
 
 
 def simulate(
-    answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, nominal: bool = False
+    answer: Mapping[str, Any],
+    effects: Sequence[Mapping[str, Any]],
+    seed: int,
+    nominal: bool = False,
 ) -> dict[str, np.ndarray]:
     """Run the loop of an answer again with other effects in place of the true one."""
     case, acts = _faulty(answer, effects, nominal)
     return _columns(case, loops.simulate(case, seed, acts))
 
 
-def test(answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
+def test(
+    answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, plan: TestPlan
+) -> dict[str, np.ndarray]:
     """Run a test of the menu on the loop of an answer: columns as recorded, mode and lab where the plan has them."""
     case, acts = _faulty(answer, effects, False)
     signals, true = loops.test(case, seed, acts, plan)
@@ -52,7 +59,9 @@ def _faulty(
     for each in effects:
         plant = NEEDS_PLANT.get(each["effect"], case.plant)
         if plant != case.plant:
-            raise ParameterError(f"withheld: {each['effect']} acts on a {plant} plant only; this one is {case.plant}")
+            raise ParameterError(
+                f"withheld: {each['effect']} acts on a {plant} plant only; this one is {case.plant}"
+            )
         case = _from_baseline(case, each["effect"])
     return case, tuple(fault(each["effect"], each["parameters"]) for each in effects)
 
@@ -68,4 +77,8 @@ def _from_baseline(case: TrueLoop, effect: str) -> TrueLoop:
         return replace(case, K=K)
     if effect == "time_constant_mismatch":
         return replace(case, T=T)
-    return replace(case, Td=Td + case.Ts * case.log_is_late) if effect == "dead_time_mismatch" else case
+    return (
+        replace(case, Td=Td + case.Ts * case.log_is_late)
+        if effect == "dead_time_mismatch"
+        else case
+    )

@@ -13,7 +13,11 @@ from simbench.blind.worlds.own.loops import TrueLoop
 
 
 def draw(
-    rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool | None = None, mv: bool | None = None
+    rng: np.random.Generator,
+    *,
+    plant: str | None = None,
+    sp_moves: bool | None = None,
+    mv: bool | None = None,
 ) -> TrueLoop:
     """Draw a loop a plant could have."""
     plant = plant or ("foptd" if rng.random() < 0.65 else "integrating")
@@ -24,7 +28,9 @@ def draw(
     unit = _log(rng, 0.05, 20)
     sign = 1.0 if rng.random() < 0.8 else -1.0
     K = sign * (unit if plant == "foptd" else unit / T)
-    wish = max(T * rng.uniform(0.5, 1.5), Td * rng.uniform(0.9, 2.0))  # desired closed-loop time constant
+    wish = max(
+        T * rng.uniform(0.5, 1.5), Td * rng.uniform(0.9, 2.0)
+    )  # desired closed-loop time constant
     speed = wish + Td
     controller = "P" if rng.random() < 0.15 else "PI"
     if plant == "foptd":
@@ -53,7 +59,9 @@ def draw(
         n=n,
         steps=(),
         noise_std=_round(unit * load_std * _log(rng, 0.03, 0.5)),
-        noise_colour=str(rng.choice(["white", "flicker", "bluish", "heavy"], p=[0.7, 0.1, 0.1, 0.1])),
+        noise_colour=str(
+            rng.choice(["white", "flicker", "bluish", "heavy"], p=[0.7, 0.1, 0.1, 0.1])
+        ),
         load_std=load_std,
         load_colour=load,
         load_tau=speed * rng.uniform(0.5, 4.0),
@@ -70,7 +78,9 @@ def draw(
         nominal=(0.0, 0.0, 0.0),
     )
     off = rng.uniform(0.9, 1.1, 3)
-    case = replace(case, nominal=tuple(_round(x * f) for x, f in zip((K, T, Td - Ts * late), off, strict=True)))
+    case = replace(
+        case, nominal=tuple(_round(x * f) for x, f in zip((K, T, Td - Ts * late), off, strict=True))
+    )
     return replace(case, steps=_steps(rng, case) if moves else ())
 
 

@@ -98,7 +98,9 @@ def _load_drift(s: Prepared, rng, p) -> None:
 
 def _oscillation(s: Prepared, rng, p) -> None:
     phase = rng.uniform(0, 2 * math.pi)
-    s.load = s.load + p["amplitude"] * np.sin(2 * math.pi * np.arange(s.size) * s.case.Ts / p["period"] + phase)
+    s.load = s.load + p["amplitude"] * np.sin(
+        2 * math.pi * np.arange(s.size) * s.case.Ts / p["period"] + phase
+    )
 
 
 def _load_steps(s: Prepared, rng, p) -> None:
@@ -144,7 +146,9 @@ def _positioner_cycle(s: Prepared, rng, p) -> None:
 
 
 def _frozen_sensor(s: Prepared, rng, p) -> None:
-    s.hold = np.maximum(s.hold, _spells(s, rng, p["every"], p["length"])) if p["length"] > 0 else s.hold
+    s.hold = (
+        np.maximum(s.hold, _spells(s, rng, p["every"], p["length"])) if p["length"] > 0 else s.hold
+    )
 
 
 def _bias_switching(s: Prepared, rng, p) -> None:
@@ -170,7 +174,9 @@ def _feedforward(s: Prepared, rng, p) -> None:
 
 def _varying_gain(s: Prepared, rng, p) -> None:
     t = np.arange(s.size) - s.start
-    s.gain = s.gain * np.exp(p["log_range"] * np.sin(2 * math.pi * t / (0.7 * s.case.n) + rng.uniform(0, 6.28)))
+    s.gain = s.gain * np.exp(
+        p["log_range"] * np.sin(2 * math.pi * t / (0.7 * s.case.n) + rng.uniform(0, 6.28))
+    )
 
 
 def _valve_sleeps(s: Prepared, rng, p) -> None:
@@ -248,7 +254,9 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     start, steep, flat = 0, np.inf, -np.inf
     for k in range(1, x.size):
         slope = (x[k] - x[start]) / (k - start)
-        if slope > steep or slope < flat:  # the line to this point would leave the door of an earlier one
+        if (
+            slope > steep or slope < flat
+        ):  # the line to this point would leave the door of an earlier one
             _draw(out, start, k - 1)
             start, steep, flat = k - 1, np.inf, -np.inf
         steep = min(steep, (x[k] + band - x[start]) / (k - start))

@@ -37,8 +37,12 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
     effect = entry.get("effect", "")
     moves = True if effect in faults.NEEDS_SP_STEPS else None
     for i in range(_LOOPS_TO_TRY):
-        wish = entry.get("plant") if i < _LOOPS_TO_TRY // 2 else None  # rather the other plant than no record
-        case = drawing.draw(rng, plant=faults.NEEDS_PLANT.get(effect, wish), mv=entry["mv"], sp_moves=moves)
+        wish = (
+            entry.get("plant") if i < _LOOPS_TO_TRY // 2 else None
+        )  # rather the other plant than no record
+        case = drawing.draw(
+            rng, plant=faults.NEEDS_PLANT.get(effect, wish), mv=entry["mv"], sp_moves=moves
+        )
         item = build(case, int(rng.integers(2**31)), entry, rng)
         if item is not None:
             return item
@@ -47,32 +51,57 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
 
 def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
     about = {key: getattr(case, key) for key in ("mv", "plant", "controller", "sp_moves")}
-    return dict.fromkeys(("effect2", "block2", "foreign"), "") | about | {"case": case.to_dict(), "seed": seed} | more
+    return (
+        dict.fromkeys(("effect2", "block2", "foreign"), "")
+        | about
+        | {"case": case.to_dict(), "seed": seed}
+        | more
+    )
 
 
 def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
     """Return the case as the named faults need it: no known dead-band beside another valve fault, mismatches exact."""
-    blocks = {faults.FOREIGN[name] if name in faults.FOREIGN else WORLD_EFFECTS[name].block for name in names}
+    blocks = {
+        faults.FOREIGN[name] if name in faults.FOREIGN else WORLD_EFFECTS[name].block
+        for name in names
+    }
     if "valve" in blocks:
         case = replace(case, play=0.0)
     exact = (case.K, case.T, case.Td - case.Ts * case.log_is_late)
     wrong = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch")
-    nominal = tuple(true if name in names else off for name, true, off in zip(wrong, exact, case.nominal, strict=True))
+    nominal = tuple(
+        true if name in names else off
+        for name, true, off in zip(wrong, exact, case.nominal, strict=True)
+    )
     return replace(case, nominal=nominal)
 
 
-def _none(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
+def _none(
+    case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator
+) -> DrawnRecord | None:
     found = oracle.ratio(case, seed, (), oracle.reference(case, seed).cloud)
     if found is None:
         return None
-    answer = _answer(case, seed, kind="none", block=NONE, effect=NONE, strength="none", ratio=round(found.expected, 3))
+    answer = _answer(
+        case,
+        seed,
+        kind="none",
+        block=NONE,
+        effect=NONE,
+        strength="none",
+        ratio=round(found.expected, 3),
+    )
     return DrawnRecord(case, loops.simulate(case, seed), answer)
 
 
-def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
+def _one(
+    case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator
+) -> DrawnRecord | None:
     name, foreign = entry["effect"], entry["kind"] == "foreign"
     case = _named(case, (name,))
-    found = _sized(case, seed, name, oracle.STRENGTHS[entry["strength"]], oracle.reference(case, seed), rng)
+    found = _sized(
+        case, seed, name, oracle.STRENGTHS[entry["strength"]], oracle.reference(case, seed), rng
+    )
     if found is None:
         return None
     parameters, ratio = found
@@ -81,14 +110,30 @@ def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Genera
     if foreign:
         known = {"block": faults.FOREIGN[name], "effect": UNKNOWN, "foreign": name}
     else:
-        known = {"block": WORLD_EFFECTS[name].block, "effect": name, **_shrinkage(case, seed, signals, acts)}
-    about = {"kind": entry["kind"], "strength": entry["strength"], "ratio": round(ratio.expected, 3), "parameters": parameters}
+        known = {
+            "block": WORLD_EFFECTS[name].block,
+            "effect": name,
+            **_shrinkage(case, seed, signals, acts),
+        }
+    about = {
+        "kind": entry["kind"],
+        "strength": entry["strength"],
+        "ratio": round(ratio.expected, 3),
+        "parameters": parameters,
+    }
     return DrawnRecord(case, signals, _answer(case, seed, **about, **known))
 
 
-def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
-    names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
-    if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(set(names) <= group for group in _SAME):
+def _two(
+    case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator
+) -> DrawnRecord | None:
+    names = tuple(
+        str(x)
+        for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False)
+    )
+    if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(
+        set(names) <= group for group in _SAME
+    ):
         return None
     case = _named(case, names)
     true = oracle.reference(case, seed)
@@ -126,22 +171,37 @@ def _possible(effect: str, case: TrueLoop) -> bool:
 
 
 def _sized(
-    case: TrueLoop, seed: int, name: str, band: tuple[float, float], true: oracle.Reference, rng: np.random.Generator
+    case: TrueLoop,
+    seed: int,
+    name: str,
+    band: tuple[float, float],
+    true: oracle.Reference,
+    rng: np.random.Generator,
 ) -> tuple[faults.Parameters, oracle.Ratio] | None:
     size = sizes.scale(name, case, true.habit, rng)
-    found = oracle.find_strength(lambda x: oracle.ratio(case, seed, (faults.fault(name, size(x)),), true.cloud), band, rng)
+    found = oracle.find_strength(
+        lambda x: oracle.ratio(case, seed, (faults.fault(name, size(x)),), true.cloud), band, rng
+    )
     return None if found is None else (size(found[0]), found[1])
 
 
 def _adds(case: TrueLoop, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
     """Whether a fault is still visible beside the other: one that the other drowns is no second effect."""
     kept = (acts[1 - left_out],)
-    alone = cloud([loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale)
+    alone = cloud(
+        [loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale
+    )
     found = oracle.ratio(case, seed, acts, alone)
     return found is not None and found.expected >= RESOLVABLE
 
 
-def _shrinkage(case: TrueLoop, seed: int, signals: Signals, acts: tuple[Fault, ...]) -> dict[str, Any]:
+def _shrinkage(
+    case: TrueLoop, seed: int, signals: Signals, acts: tuple[Fault, ...]
+) -> dict[str, Any]:
     s = oracle.shrinkage(case, seed, signals, acts)
-    about = {"gap_before": round(s.before, 4), "gap_after": round(s.after, 4), "floor": round(s.floor, 4)}
+    about = {
+        "gap_before": round(s.before, 4),
+        "gap_after": round(s.after, 4),
+        "floor": round(s.floor, 4),
+    }
     return about | {"shrinkage": "" if s.value is None else round(s.value, 4)}

@@ -49,7 +49,9 @@ class TrueLoop:
     smooth_gap: bool
     mv: bool
     mv_noise: float
-    nominal: tuple[float, float, float]  # K, T, and Td as it appears between logged OP and logged PV
+    nominal: tuple[
+        float, float, float
+    ]  # K, T, and Td as it appears between logged OP and logged PV
 
     @property
     def warm_up(self) -> int:
@@ -135,10 +137,25 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
     sp = np.full(n, case.pv0)
     for t, value in case.steps:
         sp[case.warm_up + round(t / case.Ts) :] = value
-    sp[: case.warm_up // 4] += 3.0 * case.unit * case.sign * np.sign(case.K)  # wakes a valve that would rest for ever
+    sp[: case.warm_up // 4] += (
+        3.0 * case.unit * case.sign * np.sign(case.K)
+    )  # wakes a valve that would rest for ever
     same = {
         key: float(getattr(case, key))
-        for key in ["K", "T", "Td", "sign", "Kc", "Ti", "op0", "form", "integral", "play", "pv0", "Ts"]
+        for key in [
+            "K",
+            "T",
+            "Td",
+            "sign",
+            "Kc",
+            "Ti",
+            "op0",
+            "form",
+            "integral",
+            "play",
+            "pv0",
+            "Ts",
+        ]
     }
     physics = same | {"integrating": float(case.plant == "integrating"), "bias": case.op0}
     zeros = np.zeros(n)
@@ -147,7 +164,8 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
         physics=physics,
         sp=sp,
         noise=case.noise_std * coloured(case.noise_colour, n, 2.0, _stream(seed, _NOISE)),
-        load=case.load_std * coloured(case.load_colour, n, case.load_tau / case.Ts, _stream(seed, _LOAD)),
+        load=case.load_std
+        * coloured(case.load_colour, n, case.load_tau / case.Ts, _stream(seed, _LOAD)),
         sensor=zeros.copy(),
         skip=zeros.copy(),
         hold=zeros.copy(),
@@ -167,7 +185,9 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
     return shown(setup, seed)[0]
 
 
-def test(case: TrueLoop, seed: int, faults: tuple[Fault, ...], plan: TestPlan) -> tuple[Signals, np.ndarray]:
+def test(
+    case: TrueLoop, seed: int, faults: tuple[Fault, ...], plan: TestPlan
+) -> tuple[Signals, np.ndarray]:
     """Run a test of the menu on the loop; return what is logged of it, and PV as it truly is."""
     r = plan.faster
     if r > 1:
@@ -212,11 +232,15 @@ def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals
     mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
     shift = int(case.log_is_late if late is None else late)
     rows = slice(setup.start, n)
-    before = slice(setup.start - shift, n - shift)  # the scan logs OP before the controller has computed the new one
+    before = slice(
+        setup.start - shift, n - shift
+    )  # the scan logs OP before the controller has computed the new one
     archived = pv[rows].copy()
     for record in setup.archive:
         archived = record(archived)
-    return Signals(sp=setup.sp[rows].copy(), op=op[before].copy(), pv=archived, mv=mv[before].copy()), true[rows]
+    return Signals(
+        sp=setup.sp[rows].copy(), op=op[before].copy(), pv=archived, mv=mv[before].copy()
+    ), true[rows]
 
 
 def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.ndarray:

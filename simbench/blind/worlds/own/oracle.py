@@ -11,7 +11,11 @@ from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
 from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop, simulate
 from simbench.blind.worlds.own.sizes import Habit
 
-STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
+STRENGTHS: dict[str, tuple[float, float]] = {
+    "weak": (1.3, 2.0),
+    "medium": (2.0, 4.0),
+    "strong": (4.0, 12.0),
+}
 """Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""
 CLOUD, _REAL = 16, 4
 _OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
@@ -48,7 +52,9 @@ class _TrueShrinkage(NamedTuple):
 
 def strength_of(ratio: float) -> str:
     """Return the strength's name: "none" below 1.3, then weak, medium, strong."""
-    return next((name for name in ("strong", "medium", "weak") if ratio >= STRENGTHS[name][0]), "none")
+    return next(
+        (name for name in ("strong", "medium", "weak") if ratio >= STRENGTHS[name][0]), "none"
+    )
 
 
 def reference(case: TrueLoop, seed: int) -> Reference:
@@ -80,7 +86,10 @@ def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> 
 
 
 def find_strength(
-    rate: Callable[[float], Ratio | None], band: tuple[float, float], rng: np.random.Generator, tries: int = 9
+    rate: Callable[[float], Ratio | None],
+    band: tuple[float, float],
+    rng: np.random.Generator,
+    tries: int = 9,
 ) -> tuple[float, Ratio] | None:
     """Search the strength in 0..1 at which the ratio falls into a band."""
     lo, hi = band
@@ -90,12 +99,20 @@ def find_strength(
     if least is None or least.expected > hi or (most is not None and most.expected < lo):
         return None
     for x, found in ((a, least), (b, most)):
-        if found is not None and lo <= found.expected < hi and abs(np.log(found.expected / target)) < 0.1:
+        if (
+            found is not None
+            and lo <= found.expected < hi
+            and abs(np.log(found.expected / target)) < 0.1
+        ):
             return _if_own_fits(x, found, band)
     for _ in range(tries):
         x = (a + b) / 2
         found = rate(x)
-        if found is not None and lo <= found.expected < hi and abs(np.log(found.expected / target)) < 0.15:
+        if (
+            found is not None
+            and lo <= found.expected < hi
+            and abs(np.log(found.expected / target)) < 0.15
+        ):
             return _if_own_fits(x, found, band)
         if found is None or found.expected > target:
             b = x
@@ -108,7 +125,9 @@ def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[flo
     return (x, found) if 0.85 * band[0] <= found.own < 1.15 * band[1] else None
 
 
-def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]) -> _TrueShrinkage:
+def shrinkage(
+    case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]
+) -> _TrueShrinkage:
     """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
 
     The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
@@ -118,4 +137,6 @@ def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, .
     before = cloud([simulate(nominal, s) for s in seeds], case.scale)
     after = cloud([simulate(nominal, s, faults) for s in seeds], case.scale)
     # one yardstick for both: the spreads of the arm that holds the fault, as the floor's
-    return _TrueShrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)
+    return _TrueShrinkage(
+        after._replace(mean=before.mean).distance(values), after.distance(values), after.floor
+    )

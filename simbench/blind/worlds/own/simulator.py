@@ -86,13 +86,17 @@ def _stem(u, x, w, p, h):
     if p.friction == STRIBECK:
         sliding += (p.fs - p.fc) * math.exp(-((w / (40.0 * slow)) ** 2))
     new = (w + h * wn * wn * (pull - way * sliding)) / (1.0 + 2.4 * wn * h)
-    if new * way <= 0.0:  # the velocity would change sign: the stem has come to rest within the step
+    if (
+        new * way <= 0.0
+    ):  # the velocity would change sign: the stem has come to rest within the step
         return x, 0.0
     return x + h * new, new
 
 
 @njit_cached
-def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand, op, pv, true, mv):
+def run(
+    p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand, op, pv, true, mv
+):
     """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free PV) and mv.
 
     Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K; skip = 1: the controller
@@ -149,13 +153,19 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
             if p.Ti == 0.0:
                 u = p.bias + p.sign * p.Kc * (proportional + derivative)
             elif p.form == VELOCITY:
-                u += p.sign * p.Kc * (proportional - p_before + p.Ts / p.Ti * push + derivative - d_before)
+                u += (
+                    p.sign
+                    * p.Kc
+                    * (proportional - p_before + p.Ts / p.Ti * push + derivative - d_before)
+                )
             else:
                 integral += p.Ts / p.Ti * push
                 u = p.bias + p.sign * p.Kc * (proportional + integral + derivative)
             e_before, p_before, d_before, y_before = e, proportional, derivative, y
             limited = min(max(u, p.lo), p.hi)
-            if limited != u and p.form == POSITION and p.Ti > 0:  # anti-windup: the integral gives back what was cut
+            if (
+                limited != u and p.form == POSITION and p.Ti > 0
+            ):  # anti-windup: the integral gives back what was cut
                 integral += p.sign * (limited - u) / p.Kc
             u = limited
         if not math.isnan(hand[k]):
@@ -206,7 +216,9 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
                 slope = (strength * flow - x) / p.T
                 x = keep * x + (1.0 - keep) * strength * flow
             y_extra = keep_extra * y_extra + (1.0 - keep_extra) * x
-            y_inverse = keep_inverse * y_inverse + (1.0 - keep_inverse) * (y_extra - p.inverse * slope)
+            y_inverse = keep_inverse * y_inverse + (1.0 - keep_inverse) * (
+                y_extra - p.inverse * slope
+            )
             now = y_inverse if p.inverse > 0 else y_extra
             y_sensor = keep_sensor * y_sensor + (1.0 - keep_sensor) * now
         mv[k] = position

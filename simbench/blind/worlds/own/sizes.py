@@ -60,7 +60,11 @@ def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> 
             size = log(least, case.Td) if shorter else log(least, 3 * case.speed)
             return lambda x: {"extra": -size(x) if shorter else size(x)}
         case "noise":
-            return one("factor", 0.75, 0.1, std=0.0) if u[0] < 0.2 else one("factor", 1.25, 15, std=0.0)
+            return (
+                one("factor", 0.75, 0.1, std=0.0)
+                if u[0] < 0.2
+                else one("factor", 1.25, 15, std=0.0)
+            )
         case "quantisation":
             size, at = log(0.4 * noise, max(20 * noise, 2 * e)), "loop" if u[0] < 0.6 else "record"
             return lambda x: {"step": size(x), "at": at}
@@ -77,10 +81,18 @@ def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> 
             per = case.unit if name == "drift" else 1.0
             total, ramp = log(0.5 * per, 35 * per), u[0] < 0.5
             if ramp:
-                return lambda x: {"rate": way * float(f"{total(x) / case.duration:.4g}"), "walk": 0.0}
-            return lambda x: {"rate": 0.0, "walk": float(f"{total(x) / math.sqrt(case.duration):.4g}")}
+                return lambda x: {
+                    "rate": way * float(f"{total(x) / case.duration:.4g}"),
+                    "walk": 0.0,
+                }
+            return lambda x: {
+                "rate": 0.0,
+                "walk": float(f"{total(x) / math.sqrt(case.duration):.4g}"),
+            }
         case "oscillation":
-            period = min(case.speed * 10 ** (0.2 + u[0]), case.duration / 15)  # fewer periods would be a wandering load
+            period = min(
+                case.speed * 10 ** (0.2 + u[0]), case.duration / 15
+            )  # fewer periods would be a wandering load
             return one("amplitude", 0.1, 12, period=float(f"{period:.4g}"))
         case "load_steps":
             return one("size", 0.2, 15, rate=float(f"{(4 + 20 * u[0]) / case.duration:.4g}"))

@@ -63,7 +63,10 @@ def tiny(tmp_path_factory):
 
 def front(table):
     """Return the rows that an exam has too, without times."""
-    rows = table[(table["mode"] == "front end") & table.method.isin([*METHODS, "oracle", "blind classifier", "always no"])]
+    rows = table[
+        (table["mode"] == "front end")
+        & table.method.isin([*METHODS, "oracle", "blind classifier", "always no"])
+    ]
     keys = [c for c in ("method", "truth", "process", "axis", "value") if c in rows]
     return rows.drop(columns="median_ms").set_index(keys).sort_index()
 
@@ -78,7 +81,9 @@ def test_scores_and_answers_are_those_of_a_run_with_the_same_seeds_to_the_last_b
     pd.testing.assert_frame_equal(front(ours.by_axis), front(theirs.by_axis), check_exact=True)
     pd.testing.assert_frame_equal(ours.quantification, theirs.quantification, check_exact=True)
     assert set(ours.table["mode"]) == {"front end"}  # nobody answered without it
-    names = {i: of["scenario"] for i, of in json.loads((place / "key").read_text())["records"].items()}
+    names = {
+        i: of["scenario"] for i, of in json.loads((place / "key").read_text())["records"].items()
+    }
     said = {(r["method"], names[r["record"]]): r for r in csv.DictReader(lines_of(place))}
     verdicts = pd.read_parquet(run / "verdicts.parquet")
     for row in verdicts[verdicts.method != "oracle"].itertuples():
@@ -93,14 +98,25 @@ def test_scores_and_answers_are_those_of_a_run_with_the_same_seeds_to_the_last_b
 def test_two_workers_write_the_same_files_as_one(place, tmp_path):
     make_exam("smoke", tmp_path / "exam", tmp_path / "key", jobs=2, seed=SEED)
     answer_exam(tmp_path / "exam", tmp_path / "answers.csv", METHODS, jobs=2)
-    for name in ("key", "answers.csv", *(f"exam/{file.name}" for file in (place / "exam").iterdir())):
+    for name in (
+        "key",
+        "answers.csv",
+        *(f"exam/{file.name}" for file in (place / "exam").iterdir()),
+    ):
         assert (tmp_path / name).read_bytes() == (place / name).read_bytes(), name
 
 
 def test_an_exam_holds_what_an_engineer_knows_and_nothing_else(place):
     exam, secret = place / "exam", json.loads((place / "key").read_text())
-    assert sorted(file.name for file in exam.iterdir()) == ["exam.json", "loops.csv", "records.parquet"]
-    table, about = pq.read_table(exam / "records.parquet"), json.loads((exam / "exam.json").read_text())
+    assert sorted(file.name for file in exam.iterdir()) == [
+        "exam.json",
+        "loops.csv",
+        "records.parquet",
+    ]
+    table, about = (
+        pq.read_table(exam / "records.parquet"),
+        json.loads((exam / "exam.json").read_text()),
+    )
     assert table.column_names == ["record", "t", "sp", "op", "pv"]
     assert table.schema.metadata is None
     assert set(about) == {"format", "benchmark", "version", "n", "commitment"}
@@ -114,7 +130,13 @@ def test_an_exam_holds_what_an_engineer_knows_and_nothing_else(place):
     assert np.abs(np.corrcoef([i for i, _ in order], range(len(order)))[0, 1]) < 0.5
     assert list(secret["records"]) != sorted(secret["records"])
     written = b"".join(file.read_bytes() for file in exam.iterdir())
-    words = {"choudhury", "healthy", "sticky", "ideal", *(of["scenario"] for of in secret["records"].values())}
+    words = {
+        "choudhury",
+        "healthy",
+        "sticky",
+        "ideal",
+        *(of["scenario"] for of in secret["records"].values()),
+    }
     assert not [word for word in words if word.encode() in written]
 
 
@@ -127,19 +149,33 @@ def test_seeds_ids_and_order_are_drawn_afresh(tiny, tmp_path):
 
 
 def test_a_subset_takes_siblings_only_when_every_group_has_given_one(tmp_path):
-    make_exam("smoke", tmp_path / "exam", tmp_path / "key", n=load_grid("smoke").group_count, seed=3)
+    make_exam(
+        "smoke", tmp_path / "exam", tmp_path / "key", n=load_grid("smoke").group_count, seed=3
+    )
     groups = [of["group"] for of in json.loads((tmp_path / "key").read_text())["records"].values()]
     assert len(set(groups)) == len(groups)
 
 
 def test_a_killed_call_goes_on_where_it_stopped(place, tmp_path):
     (tmp_path / "slow.py").write_text(PLUGIN)
-    words = ["exam", "answer", place / "exam", "--plugin", tmp_path / "slow.py", "--method", "slow,he", "-j", "2"]
+    words = [
+        "exam",
+        "answer",
+        place / "exam",
+        "--plugin",
+        tmp_path / "slow.py",
+        "--method",
+        "slow,he",
+        "-j",
+        "2",
+    ]
     words = [str(word) for word in words]
     assert main([*words, "-o", str(tmp_path / "whole.csv")]) == 0
     out, parts = tmp_path / "answers.csv", tmp_path / "answers.csv.partial"
     killed = subprocess.Popen(
-        [sys.executable, "-m", "simbench.cli", *words, "-o", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "simbench.cli", *words, "-o", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     until = time.monotonic() + 240.0
     while not list(parts.glob("[0-9]*.csv")) and killed.poll() is None and time.monotonic() < until:
@@ -151,20 +187,40 @@ def test_a_killed_call_goes_on_where_it_stopped(place, tmp_path):
     there = len(list(parts.glob("[0-9]*.csv")))
     assert 0 < there < 6
     assert main([*words, "-o", str(out)]) == 2  # nothing is overwritten unasked
-    assert main([*[w if w != "slow,he" else "slow" for w in words], "-o", str(out), "--resume"]) == 2
+    assert (
+        main([*[w if w != "slow,he" else "slow" for w in words], "-o", str(out), "--resume"]) == 2
+    )
     assert len(list(parts.glob("[0-9]*.csv"))) == there
     assert main([*words, "-o", str(out), "--resume"]) == 0
     assert out.read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert not parts.exists()
 
 
-def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(tiny, tmp_path, capsys):
+def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
+    tiny, tmp_path, capsys
+):
     ids = list(read_exam(tiny / "exam").records)
-    rows = [f"my-method,{ids[0]},stiction,1,2..3", f"my-method,{ids[1]},no_stiction,,", f"my-method,{ids[2]},stiction,NaN,4"]
+    rows = [
+        f"my-method,{ids[0]},stiction,1,2..3",
+        f"my-method,{ids[1]},no_stiction,,",
+        f"my-method,{ids[2]},stiction,NaN,4",
+    ]
     (tmp_path / "mine.csv").write_text("\n".join(["method,record,verdict,score,S", *rows]) + "\n")
     files = [str(tmp_path / "mine.csv"), str(tiny / "answers.csv")]
     words = ["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), *files]
-    assert main([*words, "--labels", str(tmp_path / "labels.csv"), "--report", str(tmp_path / "r.html"), "--json"]) == 0
+    assert (
+        main(
+            [
+                *words,
+                "--labels",
+                str(tmp_path / "labels.csv"),
+                "--report",
+                str(tmp_path / "r.html"),
+                "--json",
+            ]
+        )
+        == 0
+    )
     told = json.loads(capsys.readouterr().out)
     assert told["missing"] == {"my-method": 1}
     labels = pd.read_csv(tmp_path / "labels.csv", dtype={"record": str})
@@ -173,12 +229,18 @@ def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
     clear = labels.cycled.isin(["yes", "no"])
     said = np.array(["yes", "no", "yes", None])
     whole = ("my-method", "cycled", "all", "all")
-    (mine,) = [r for r in told["rows"] if (r["method"], r["truth"], r["process"], r["population"]) == whole]
+    (mine,) = [
+        r for r in told["rows"] if (r["method"], r["truth"], r["process"], r["population"]) == whole
+    ]
     assert mine["n"] == clear.sum()
-    assert mine["accuracy_applicable"] == pytest.approx((said == labels.cycled)[clear].mean(), abs=1e-6)
+    assert mine["accuracy_applicable"] == pytest.approx(
+        (said == labels.cycled)[clear].mean(), abs=1e-6
+    )
     assert "my-method" in (tmp_path / "r.html").read_text()
     assert main(words) == 0
-    assert capsys.readouterr().out.startswith("my-method left out 1 records, which count as no decision\n")
+    assert capsys.readouterr().out.startswith(
+        "my-method left out 1 records, which count as no decision\n"
+    )
 
 
 def lines_of(place):
@@ -191,7 +253,10 @@ def spoilt(how, lines):
     changed = {
         "unknown record": [lines[0], lines[1].replace(first[1], "000"), *lines[2:]],
         "repeated record": [*lines, lines[3]],
-        "bad verdict": [*lines[:2], ",".join([*lines[2].split(",")[:2], "perhaps", "", "", ""]) + "\n"],
+        "bad verdict": [
+            *lines[:2],
+            ",".join([*lines[2].split(",")[:2], "perhaps", "", "", ""]) + "\n",
+        ],
         "bad score": [*lines[:2], ",".join([*lines[2].split(",")[:3], "high", "", ""]) + "\n"],
         "bad interval": [*lines[:2], ",".join([*lines[2].split(",")[:3], "", "3..2", ""]) + "\n"],
         "reference row": [lines[0], lines[1].replace(first[0], "oracle")],
@@ -266,17 +331,43 @@ def cut(name, size):
 def test_a_changed_exam_is_refused(tiny, tmp_path, capsys, change, part):
     shutil.copytree(tiny / "exam", tmp_path / "exam")
     change(tmp_path / "exam")
-    assert main(["exam", "open", str(tmp_path / "exam"), "--key", str(tiny / "key"), str(tiny / "answers.csv")]) == 2
+    assert (
+        main(
+            [
+                "exam",
+                "open",
+                str(tmp_path / "exam"),
+                "--key",
+                str(tiny / "key"),
+                str(tiny / "answers.csv"),
+            ]
+        )
+        == 2
+    )
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.count("\n") == 1
     assert part in told.err
 
 
-def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(tiny, monkeypatch, capsys):
+def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
+    tiny, monkeypatch, capsys
+):
     monkeypatch.setattr(opening, "evaluator_hash", lambda: "0" * 16)
     monkeypatch.setattr(opening, "simulate_picks", lambda *_: pytest.fail("it was simulated"))
-    assert main(["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), str(tiny / "answers.csv")]) == 2
+    assert (
+        main(
+            [
+                "exam",
+                "open",
+                str(tiny / "exam"),
+                "--key",
+                str(tiny / "key"),
+                str(tiny / "answers.csv"),
+            ]
+        )
+        == 2
+    )
     told = capsys.readouterr()
     assert told.err.count("\n") == 1
     assert "was made by another version of simbench" in told.err
@@ -285,12 +376,28 @@ def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
 
 def test_another_key_is_refused(tiny, tmp_path, capsys):
     text = (tiny / "key").read_text()
-    for content, part in ((text + " ", "commitment"), ("hello", "no key file"), (None, "cannot be read")):
+    for content, part in (
+        (text + " ", "commitment"),
+        ("hello", "no key file"),
+        (None, "cannot be read"),
+    ):
         if content is not None:
             (tmp_path / "key").write_text(content)
         else:
             (tmp_path / "key").unlink()
-        assert main(["exam", "open", str(tiny / "exam"), "--key", str(tmp_path / "key"), str(tiny / "answers.csv")]) == 2
+        assert (
+            main(
+                [
+                    "exam",
+                    "open",
+                    str(tiny / "exam"),
+                    "--key",
+                    str(tmp_path / "key"),
+                    str(tiny / "answers.csv"),
+                ]
+            )
+            == 2
+        )
         assert part in capsys.readouterr().err
 
 
@@ -307,10 +414,14 @@ def test_another_key_is_refused(tiny, tmp_path, capsys):
         (["answer", "EXAM", "-o", "ANSWERS", "--method", "he", "--resume"], "holds other answers"),
     ],
 )
-def test_wrong_use_ends_in_one_sentence_and_writes_nothing(tiny, tmp_path, monkeypatch, capsys, words, part):
+def test_wrong_use_ends_in_one_sentence_and_writes_nothing(
+    tiny, tmp_path, monkeypatch, capsys, words, part
+):
     monkeypatch.chdir(tmp_path)
     known = {"EXAM": tiny / "exam", "KEY": tiny / "key", "ANSWERS": tiny / "answers.csv"}
-    words = [str(Path(known.get(w.split("/")[0], w.split("/")[0]), *w.split("/")[1:])) for w in words]
+    words = [
+        str(Path(known.get(w.split("/")[0], w.split("/")[0]), *w.split("/")[1:])) for w in words
+    ]
     assert main(["exam", *words]) == 2
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1)

@@ -15,7 +15,12 @@ from simbench.bench.store.checksums import RunError
 
 pytestmark = pytest.mark.slow  # processes of dask are started and killed
 distributed = pytest.importorskip("distributed")
-QUIET = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": "127.0.0.1:0"}
+QUIET = {
+    "n_workers": 2,
+    "threads_per_worker": 1,
+    "processes": True,
+    "dashboard_address": "127.0.0.1:0",
+}
 
 
 def slow(folder, at: int):
@@ -34,7 +39,14 @@ def test_one_of_two_workers_killed_gives_the_same_bits(small, tmp_path):
     file = slow(tmp_path, 20)
     kill_when_it_stops(tmp_path)
     with distributed.LocalCluster(**QUIET) as cluster:
-        run = run_grid(small, tmp_path / "dask", ["he"], plugins=[file], backend="dask", address=cluster.scheduler_address)
+        run = run_grid(
+            small,
+            tmp_path / "dask",
+            ["he"],
+            plugins=[file],
+            backend="dask",
+            address=cluster.scheduler_address,
+        )
     assert (tmp_path / "seen").stat().st_size > 32
     assert same_tables(run, run_grid(small, tmp_path / "one", ["he"], plugins=[file]))
 
@@ -51,7 +63,9 @@ def processes(tmp_path):
 
     home = tmp_path / "scheduler.json"
     scheduler = start("scheduler", "--port", "0", "--scheduler-file", str(home), "--no-dashboard")
-    worker = start("worker", "--scheduler-file", str(home), "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    worker = start(
+        "worker", "--scheduler-file", str(home), "--nthreads", "1", "--no-nanny", "--no-dashboard"
+    )
     while not home.exists():
         assert scheduler.poll() is None
         time.sleep(0.1)
@@ -63,8 +77,12 @@ def processes(tmp_path):
         process.wait()
 
 
-@pytest.mark.parametrize(("who", "words"), [("scheduler", "scheduler is gone"), ("worker", "no dask worker is there")])
-def test_a_run_whose_cluster_is_gone_ends_by_itself_and_can_be_resumed(small, tmp_path, processes, who, words):
+@pytest.mark.parametrize(
+    ("who", "words"), [("scheduler", "scheduler is gone"), ("worker", "no dask worker is there")]
+)
+def test_a_run_whose_cluster_is_gone_ends_by_itself_and_can_be_resumed(
+    small, tmp_path, processes, who, words
+):
     address, scheduler, worker = processes
     file = slow(tmp_path, 50)
     kill_when_it_stops(tmp_path, (scheduler if who == "scheduler" else worker).pid)

@@ -64,7 +64,9 @@ def test_a_run_that_must_be_asked_for(large):
 
 def test_the_size_reads_in_usual_units():
     said = str(GridSize(3, 12, 4.2e7, 5.5e6, 90.0))
-    assert said == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
+    assert (
+        said == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
+    )
 
 
 def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
@@ -74,11 +76,23 @@ def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
         "title": "scaled",
         "seed": 1,
         "valves": {"lag": {"parameters": {"T": -0.1}, "scale": {"T": "period"}}},
-        "draw": {"K": 1.0, "T": 10.0, "S": 3.0, "samples_per_period": 20, "periods": 18, "step": 0.8},
+        "draw": {
+            "K": 1.0,
+            "T": 10.0,
+            "S": 3.0,
+            "samples_per_period": 20,
+            "periods": 18,
+            "step": 0.8,
+        },
         "block": [
             {
                 "name": "a",
-                "axes": {"Td_over_T": [0.3], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none"]},
+                "axes": {
+                    "Td_over_T": [0.3],
+                    "S_over_2J": [0.5],
+                    "noise_ratio": [0.1],
+                    "disturbance": ["none"],
+                },
                 "member": [{"name": "sticky", "valve": ["choudhury", "lag"]}],
             }
         ],

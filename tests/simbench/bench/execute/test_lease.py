@@ -21,7 +21,9 @@ def quick(monkeypatch):
     monkeypatch.setattr(room, "STALE", 2.0)
 
 
-def test_the_second_is_told_who_works_there_and_the_folder_is_free_afterwards(tmp_path, monkeypatch):
+def test_the_second_is_told_who_works_there_and_the_folder_is_free_afterwards(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(sys, "argv", ["simbench", "run", "s3://ann:secret@host/x"])
     with lease(tmp_path):
         words = rf"process {os.getpid()} on .* works there since .*; wait for its end"
@@ -93,6 +95,9 @@ try:
 except room.RunError as error:
     assert "works there" in str(error)
 """
-    many = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    many = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
     assert "".join(p.communicate()[0] for p in many).count("in") == 1
     assert all(p.returncode == 0 for p in many)

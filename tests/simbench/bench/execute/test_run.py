@@ -134,7 +134,10 @@ def test_a_book_holds_what_the_tables_say(finished):
     for name in ("block", "disturbance"):
         assert book.axes[name].tolist() == scenarios[name].fillna("").tolist()
     np.testing.assert_array_equal(book.axes["noise_ratio"], scenarios.noise_ratio)
-    assert book.truth["cycled"].tolist() == scenarios.cycled.map({"yes": 1, "no": 0}).fillna(-1).tolist()
+    assert (
+        book.truth["cycled"].tolist()
+        == scenarios.cycled.map({"yes": 1, "no": 0}).fillna(-1).tolist()
+    )
     wide = verdicts.pivot(index="scenario_id", columns="method").loc[scenarios.scenario_id]
     for i, method in enumerate(book.methods):
         assert [list(store.CODES)[c] for c in book.verdict[i]] == wide["verdict"][method].tolist()
@@ -143,9 +146,16 @@ def test_a_book_holds_what_the_tables_say(finished):
 
 def test_dask_gives_the_same_bits(small, finished, tmp_path):
     distributed = pytest.importorskip("distributed")
-    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    settings = {
+        "n_workers": 1,
+        "threads_per_worker": 2,
+        "processes": False,
+        "dashboard_address": "127.0.0.1:0",
+    }
     with distributed.LocalCluster(**settings) as cluster:
-        run = run_grid(small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address)
+        run = run_grid(
+            small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address
+        )
     assert_same(run, finished)
 
 
@@ -175,7 +185,9 @@ class RayOfThreads:
                 raise self.fault
             return function(*piece)
 
-        return SimpleNamespace(remote=lambda *piece: SimpleNamespace(future=lambda: self.pool.submit(work, *piece)))
+        return SimpleNamespace(
+            remote=lambda *piece: SimpleNamespace(future=lambda: self.pool.submit(work, *piece))
+        )
 
 
 def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
@@ -190,14 +202,20 @@ def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("address", "kind", "words"),
     [
-        ("127.0.0.1:1", None, "no ray cluster answers at 127.0.0.1:1: .*refused; its HOST:PORT is needed"),
+        (
+            "127.0.0.1:1",
+            None,
+            "no ray cluster answers at 127.0.0.1:1: .*refused; its HOST:PORT is needed",
+        ),
         ("here", None, "no ray cluster answers at here: .*; its HOST:PORT is needed"),
         ("auto", None, "no ray cluster answers at auto: nobody is there; its HOST:PORT is needed"),
         (None, "RayError", "ray gave up: lost"),
         (None, "WorkerCrashedError", "worker processes keep dying"),
     ],
 )
-def test_a_ray_that_fails_ends_the_run_in_one_sentence(small, tmp_path, monkeypatch, address, kind, words):
+def test_a_ray_that_fails_ends_the_run_in_one_sentence(
+    small, tmp_path, monkeypatch, address, kind, words
+):
     fault = None if kind is None else getattr(RayOfThreads.exceptions, kind)("lost\nand more lines")
     monkeypatch.setitem(sys.modules, "ray", RayOfThreads(fault))
     with pytest.raises(RunError, match=words):
@@ -206,7 +224,9 @@ def test_a_ray_that_fails_ends_the_run_in_one_sentence(small, tmp_path, monkeypa
 
 def test_without_ray_it_is_said_what_to_install(small, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"):
+    with pytest.raises(
+        RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"
+    ):
         run_grid(small, tmp_path / "ray", ["he"], backend="ray")
 
 
@@ -221,7 +241,9 @@ def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
             row = rows.loc[front.method]
             assert (row.verdict, row.verdict_raw) == (front.verdict, raw.verdict)
             assert row.reason == front.reason
-            assert np.array_equal([row.score, row.score_raw], [front.score, raw.score], equal_nan=True)
+            assert np.array_equal(
+                [row.score, row.score_raw], [front.score, raw.score], equal_nan=True
+            )
 
 
 def test_a_record_is_simulated_again_from_its_id(finished):
@@ -268,7 +290,9 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
     """
     script = tmp_path / "child.py"
     script.write_text(textwrap.dedent(code))
-    return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
@@ -356,7 +380,9 @@ def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
     assert "continue with --resume" in out
 
 
-def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
+def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(
+    small, finished, tmp_path, monkeypatch
+):
     write, left = pieces.write_piece, [3]
 
     def full(where, piece, key):
@@ -366,7 +392,9 @@ def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, 
         return write(where, piece, key)
 
     monkeypatch.setattr(pieces, "write_piece", full)
-    with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
+    with pytest.raises(
+        RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
+    ):
         run_grid(small, tmp_path / "run", METHODS)
     monkeypatch.undo()
     assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
@@ -410,13 +438,18 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
     ("change", "words"),
     [
         ({"grid": {"noise_ratio": 0.2}}, "the grid differs"),
-        ({"methods": ["he"]}, "methods differ: the run has yamashita, which this command does not ask for$"),
+        (
+            {"methods": ["he"]},
+            "methods differ: the run has yamashita, which this command does not ask for$",
+        ),
         ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differ"),
         ({"code": "0" * 16}, "the code differs"),
         ({"numpy": "1.0"}, "versions differ: numpy was 1.0"),
     ],
 )
-def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_path, change, words, monkeypatch):
+def test_a_run_that_differs_is_not_mixed_with_the_old_one(
+    small, finished, tmp_path, change, words, monkeypatch
+):
     run = tmp_path / "run"
     shutil.copytree(finished, run)
     content = read_manifest(run)
@@ -427,12 +460,23 @@ def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_p
     manifest_module.write_manifest(run, {**content, "complete": False})
     grid = make_grid(small.content.model_dump(), "small", change.get("grid"))
     with pytest.raises(RunError, match=words):
-        run_grid(grid, run, change.get("methods", METHODS), thresholds=change.get("thresholds"), resume=True)
+        run_grid(
+            grid,
+            run,
+            change.get("methods", METHODS),
+            thresholds=change.get("thresholds"),
+            resume=True,
+        )
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [('{"format": 0}', "format version 0"), ("{", "damaged"), ("[]", "damaged"), ('{"other": 1}', "damaged")],
+    [
+        ('{"format": 0}', "format version 0"),
+        ("{", "damaged"),
+        ("[]", "damaged"),
+        ('{"other": 1}', "damaged"),
+    ],
 )
 def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, words):
     (tmp_path / "manifest.json").write_text(text)
@@ -462,7 +506,9 @@ def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, s
     run = tmp_path / "run"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            pieces if step == "score_book" else pieces.Place, step, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+            pieces if step == "score_book" else pieces.Place,
+            step,
+            lambda *_: (_ for _ in ()).throw(KeyboardInterrupt),
         )
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, run, METHODS)
@@ -500,9 +546,15 @@ def test_a_loop_that_cannot_be_simulated_is_refused_before_a_folder_is_made(tmp_
         "valve": {"model": "choudhury", "S": 5, "J": 2},
         "sampling": {"Ts": 1, "n": 300},
     }
-    for axes, words in (({"valve.S": [5, -1]}, "S = -1"), ({"valve.Q": [1]}, "'Q'"), ({"valve.model": ["nono"]}, "nono")):
+    for axes, words in (
+        ({"valve.S": [5, -1]}, "S = -1"),
+        ({"valve.Q": [1]}, "'Q'"),
+        ({"valve.model": ["nono"]}, "nono"),
+    ):
         with pytest.raises((UserError, ValueError), match=words):
-            run_grid(make_grid({"title": "t", "loop": loop, "axes": axes}), tmp_path / "run", ["he"])
+            run_grid(
+                make_grid({"title": "t", "loop": loop, "axes": axes}), tmp_path / "run", ["he"]
+            )
     assert not (tmp_path / "run").exists()
 
 
@@ -512,7 +564,9 @@ def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
     assert (out, err) == ("", "")
 
 
-def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(small, finished, tmp_path, monkeypatch):
+def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
+    small, finished, tmp_path, monkeypatch
+):
     def broken(loop, **_):
         raise ZeroDivisionError("by design")
 
@@ -520,7 +574,11 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(smal
     guests._theory.cache_clear()
     verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
     guests._theory.cache_clear()
-    assert scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]].isna().all(axis=None)
+    assert (
+        scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]]
+        .isna()
+        .all(axis=None)
+    )
     assert set(scenarios.theory_reason) == {"ZeroDivisionError: by design"}
     sound_verdicts, sound = tables(finished)
     pd.testing.assert_frame_equal(verdicts, sound_verdicts, check_exact=True)
@@ -531,13 +589,17 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(smal
 def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
     """As the healthy loops of grid families whose sensor lags."""
     table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
-    table["effects"] = {"sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}}
+    table["effects"] = {
+        "sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}
+    }
     table["valves"] = {"lag": {"parameters": {"T": [0.01, 0.05]}, "scale": {"T": "period"}}}
     table["block"] = [SMALL["block"][0] | {"member": [{"name": "healthy", "valve": "lag"}]}]
     verdicts, scenarios = tables(run_grid(make_grid(table, "lagging"), tmp_path / "run", ["he"], 1))
     assert scenarios.error.isna().all()
     assert scenarios.theory.isna().all()
-    assert scenarios.theory_reason.str.contains(r"valve 'lag' has no \(S, J\).*; the sensor has a lag").all()
+    assert scenarios.theory_reason.str.contains(
+        r"valve 'lag' has no \(S, J\).*; the sensor has a lag"
+    ).all()
     assert not verdicts.reason.fillna("").str.startswith("failed").any()
 
 
@@ -563,7 +625,16 @@ def test_the_manifest_says_what_was_run(finished):
     assert content["complete"]
     assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
     assert set(content["methods"]) == set(METHODS)
-    assert {"grid_hash", "seed", "records_hash", "versions", "code", "commit", "command", "times"} <= set(content)
+    assert {
+        "grid_hash",
+        "seed",
+        "records_hash",
+        "versions",
+        "code",
+        "commit",
+        "command",
+        "times",
+    } <= set(content)
 
 
 def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
@@ -593,7 +664,9 @@ def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
         patch.setattr(pieces, "write_piece", stopping)
         with pytest.raises(Interrupted):
             run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
-    assert_same(run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed)
+    assert_same(
+        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed
+    )
 
 
 def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
@@ -611,7 +684,9 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the_grids(small, tmp_path, monkeypatch):
+def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the_grids(
+    small, tmp_path, monkeypatch
+):
     asked, judge_both = [], work_module.judge_both
 
     def heard(record, *rest):
@@ -624,7 +699,10 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
     assert sorted(asked) == sorted(rows.record_hash)
     place = {mark: k for k, mark in enumerate(asked)}
     came = np.array([place[mark] for mark in rows.record_hash])
-    sticky, healthy = came[(rows.member == "sticky").to_numpy()], came[(rows.member == "healthy").to_numpy()]
+    sticky, healthy = (
+        came[(rows.member == "sticky").to_numpy()],
+        came[(rows.member == "healthy").to_numpy()],
+    )
     # a sticky loop stands right before its sibling in the grid; asked about, it comes first as often as last
     assert 0.4 < np.mean(sticky < healthy) < 0.6
     assert np.mean(healthy - sticky == 1) < 0.1
@@ -632,12 +710,18 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
 
 def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     file = tmp_path / "small.toml"
-    file.write_text((Path(scenarios.__path__[0]) / "grids" / "smoke.toml").read_text().replace("expected = 48\n", ""))
+    file.write_text(
+        (Path(scenarios.__path__[0]) / "grids" / "smoke.toml")
+        .read_text()
+        .replace("expected = 48\n", "")
+    )
     axes = {"disturbance": ["none"], "S_over_2J": [0.5]}
     folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, fresh_seeds=True)
     told = read_manifest(folder)
     assert told["seed"] != 1
     assert f"seed {told['seed']}," in score_run(folder).as_text()
-    assert_same(folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]}))
+    assert_same(
+        folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]})
+    )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)

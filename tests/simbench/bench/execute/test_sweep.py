@@ -42,7 +42,11 @@ def test_every_number_of_a_sweep(made, raw):
     verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
     assert len(found) == 4
     for row in found.to_dict("records"):
-        part = [r for r in made.to_dict("records") if (r["valve.J"], r["method"]) == (row["valve.J"], row["method"])]
+        part = [
+            r
+            for r in made.to_dict("records")
+            if (r["valve.J"], r["method"]) == (row["valve.J"], row["method"])
+        ]
         assert row["n"] == len(part) == 40
         for name, wanted in (("stiction", "stiction"), ("no_decision", "no_decision")):
             assert row[name] == pytest.approx(np.mean([r[verdict] == wanted for r in part]))

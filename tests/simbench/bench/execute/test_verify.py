@@ -40,7 +40,12 @@ SCHEMAS = {"scenarios": SCENARIOS, "verdicts": VERDICT_SCHEMA}
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """An honest run of 32 scenarios, with one record kept."""
-    return run_grid(make_grid(SMALL, "small", {"repeats": 2}), tmp_path_factory.mktemp("run") / "r", METHODS, keep=1)
+    return run_grid(
+        make_grid(SMALL, "small", {"repeats": 2}),
+        tmp_path_factory.mktemp("run") / "r",
+        METHODS,
+        keep=1,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +65,10 @@ class Forgery:
         self.manifest = read_manifest(folder)
         self.pieces = len(self.manifest["tables"]["scenarios"])
         self.rows = {
-            kind: [pd.read_parquet(folder / partition_file(kind, i)).to_dict("records") for i in range(self.pieces)]
+            kind: [
+                pd.read_parquet(folder / partition_file(kind, i)).to_dict("records")
+                for i in range(self.pieces)
+            ]
             for kind in SCHEMAS
         }
         for rows in (row for kind in self.rows.values() for part in kind for row in part):
@@ -71,7 +79,11 @@ class Forgery:
 
     def of(self, method):
         truth = {row["scenario_id"]: row["cycled"] == "yes" for row in self.all("scenarios")}
-        return [(row, truth[row["scenario_id"]]) for row in self.all("verdicts") if row["method"] == method]
+        return [
+            (row, truth[row["scenario_id"]])
+            for row in self.all("verdicts")
+            if row["method"] == method
+        ]
 
     def write(self):
         for kind, parts in self.rows.items():
@@ -79,16 +91,26 @@ class Forgery:
             (self.folder / f"{kind}.parquet").mkdir()
             self.manifest["tables"][kind] = []
             for i, rows in enumerate(parts):
-                content = encode({f.name: [row[f.name] for row in rows] for f in SCHEMAS[kind]}, SCHEMAS[kind], i)
+                content = encode(
+                    {f.name: [row[f.name] for row in rows] for f in SCHEMAS[kind]}, SCHEMAS[kind], i
+                )
                 (self.folder / f"{kind}.parquet" / partition(i)).write_bytes(content)
                 self.manifest["tables"][kind].append(digest(content))
         count = len(self.all("scenarios"))
-        self.manifest["counts"] = {"scenarios": count, "verdicts": len(self.all("verdicts")), "errors": 0}
+        self.manifest["counts"] = {
+            "scenarios": count,
+            "verdicts": len(self.all("verdicts")),
+            "errors": 0,
+        }
         self.manifest["seed"] = self.manifest["grid_content"]["seed"]
         self.close()
         book = RunArrays.read(self.folder, self.manifest)
         grid = grid_of(self.manifest)
-        self.manifest |= {"records_hash": records_hash(book), "grid_hash": grid.hash, "cells_hash": grid.cells_hash}
+        self.manifest |= {
+            "records_hash": records_hash(book),
+            "grid_hash": grid.hash,
+            "cells_hash": grid.cells_hash,
+        }
         self.manifest["benchmark"] = benchmark_of(grid, book.ids.astype(str).tolist())
         score_book(book).write(place_of(self.folder))
         self.close()
@@ -99,10 +121,14 @@ class Forgery:
 
 def in_favour(forgery):
     """Three wrong answers of a method become right ones."""
-    wrong = [row for row, cycles in forgery.of("he") if (row["verdict"] == "stiction") != cycles][:3]
+    wrong = [row for row, cycles in forgery.of("he") if (row["verdict"] == "stiction") != cycles][
+        :3
+    ]
     assert wrong
     for row in wrong:
-        row["verdict"] = row["verdict_raw"] = "no_stiction" if row["verdict"] == "stiction" else "stiction"
+        row["verdict"] = row["verdict_raw"] = (
+            "no_stiction" if row["verdict"] == "stiction" else "stiction"
+        )
 
 
 def against_another(forgery):
@@ -236,7 +262,9 @@ TAMPERINGS = {
     "half of the pieces removed": half_the_pieces,
     "scenarios duplicated": duplicated,
     "thresholds": of_manifest("thresholds", value={"he": {"stiction_above": 0.9}}),
-    "thresholds that the method has not": of_manifest("thresholds", value={"he": {"stiction": 0.9}}),
+    "thresholds that the method has not": of_manifest(
+        "thresholds", value={"he": {"stiction": 0.9}}
+    ),
     "library version": of_manifest("versions", "numpy", value="1.26.0"),
     "code": of_manifest("code", value="0" * 16),
     "grid's name": of_manifest("grid", value="smoke"),
@@ -328,7 +356,9 @@ def test_a_plugin_is_asked_where_its_file_is_given(guest, tmp_path):
     forgery = Forgery(folder, tmp_path / "f")
     forgery.manifest["plugins"]["mine"] = digest(other.read_bytes())
     forgery.write()
-    assert "mine: reason differs" in " ".join(verify_run(tmp_path / "f", plugins=[other]).contradictions)
+    assert "mine: reason differs" in " ".join(
+        verify_run(tmp_path / "f", plugins=[other]).contradictions
+    )
     # a built-in method is asked whatever the run calls it
     in_favour_of_he = Forgery(folder, tmp_path / "g")
     in_favour_of_he.manifest["plugins"]["he"] = "0" * 16

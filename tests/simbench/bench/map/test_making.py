@@ -32,7 +32,9 @@ RATES = ("cost", "accuracy", "sensitivity", "false_positives")
 
 def digests(folder):
     """What a map consists of, but for its run."""
-    return {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in folder.iterdir() if f.is_file()}
+    return {
+        f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in folder.iterdir() if f.is_file()
+    }
 
 
 def made(grid, folder, **more):
@@ -46,7 +48,13 @@ def mapped(tmp_path_factory):
 
 
 def test_the_files_are_those_of_the_contract(mapped):
-    assert {f.name for f in mapped.iterdir()} == {"run", "map.parquet", "map.json", "he.svg", "yamashita.svg"}
+    assert {f.name for f in mapped.iterdir()} == {
+        "run",
+        "map.parquet",
+        "map.json",
+        "he.svg",
+        "yamashita.svg",
+    }
     of = json.loads((mapped / "map.json").read_text())
     assert list(of) == METHODS
     for row in of.values():
@@ -55,13 +63,20 @@ def test_the_files_are_those_of_the_contract(mapped):
         assert 0 < row["oscillating"]["n"] <= row["n"] <= 20
     table = pd.read_parquet(mapped / "map.parquet")
     axes = ["block", "Td_over_T", "S_over_2J", "noise_ratio", "disturbance", "Td_over_Ti"]
-    assert list(table) == ["method", *axes, *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi"))]
+    assert list(table) == [
+        "method",
+        *axes,
+        *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi")),
+    ]
     assert table.groupby("method").size().to_dict() == dict.fromkeys(METHODS, 8)
     # a cell has what its block has of each axis
     grid = make_grid(SMALL, "small", {"repeats": 2})
     for cell, row in enumerate(table[table.method == "he"].to_dict("records")):
         tags = grid.group(cell).drafts[0].tags
-        assert all(row[a] == tags[a] if a in tags and tags[a] is not None else pd.isna(row[a]) for a in axes)
+        assert all(
+            row[a] == tags[a] if a in tags and tags[a] is not None else pd.isna(row[a])
+            for a in axes
+        )
     known = table.accuracy.notna()
     assert known.any()
     assert (table.accuracy_lo[known] <= table.accuracy[known] + 1e-9).all()
@@ -69,9 +84,15 @@ def test_the_files_are_those_of_the_contract(mapped):
 
 def test_the_sample_is_a_part_of_the_run_of_the_whole_grid(mapped, finished):
     columns = ["scenario_id", "method", "verdict", "score", "verdict_raw", "score_raw"]
-    part, whole = (pd.read_parquet(f / "verdicts.parquet")[columns] for f in (mapped / "run", finished))
+    part, whole = (
+        pd.read_parquet(f / "verdicts.parquet")[columns] for f in (mapped / "run", finished)
+    )
     assert len(part) == 40
-    whole = whole.set_index(["scenario_id", "method"]).loc[list(zip(part.scenario_id, part.method))].reset_index()
+    whole = (
+        whole.set_index(["scenario_id", "method"])
+        .loc[list(zip(part.scenario_id, part.method))]
+        .reset_index()
+    )
     pd.testing.assert_frame_equal(part, whole)
     assert verify_run(mapped / "run").contradictions == ()
 
@@ -80,8 +101,17 @@ def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_pa
     found = map_grid(small, tmp_path / "map", 32, METHODS)
     rows = score_run(finished).as_json()["rows"]
     for name in METHODS:
-        for population, of in (("all", found.methods[name]), ("oscillating", found.methods[name]["oscillating"])):
-            wanted = {"method": name, "truth": "cycled", "front_end": True, "process": "all", "population": population}
+        for population, of in (
+            ("all", found.methods[name]),
+            ("oscillating", found.methods[name]["oscillating"]),
+        ):
+            wanted = {
+                "method": name,
+                "truth": "cycled",
+                "front_end": True,
+                "process": "all",
+                "population": population,
+            }
             (row,) = [r for r in rows if all(r[key] == value for key, value in wanted.items())]
             assert of["cost"]["value"] == pytest.approx(row["cost"], abs=1e-6)
             assert of["n"] == row["applicable"]
@@ -93,7 +123,12 @@ def test_two_workers_give_the_same_files(mapped, small, tmp_path):
 
 def test_dask_gives_the_same_files(mapped, small, tmp_path):
     distributed = pytest.importorskip("distributed")
-    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    settings = {
+        "n_workers": 1,
+        "threads_per_worker": 1,
+        "processes": False,
+        "dashboard_address": "127.0.0.1:0",
+    }
     with distributed.LocalCluster(**settings) as cluster:
         folder = made(small, tmp_path / "map", backend="dask", address=cluster.scheduler_address)
     assert digests(folder) == digests(mapped)
@@ -181,7 +216,9 @@ def wrong_grid(tmp_path, axes):
         ({"out": "s3://bucket/map"}, "folder of this machine"),
     ],
 )
-def test_what_cannot_be_mapped_is_refused_before_anything_is_written(tmp_path, monkeypatch, change, words):
+def test_what_cannot_be_mapped_is_refused_before_anything_is_written(
+    tmp_path, monkeypatch, change, words
+):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(Exception, match=words):
         map_grid("smoke", **{"out": "map", "points": 12, "methods": ["he"], **change})
@@ -190,7 +227,9 @@ def test_what_cannot_be_mapped_is_refused_before_anything_is_written(tmp_path, m
 
 @pytest.mark.parametrize("axes", [{}, {"valve.S": [3]}])
 def test_a_grid_of_one_loop_has_no_map(tmp_path, axes):
-    with pytest.raises(Exception, match="grid one has no axis with two values or more; a map needs one"):
+    with pytest.raises(
+        Exception, match="grid one has no axis with two values or more; a map needs one"
+    ):
         map_grid(wrong_grid(tmp_path, axes), tmp_path / "map", 3, ["he"])
 
 
@@ -213,7 +252,9 @@ def test_a_cell_without_members_has_no_row(small, tmp_path):
 def test_the_same_scenarios_are_simulated_as_by_run(tmp_path):
     """Whatever is drawn of a group: its siblings do not change it."""
     found = map_grid("smoke", tmp_path / "map", 10, ["he"])
-    whole = pd.read_parquet(run_grid(load_grid("smoke"), tmp_path / "run", ["he"]) / "scenarios.parquet")
+    whole = pd.read_parquet(
+        run_grid(load_grid("smoke"), tmp_path / "run", ["he"]) / "scenarios.parquet"
+    )
     part = pd.read_parquet(found.folder / "run" / "scenarios.parquet")
     hashes = dict(zip(whole.scenario_id, whole.record_hash))
     assert [hashes[i] for i in part.scenario_id] == list(part.record_hash)

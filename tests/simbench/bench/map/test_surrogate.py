@@ -36,7 +36,9 @@ def drawn(outcomes, n, seed):
 
 
 def halves_of_all(surrogate):
-    both = [surrogate.halves(np.column_stack([CELLS, np.full(len(CELLS), member)])) for member in (0, 1)]
+    both = [
+        surrogate.halves(np.column_stack([CELLS, np.full(len(CELLS), member)])) for member in (0, 1)
+    ]
     return both[0] + both[1]
 
 
@@ -44,7 +46,11 @@ def test_a_rate_of_a_cell_lies_in_its_interval_where_neighbours_are_alike():
     inside = {name: [] for name in ("accuracy", "sensitivity", "false_positives")}
     for seed in range(4):
         (sticky, healthy), outcomes = population(seed)[0].T, population(seed)[1]
-        truth = {"accuracy": (sticky + 1.0 - healthy) / 2.0, "sensitivity": sticky, "false_positives": healthy}
+        truth = {
+            "accuracy": (sticky + 1.0 - healthy) / 2.0,
+            "sensitivity": sticky,
+            "false_positives": healthy,
+        }
         halves = halves_of_all(drawn(outcomes, 250, seed))
         for name, known in truth.items():
             value, lo, hi = rate_of_cells(halves, name)
@@ -74,7 +80,10 @@ def test_a_sample_of_everything_has_the_cost_of_the_run_and_no_interval():
     outcomes[::7] = NOT_COUNTED
     outcomes[1::7, 0] -= 6  # do not oscillate
     surrogate = drawn(outcomes, outcomes.size, 0)
-    for only, counted in ((None, outcomes != NOT_COUNTED), (IF_OSCILLATING, IF_OSCILLATING[outcomes] > 0)):
+    for only, counted in (
+        (None, outcomes != NOT_COUNTED),
+        (IF_OSCILLATING, IF_OSCILLATING[outcomes] > 0),
+    ):
         found = rate_of_grid(surrogate, np.full(OUTCOMES, 1.0 / OUTCOMES), outcomes.size, only)
         assert found.value == pytest.approx(OUTCOME_COST[outcomes[counted]].mean())
         assert found.hi - found.lo < 1e-12
@@ -89,7 +98,12 @@ def test_what_has_no_label_anywhere_has_no_rate():
 
 
 def test_a_scenario_is_predicted_by_forests_that_do_not_have_its_cell():
-    outcomes = np.random.default_rng(0).choice([6, 7], (len(CELLS), 2))  # nothing to learn: by heart it would be known
+    outcomes = np.random.default_rng(0).choice(
+        [6, 7], (len(CELLS), 2)
+    )  # nothing to learn: by heart it would be known
     surrogate = drawn(outcomes, 300, 0)
     assert surrogate.brier() > 0.24
-    assert not (surrogate.outside & ~np.isin(surrogate.cells, surrogate.cells[surrogate.outside.any(axis=0)])).any()
+    assert not (
+        surrogate.outside
+        & ~np.isin(surrogate.cells, surrogate.cells[surrogate.outside.any(axis=0)])
+    ).any()

@@ -42,7 +42,9 @@ def test_cells_of_the_chapter_are_labelled_alike(cells):
     yes = [again for answer, again in answers if answer == "yes"]
     assert len(yes) > 2 / 3 * cells
     assert yes.count("yes") >= 0.995 * len(yes)
-    assert {answer for answer, _ in answers} >= {"yes", "no", "entrained"} | ({"unclear"} if cells == 300 else set())
+    assert {answer for answer, _ in answers} >= {"yes", "no", "entrained"} | (
+        {"unclear"} if cells == 300 else set()
+    )
 
 
 @pytest.mark.parametrize("grid", ["smoke", "table-11-3"])

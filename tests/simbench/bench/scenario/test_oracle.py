@@ -83,12 +83,17 @@ def test_surer_with_less_noise():
 
 def test_false_alarms_under_noise_are_rare():
     # the two fitted numbers cost ln n: chance alone seldom earns that
-    wrong = [said(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction" for seed in range(40)]
+    wrong = [
+        said(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction"
+        for seed in range(40)
+    ]
     assert sum(wrong) <= 2
 
 
 def test_a_run_has_an_oracle_row_when_asked_and_no_detector_is_better(tmp_path):
-    book = RunArrays.read(run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False))
+    book = RunArrays.read(
+        run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False)
+    )
     assert book.methods == ("he", "yamashita", "oracle")
     right = (book.verdict == book.truth["sticky"]).mean(axis=1)
     assert right[2] >= 0.98

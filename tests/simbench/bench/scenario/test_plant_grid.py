@@ -24,7 +24,15 @@ MORE = {
     "gain_ratio": {"parameters": {"R": 2.0}},
 }
 EFFECTS = {"archive": {"name": "compression", "parameters": {"band": 0.2}, "scale": {"band": "pv"}}}
-DRAW = {"K": 1.0, "T": 10.0, "S": 4.0, "samples_per_period": 30.0, "periods": 20.0, "step": 0.8, "noise_ratio": 0.1}
+DRAW = {
+    "K": 1.0,
+    "T": 10.0,
+    "S": 4.0,
+    "samples_per_period": 30.0,
+    "periods": 20.0,
+    "step": 0.8,
+    "noise_ratio": 0.1,
+}
 
 
 def shape(valve):
@@ -39,7 +47,15 @@ def one_cell(valves, **changes):
         "axes": {"Td_over_T": [0.3], "S_over_2J": [shape(names[0])]},
         "member": [{"name": name, "valve": name} for name in names],
     }
-    grid = make_grid({"title": "t", "draw": {**DRAW, **settings}, "valves": MORE, "effects": EFFECTS, "block": [block]})
+    grid = make_grid(
+        {
+            "title": "t",
+            "draw": {**DRAW, **settings},
+            "valves": MORE,
+            "effects": EFFECTS,
+            "block": [block],
+        }
+    )
     return resolve(grid.group(0))
 
 
@@ -59,14 +75,22 @@ def test_every_valve_file_is_a_member_with_the_band_that_its_cell_asks_for(valve
     assert cycled.answer == "no" or module.FRICTION
 
 
-@pytest.mark.parametrize(("valve", "J"), [("stenman", 2.0), ("deadband", 1.0), ("hysteresis", 1.0), ("coulomb_viscous", 2.0)])
+@pytest.mark.parametrize(
+    ("valve", "J"),
+    [("stenman", 2.0), ("deadband", 1.0), ("hysteresis", 1.0), ("coulomb_viscous", 2.0)],
+)
 def test_a_band_that_a_valve_cannot_have_is_one_sentence(valve, J):
     with pytest.raises(ParameterError, match=f"valve {valve!r} cannot have S = 5 %"):
         valve_table(valve, {"S": 5.0, "J": J}, 100.0, {})
 
 
 def test_parameters_of_the_grid_have_the_last_word_in_units_of_the_cell():
-    assert valve_table("he", {"S": 5.0, "J": 2.0}, 100.0, {"K": 1.2}) == {"model": "he", "S": 5.0, "J": 2.0, "K": 1.2}
+    assert valve_table("he", {"S": 5.0, "J": 2.0}, 100.0, {"K": 1.2}) == {
+        "model": "he",
+        "S": 5.0,
+        "J": 2.0,
+        "K": 1.2,
+    }
     deadzone, lag = one_cell(["deadzone", "lag"])
     assert deadzone.loop.valve.parameters == {"D": 2.0}
     period = deadzone.loop.sampling.Ts * 30.0
@@ -96,7 +120,9 @@ def test_a_wrong_name_is_one_sentence():
     with pytest.raises(SpecError, match="effect 'archives' is unknown"):
         one_cell("choudhury", effect="archives")
     with pytest.raises(SpecError, match="none of the parameters"):
-        make_grid({"title": "t", "valves": {"lag": {"scale": {"T": "period"}}}, "block": [{"name": "a"}]})
+        make_grid(
+            {"title": "t", "valves": {"lag": {"scale": {"T": "period"}}}, "block": [{"name": "a"}]}
+        )
 
 
 def test_the_grid_keeps_its_promises():
@@ -114,24 +140,49 @@ def test_the_grid_keeps_its_promises():
     assert 0.3 < np.mean([len(s.loop.setpoint.steps) > 1 for s in scenarios]) < 0.7
     buried = [s for s in scenarios if s.tags["disturbance"] == "buried" and s.tags["S"]]
     assert buried
-    assert all(s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in buried)
-    whole = {name for name in VALVES.names() if name in grid.content.valves or VALVES.load(name).FRICTION} | {"ideal"}
-    used = {v for b in grid.content.block for m in b.member for v in ([m.valve] if isinstance(m.valve, str) else m.valve)}
+    assert all(
+        s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in buried
+    )
+    whole = {
+        name for name in VALVES.names() if name in grid.content.valves or VALVES.load(name).FRICTION
+    } | {"ideal"}
+    used = {
+        v
+        for b in grid.content.block
+        for m in b.member
+        for v in ([m.valve] if isinstance(m.valve, str) else m.valve)
+    }
     assert used == whole == set(VALVES.names())
 
 
 def test_the_page_names_every_range_as_the_grid_has_it():
     content = load_grid("plant").content
-    ranges = {key: value for key, value in content.draw.items() if isinstance(value, tuple) and not isinstance(value[0], str)}
+    ranges = {
+        key: value
+        for key, value in content.draw.items()
+        if isinstance(value, tuple) and not isinstance(value[0], str)
+    }
     for name, d in content.disturbances.items():
         ranges.update({f"{name}.amplitude": d.amplitude, f"{name}.period": d.period})
     for part in (content.valves, content.effects):
         for name, more in part.items():
-            values = {k: v for k, v in more.parameters.items() if isinstance(v, tuple) and not isinstance(v[0], str)}
+            values = {
+                k: v
+                for k, v in more.parameters.items()
+                if isinstance(v, tuple) and not isinstance(v[0], str)
+            }
             ranges.update({f"{name}.{key}": value for key, value in values.items()})
     as_chapter = ("sine", "propagated", "steps", "random_walk")
-    told = dict(re.findall(r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:own|source|records)", PAGE.read_text(), flags=re.M))
-    wanted = {k: f"[{v[0]}, {v[1]}]" for k, v in ranges.items() if k.partition(".")[0] not in as_chapter}
+    told = dict(
+        re.findall(
+            r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:own|source|records)",
+            PAGE.read_text(),
+            flags=re.M,
+        )
+    )
+    wanted = {
+        k: f"[{v[0]}, {v[1]}]" for k, v in ranges.items() if k.partition(".")[0] not in as_chapter
+    }
     assert told == wanted
     chapter = load_grid("chapter").content.disturbances
     assert all(content.disturbances[name] == chapter[name] for name in as_chapter)
@@ -141,5 +192,13 @@ def test_mapped_parameters_are_what_the_valve_file_says():
     for name in VALVES.names():
         module = VALVES.load(name)
         if hasattr(module, "for_SJ"):
-            S, J = (5.0, 5.0) if name == "stenman" else (5.0, 0.0) if name == "hysteresis" else (5.0, 2.0)
-            assert module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 100.0), 1.0)) == pytest.approx((S, J))
+            S, J = (
+                (5.0, 5.0)
+                if name == "stenman"
+                else (5.0, 0.0)
+                if name == "hysteresis"
+                else (5.0, 2.0)
+            )
+            assert module.mapped_SJ(
+                valve_parameters(module, module.for_SJ(S, J, 100.0), 1.0)
+            ) == pytest.approx((S, J))

@@ -10,7 +10,12 @@ from detectors.prepared import prepare
 from results.studies.leak import BALANCE, MOST_ALONE, MOST_OF_ALL, MOST_OF_SET, MOST_UNMATCHED, leak
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
-from simbench.bench.scenario.resolve import first_guess, measure_cycle, resolve, sampled_ultimate_gain
+from simbench.bench.scenario.resolve import (
+    first_guess,
+    measure_cycle,
+    resolve,
+    sampled_ultimate_gain,
+)
 from simbench.loop.simulate import simulate
 
 
@@ -52,7 +57,10 @@ def test_a_loop_that_does_not_cycle_gets_a_finite_guess():
 
 def test_members_share_plant_length_noise_and_set_point(smoke):
     for _, scenarios in smoke:
-        shared = {(s.loop.plant, s.loop.sampling.n, s.loop.noise, s.loop.setpoint, s.seed) for s in scenarios}
+        shared = {
+            (s.loop.plant, s.loop.sampling.n, s.loop.noise, s.loop.setpoint, s.seed)
+            for s in scenarios
+        }
         assert len(shared) == 1
 
 
@@ -72,15 +80,22 @@ def test_a_record_that_oscillates_has_20_to_60_samples_of_its_own_period_whoever
 
 def test_a_loop_that_does_not_oscillate_is_sampled_by_its_sticky_twins_period():
     group = load_grid("chapter", {"disturbance": "none", "noise_ratio": 0.0}).group(0)
-    quiet = replace(group, drafts=tuple(replace(d, oscillation=None) for d in group.drafts if d.valve.name == "ideal"))
+    quiet = replace(
+        group,
+        drafts=tuple(replace(d, oscillation=None) for d in group.drafts if d.valve.name == "ideal"),
+    )
     for draft, s in zip(quiet.drafts, resolve(quiet), strict=True):
         period = measure_cycle(group.twin).period * draft.scale.time
-        assert period / s.loop.sampling.Ts == pytest.approx(draft.rules.samples_per_period, rel=0.02)
+        assert period / s.loop.sampling.Ts == pytest.approx(
+            draft.rules.samples_per_period, rel=0.02
+        )
 
 
 def test_noise_is_a_share_of_the_sticky_twins_pv(smoke):
     for group, scenarios in smoke:
-        assert scenarios[0].loop.noise.std == pytest.approx(0.1 * measure_cycle(group.twin).pv_std, rel=0.006)
+        assert scenarios[0].loop.noise.std == pytest.approx(
+            0.1 * measure_cycle(group.twin).pv_std, rel=0.006
+        )
 
 
 def test_ids_are_unique_and_stay_when_asked_again(smoke):
@@ -107,10 +122,21 @@ def test_the_ultimate_gain_knows_the_sampling():
 
 
 def test_w_Ti_of_the_cycle_is_what_the_cell_asks_for():
-    grid = load_grid("smoke", {"w_Ti": 1.0, "Td_over_T": 0.5, "process": "foptd", "S_over_2J": 0.5, "disturbance": "none"})
+    grid = load_grid(
+        "smoke",
+        {
+            "w_Ti": 1.0,
+            "Td_over_T": 0.5,
+            "process": "foptd",
+            "S_over_2J": 0.5,
+            "disturbance": "none",
+        },
+    )
     group = grid.group(0)
     found = resolve(group)[0].loop
-    assert 2 * math.pi * found.controller.Ti / measure_cycle(found).period == pytest.approx(1.0, rel=0.06)
+    assert 2 * math.pi * found.controller.Ti / measure_cycle(found).period == pytest.approx(
+        1.0, rel=0.06
+    )
 
 
 @pytest.mark.parametrize(("name", "every"), [

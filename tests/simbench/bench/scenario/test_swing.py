@@ -60,9 +60,13 @@ def test_a_load_wanders_as_much_as_it_is_asked_to():
     assert spread[0.3] > 10 * spread[0.0]
 
 
-@pytest.mark.parametrize(("kind", "control"), [("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")])
+@pytest.mark.parametrize(
+    ("kind", "control"), [("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")]
+)
 def test_a_loop_at_its_limit_neither_grows_nor_fades(kind, control):
-    found, swing = at_its_limit(Loop.from_table({**table(kind, control), "sampling": {"Ts": 0.5, "n": 4000}}), CYCLE)
+    found, swing = at_its_limit(
+        Loop.from_table({**table(kind, control), "sampling": {"Ts": 0.5, "n": 4000}}), CYCLE
+    )
     op = simulate(found).record.op[1000:]
     begin, end = fifths(op)
     assert math.log(end / begin) == pytest.approx(0.0, abs=1.0)
@@ -83,7 +87,9 @@ def test_only_the_dead_time_is_another_one():
 
 @pytest.mark.parametrize("noise", [0.0, 0.03, 0.1])
 def test_a_steadied_loop_is_as_wide_as_wanted_from_beginning_to_end(noise):
-    loop = Loop.from_table({**table(noise=noise), "sampling": {"Ts": 0.3, "n": 1200, "warm_up": 300}})
+    loop = Loop.from_table(
+        {**table(noise=noise), "sampling": {"Ts": 0.3, "n": 1200, "warm_up": 300}}
+    )
     at_limit, swing = at_its_limit(loop, CYCLE)
     matched = 0
     for seed in range(6):
@@ -100,7 +106,9 @@ def test_a_steadied_loop_is_as_wide_as_wanted_from_beginning_to_end(noise):
 
 
 def test_a_loop_whose_noise_alone_makes_it_swing_wider_is_unmatched():
-    loop = Loop.from_table({**table(noise=50.0), "sampling": {"Ts": 0.3, "n": 1200, "warm_up": 300}})
+    loop = Loop.from_table(
+        {**table(noise=50.0), "sampling": {"Ts": 0.3, "n": 1200, "warm_up": 300}}
+    )
     at_limit, swing = at_its_limit(loop, CYCLE)
     small = Cycle(swing.period, 1e-3, 1e-3, True)
     # the noise that reaches OP directly counts as wanted; what the resonance makes of it does not
@@ -125,7 +133,9 @@ def test_the_cycle_in_other_units_is_that_of_the_loop_in_these_units(kind):
     twin, other = (measure_cycle(cell_group(s, (), {}, {}, "a")[0]) for s in (settings, own))
     assert twin.exists
     found = scaled_cycle(twin, scale)
-    assert (found.period, found.pv_std, found.op_std) == pytest.approx((other.period, other.pv_std, other.op_std), rel=0.05)
+    assert (found.period, found.pv_std, found.op_std) == pytest.approx(
+        (other.period, other.pv_std, other.op_std), rel=0.05
+    )
 
 
 def test_healthy_loops_are_as_wide_as_sticky_ones_but_no_copies_of_them():
@@ -134,11 +144,16 @@ def test_healthy_loops_are_as_wide_as_sticky_ones_but_no_copies_of_them():
     for group in grid.groups(0, grid.cells):
         if not group.matched:
             continue
-        pair = {s.tags["valve"] == "ideal": np.std(simulate(s.loop, s.seed).record.op) for s in resolve(group)}
+        pair = {
+            s.tags["valve"] == "ideal": np.std(simulate(s.loop, s.seed).record.op)
+            for s in resolve(group)
+        }
         if len(pair) == 2 and min(pair.values()) > 0.2:
             ratios.append(math.log(pair[True] / pair[False]))
             for healthy, value in pair.items():
                 std[healthy].append(math.log(value))
     assert len(ratios) > 15
     assert np.std(ratios) > 0.4
-    assert np.mean(std[True]) == pytest.approx(np.mean(std[False]), abs=4 * np.std(ratios) / math.sqrt(len(ratios)))
+    assert np.mean(std[True]) == pytest.approx(
+        np.mean(std[False]), abs=4 * np.std(ratios) / math.sqrt(len(ratios))
+    )

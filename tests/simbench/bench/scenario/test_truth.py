@@ -5,7 +5,12 @@ import pytest
 
 from scenarios.spec import Loop
 from simbench.bench.scenario.motion import largest_sine, motion
-from simbench.bench.scenario.truth import MIN_REVERSALS, healthy_twin, least_swing, simulate_with_truth
+from simbench.bench.scenario.truth import (
+    MIN_REVERSALS,
+    healthy_twin,
+    least_swing,
+    simulate_with_truth,
+)
 from simbench.loop.simulate import simulate, valve_tail
 
 STICKY = {"model": "choudhury", "S": 5, "J": 2}
@@ -52,9 +57,13 @@ def test_noise_that_leaves_a_sticky_valve_at_rest_is_no():
     assert answer(loop(STICKY, noise=0.2, step=0.0)) == "no"
 
 
-@pytest.mark.parametrize("valve", [{"model": "deadband", "S": 2}, {"model": "choudhury", "S": 4, "J": 0.2}])
+@pytest.mark.parametrize(
+    "valve", [{"model": "deadband", "S": 2}, {"model": "choudhury", "S": 4, "J": 0.2}]
+)
 def test_a_motion_that_needs_the_noise_is_unclear(valve):
-    chosen = loop(valve, noise=1.5, step=0.0, controller="P" if valve["model"] == "choudhury" else "PI")
+    chosen = loop(
+        valve, noise=1.5, step=0.0, controller="P" if valve["model"] == "choudhury" else "PI"
+    )
     assert motion(simulate(chosen, 1).record.mv[1000:], 0.1).reversals > 20
     assert answer(chosen) == "unclear"
 
@@ -73,7 +82,9 @@ def test_one_moment_that_goes_on_is_enough():
         tail = simulate(chosen, seed, tail=600, quiet=quiet).tail.mv
         return motion(tail, least_swing(chosen) / 4).reversals >= MIN_REVERSALS
 
-    moments = {seed: [goes_on(seed, quiet) for quiet in (2000, 1990, 1980, 1970)] for seed in range(12)}
+    moments = {
+        seed: [goes_on(seed, quiet) for quiet in (2000, 1990, 1980, 1970)] for seed in range(12)
+    }
     mixed = [seed for seed, found in moments.items() if any(found) and not all(found)]
     assert mixed
     assert {answer(chosen, seed) for seed in mixed} == {"yes"}
@@ -84,7 +95,11 @@ def test_an_undisturbed_loop_that_moves_through_its_record_is_never_no():
         for valve in (STICKY, {"model": "deadband", "S": 2}):
             chosen = loop(valve, controller="P" if seed % 2 else "PI", Kc=3.0, noise=0.8)
             late = motion(simulate(chosen, seed).record.mv[1000:], least_swing(chosen) / 4)
-            if late.reversals >= MIN_REVERSALS and late.swing >= least_swing(chosen) and late.lasting >= 0.8:
+            if (
+                late.reversals >= MIN_REVERSALS
+                and late.swing >= least_swing(chosen)
+                and late.lasting >= 0.8
+            ):
                 assert answer(chosen, seed) in ("yes", "unclear")
 
 
@@ -127,7 +142,9 @@ def test_a_sine_above_break_away_is_entrained():
 
 
 def test_a_stuck_valve_is_no():
-    run, cycled = simulate_with_truth(loop({"model": "choudhury", "S": 60, "J": 30}, noise=0.1, step=0.0), 1)
+    run, cycled = simulate_with_truth(
+        loop({"model": "choudhury", "S": 60, "J": 30}, noise=0.1, step=0.0), 1
+    )
     assert np.ptp(run.record.mv) == 0.0
     assert (run.sticky, cycled.answer) == (True, "no")
 
@@ -163,7 +180,9 @@ def test_the_record_is_the_one_without_a_tail_bit_for_bit():
 
 def test_the_answer_does_not_hang_on_the_expected_period():
     chosen = loop(STICKY)
-    answers = {simulate_with_truth(chosen, 1, period=p)[1].answer for p in (20.0, 50.0, 94.0, 200.0)}
+    answers = {
+        simulate_with_truth(chosen, 1, period=p)[1].answer for p in (20.0, 50.0, 94.0, 200.0)
+    }
     assert answers == {"yes"}
 
 
@@ -206,4 +225,6 @@ def test_the_largest_sine_ignores_periods_far_away():
 def test_the_valves_tail_is_that_of_the_run(quiet):
     load = {"type": "propagated", "amplitude": 1.0, "period": 60.0}
     chosen = loop(STICKY, noise=0.1, n=200, disturbance=[load])
-    assert np.array_equal(valve_tail(chosen, 3, 90, quiet), simulate(chosen, 3, tail=90, quiet=quiet).mv[200:])
+    assert np.array_equal(
+        valve_tail(chosen, 3, 90, quiet), simulate(chosen, 3, tail=90, quiet=quiet).mv[200:]
+    )

@@ -41,7 +41,10 @@ def test_the_same_answers_pass_and_are_paired(base):
 
 def test_order_of_scenarios_and_methods_does_not_matter(base):
     turn = np.random.default_rng(1).permutation(N)
-    arrays = {k: getattr(base, k)[::-1, turn] for k in ("verdict", "verdict_raw", "score", "score_raw", "failed", "runtime")}
+    arrays = {
+        k: getattr(base, k)[::-1, turn]
+        for k in ("verdict", "verdict_raw", "score", "score_raw", "failed", "runtime")
+    }
     other = replace(
         base,
         ids=base.ids[turn],
@@ -71,7 +74,11 @@ def test_a_broken_detector_fails_and_only_it(base, how, same_records, with_answe
     broken, what = BROKEN[how]
     now = with_answers(base, "m1", broken(base.verdict[1]))
     if not same_records:  # of another grid: neither place nor record is shared
-        now = replace(now, ids=np.char.add(b"x", now.ids).astype("S16"), manifest={**now.manifest, "grid_hash": "other"})
+        now = replace(
+            now,
+            ids=np.char.add(b"x", now.ids).astype("S16"),
+            manifest={**now.manifest, "grid_hash": "other"},
+        )
     check = compare_books(now, base)
     assert check.paired == same_records
     assert ("m1", what) in worse(check)
@@ -93,7 +100,9 @@ def test_narrowing_the_grey_zone_fails_when_it_buys_false_alarms(book, with_answ
     assert not check.tests["what"].isin(["detection", "rejection"])[check.tests["worse"]].any()
 
 
-def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy(base, with_answers):
+def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy(
+    base, with_answers
+):
     verdict = base.verdict[0].copy()
     gain = np.flatnonzero((TRUTH == 1) & (verdict == 0))[:30]
     loss = np.flatnonzero((TRUTH == 0) & (verdict == 0))[:30]
@@ -134,7 +143,9 @@ def test_where_a_loss_could_not_have_been_found_the_check_cannot_tell(book, tmp_
     assert (check.failed, check.answer) == (False, "cannot tell")
     assert "cannot tell on the 48 loops" in check.as_text()
     assert 'failures="1"' in check.as_junit()
-    assert compare_books(base, base).answer == "passed", "the same answers leave nothing to be found"
+    assert compare_books(base, base).answer == "passed", (
+        "the same answers leave nothing to be found"
+    )
 
 
 def test_a_few_loops_of_a_grid_do_not_pass_for_the_grid(book):
@@ -161,7 +172,11 @@ def test_flips_are_named_with_what_they_were(base, with_answers):
     verdict[7] = 2
     check = compare_books(with_answers(base, "m0", verdict), base)
     (flip,) = check.flips.to_dict("records")
-    assert (flip["scenario_id"], flip["method"], flip["now"]) == (base.ids[7].decode(), "m0", "no_decision")
+    assert (flip["scenario_id"], flip["method"], flip["now"]) == (
+        base.ids[7].decode(),
+        "m0",
+        "no_decision",
+    )
     assert flip["was"] == ("stiction" if base.verdict[0][7] else "no_stiction")
     assert not check.failed
     assert flip["scenario_id"] in check.as_text()
@@ -172,7 +187,9 @@ def test_other_records_of_equal_detectors_seldom_alarm(book, noisy):
 
     def run(seed):
         verdict, score = noisy(rng, TRUTH, 0.8, methods=8)
-        return book(verdict, TRUTH, score, ids=[f"{seed}.{i}" for i in range(N)], grid_hash=f"seed {seed}")
+        return book(
+            verdict, TRUTH, score, ids=[f"{seed}.{i}" for i in range(N)], grid_hash=f"seed {seed}"
+        )
 
     base = run(0)
     assert sum(compare_books(run(seed), base).failed for seed in range(1, 26)) <= 2
@@ -184,10 +201,19 @@ def on_another_processor(base, share, rng, noisy, accuracy=0.8):
     ids = np.where(other, np.char.add(b"x", base.ids), base.ids).astype("S16")
     truth = np.where(other & (rng.random(N) < 0.05), 1 - TRUTH, TRUTH).astype(np.int8)
     verdict, score = noisy(rng, truth, accuracy)
-    arrays = {"verdict": np.where(other, verdict, base.verdict), "score": np.where(other, score, base.score)}
+    arrays = {
+        "verdict": np.where(other, verdict, base.verdict),
+        "score": np.where(other, score, base.score),
+    }
     labels = {**dict.fromkeys(("sticky", "predicted"), base.truth["sticky"]), "cycled": truth}
     labels["cycled_word"] = np.array(["no", "yes"])[truth]
-    return replace(base, ids=ids, hashes=np.where(other, b"other", base.hashes).astype("S16"), truth=labels, **arrays)
+    return replace(
+        base,
+        ids=ids,
+        hashes=np.where(other, b"other", base.hashes).astype("S16"),
+        truth=labels,
+        **arrays,
+    )
 
 
 def test_records_of_another_processor_are_paired_by_place_and_counted(base, noisy):
@@ -199,14 +225,18 @@ def test_records_of_another_processor_are_paired_by_place_and_counted(base, nois
     assert f"{differ} also in their id" in check.basis
     assert not check.failed
     assert set(check.flips["record"]) == {"other"}
-    assert set(check.flips["scenario_id"]) <= set(base.ids.astype(str)), "the baseline holds the loops"
+    assert set(check.flips["scenario_id"]) <= set(base.ids.astype(str)), (
+        "the baseline holds the loops"
+    )
 
 
 def test_another_processor_seldom_alarms_and_hides_no_fault(base, noisy, with_answers):
     rng = np.random.default_rng(8)
     runs = [on_another_processor(base, 0.27, rng, noisy) for _ in range(25)]
     assert sum(compare_books(now, base).failed for now in runs) <= 2
-    broken = with_answers(runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1]))
+    broken = with_answers(
+        runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1])
+    )
     assert {m for m, _ in worse(compare_books(broken, base))} == {"m1"}
 
 
@@ -217,7 +247,9 @@ def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_a
         said = truth.copy()
         said[np.flatnonzero(truth)[:lost]] = 0
         check = compare_books(with_answers(base, "m0", said), base)
-        detection = check.tests[(check.tests["what"] == "detection") & (check.tests["label"] == "cycled")].iloc[0]
+        detection = check.tests[
+            (check.tests["what"] == "detection") & (check.tests["label"] == "cycled")
+        ].iloc[0]
         assert detection.p < 1e-6
         assert check.failed == failed
         assert not compare_books(with_answers(base, "m0", said), base, margin=0.02).failed
@@ -230,21 +262,37 @@ def test_an_improvement_never_fails(book, with_answers):
         base = book([said], TRUTH, said + rng.normal(0, 0.1, N))
         wrong = np.flatnonzero(said != TRUTH)
         better = said.copy()
-        better[rng.choice(wrong, wrong.size // 2, replace=False)] = TRUTH[rng.choice(wrong, wrong.size // 2, replace=False)]
+        better[rng.choice(wrong, wrong.size // 2, replace=False)] = TRUTH[
+            rng.choice(wrong, wrong.size // 2, replace=False)
+        ]
         better = np.where(better == said, said, TRUTH)
         score = np.where(better == said, base.score[0], 3.0 * TRUTH - 1.0)
         assert not compare_books(with_answers(base, "m0", better, score), base).failed
 
 
 def test_missing_methods_scenarios_new_errors_and_a_changed_truth_fail(base, book):
-    without = replace(base, methods=base.methods[:2], verdict=base.verdict[:2], score=base.score[:2], failed=base.failed[:2])
+    without = replace(
+        base,
+        methods=base.methods[:2],
+        verdict=base.verdict[:2],
+        score=base.score[:2],
+        failed=base.failed[:2],
+    )
     assert "method m2 is in the baseline, not in the run" in compare_books(without, base).problems
     part = book(base.verdict[:, :500], TRUTH[:500], base.score[:, :500])
-    assert "100 of the baseline's 600 scenarios are not in the run" in compare_books(part, base).problems
+    assert (
+        "100 of the baseline's 600 scenarios are not in the run"
+        in compare_books(part, base).problems
+    )
     failing = replace(base, failed=base.failed | (np.arange(N) == 5))
-    assert "method m0 raised an error on 1 scenarios where it had none" in compare_books(failing, base).problems
+    assert (
+        "method m0 raised an error on 1 scenarios where it had none"
+        in compare_books(failing, base).problems
+    )
     turned = replace(base, truth={**base.truth, "cycled": np.where(np.arange(N) == 5, 0, TRUTH)})
-    assert compare_books(turned, base).problems == ("the truth 'cycled' of 1 scenarios with the same records has changed",)
+    assert compare_books(turned, base).problems == (
+        "the truth 'cycled' of 1 scenarios with the same records has changed",
+    )
 
 
 def test_another_grid_is_refused(base):
@@ -267,7 +315,12 @@ def test_texts_carry_the_verdict(base, with_answers):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    return run_grid("smoke", tmp_path_factory.mktemp("check") / "run", ["horch", "he", "yamashita"], progress=False)
+    return run_grid(
+        "smoke",
+        tmp_path_factory.mktemp("check") / "run",
+        ["horch", "he", "yamashita"],
+        progress=False,
+    )
 
 
 def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
@@ -279,14 +332,22 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
     for kind in ("scenarios", "verdicts"):
         parts = (run / f"{kind}.parquet").iterdir()
         assert (base / f"{kind}.parquet").stat().st_size < sum(f.stat().st_size for f in parts)
-    assert sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500  # at most 1.5 kB per scenario is committed
+    assert (
+        sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500
+    )  # at most 1.5 kB per scenario is committed
     assert update_baseline(run, base).endswith("nothing moved")
 
 
 def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_path):
     base, moved = tmp_path / "baseline", tmp_path / "moved"
     update_baseline(run, base)
-    run_grid("smoke", moved, ["horch", "he", "yamashita"], progress=False, thresholds={"yamashita": {"rho3_min": 0.9}})
+    run_grid(
+        "smoke",
+        moved,
+        ["horch", "he", "yamashita"],
+        progress=False,
+        thresholds={"yamashita": {"rho3_min": 0.9}},
+    )
     text = check_run(moved, base).as_text()
     command = text.splitlines()[-1].split()
     assert command[:4] == ["simbench", "simulate", "--from", str(base)]
@@ -304,7 +365,11 @@ def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
     update_baseline(run, base)
     update_baseline(run, base)  # the same once more
     moved = run_grid(
-        "smoke", tmp_path / "moved", ["horch", "he", "yamashita"], progress=False, thresholds={"yamashita": {"rho3_min": 0.9}}
+        "smoke",
+        tmp_path / "moved",
+        ["horch", "he", "yamashita"],
+        progress=False,
+        thresholds={"yamashita": {"rho3_min": 0.9}},
     )
     update_baseline(moved, base)
     found = read_history(base).table
@@ -376,8 +441,15 @@ def test_exact_lists_twenty_changes_and_counts_all(base, with_answers):
 def test_exact_asks_for_the_same_records_and_lets_plug_ins_change(base, with_answers):
     other = replace(base, hashes=np.where(np.arange(N) < 3, b"other", base.hashes).astype("S16"))
     assert "exact: 3 of 600 records differ" in compare_books(other, base, exact=True).reasons[0]
-    elsewhere = replace(base, hashes=np.char.add(b"x", base.hashes).astype("S16"), manifest={**base.manifest, "grid_hash": "h"})
-    assert "exact: the run has no record of the baseline" in compare_books(elsewhere, base, exact=True).reasons
+    elsewhere = replace(
+        base,
+        hashes=np.char.add(b"x", base.hashes).astype("S16"),
+        manifest={**base.manifest, "grid_hash": "h"},
+    )
+    assert (
+        "exact: the run has no record of the baseline"
+        in compare_books(elsewhere, base, exact=True).reasons
+    )
     said = base.verdict[0].copy()
     said[7] = 1 - said[7]
     run = with_answers(base, "m0", said, base.score[0])

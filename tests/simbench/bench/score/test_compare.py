@@ -24,7 +24,9 @@ def run(book, noisy):
 
 def test_pairs_are_counted_by_scenario(run):
     found = between_methods(run)
-    (pair,) = found.pairs[(found.pairs["first"] == "good") & (found.pairs["second"] == "fair")].to_dict("records")
+    (pair,) = found.pairs[
+        (found.pairs["first"] == "good") & (found.pairs["second"] == "fair")
+    ].to_dict("records")
     good, fair = (run.verdict[i] == TRUTH for i in (0, 1))
     assert pair["only_first"] == sum(bool(a and not b) for a, b in zip(good, fair))
     assert pair["only_second"] == sum(bool(b and not a) for a, b in zip(good, fair))
@@ -64,11 +66,15 @@ def test_breakdown_is_the_first_value_below_four_fifths(book):
 
 def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
     turned = np.arange(N)[::-1]
-    other = book(run.verdict[:2, turned], TRUTH[turned], methods=("good", "fair"), ids=run.ids[turned])
+    other = book(
+        run.verdict[:2, turned], TRUTH[turned], methods=("good", "fair"), ids=run.ids[turned]
+    )
     same = between_runs(run, other)
     assert same.pairs["p"].eq(1).all()
     assert list(same.pairs["first"]) == ["good", "fair"]
-    worse = between_runs(run, book(np.array([run.verdict[1], run.verdict[1]]), TRUTH, methods=("good", "fair")))
+    worse = between_runs(
+        run, book(np.array([run.verdict[1], run.verdict[1]]), TRUTH, methods=("good", "fair"))
+    )
     assert worse.pairs.set_index("first")["differ"].to_dict() == {"good": True, "fair": False}
 
 
@@ -97,9 +103,14 @@ def test_what_does_not_apply_is_not_compared(run):
     of = found.ranking.set_index("method")
     assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
     assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
-    (pair,) = found.pairs[(found.pairs["first"] == "good") & (found.pairs["second"] == "fair")].to_dict("records")
+    (pair,) = found.pairs[
+        (found.pairs["first"] == "good") & (found.pairs["second"] == "fair")
+    ].to_dict("records")
     good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
-    assert (pair["only_first"], pair["only_second"]) == (int((good & ~fair).sum()), int((~good & fair).sum()))
+    assert (pair["only_first"], pair["only_second"]) == (
+        int((good & ~fair).sum()),
+        int((~good & fair).sum()),
+    )
     assert of.mean_rank.isna().all()  # two are left to rank
     against = between_runs(part, run)
     assert against.ranking.set_index("method").n["fair"] == N - 150
@@ -121,4 +132,6 @@ def test_answers_behind_the_front_end_are_compared_unless_raw_ones_are_asked_for
     other = replace(book(right, TRUTH), verdict_raw=np.array(wrong, dtype=np.int8))
     for raw, only in ((None, (0, N)), (False, (0, N)), (True, (N, 0))):
         found = between_runs(one, other, **({} if raw is None else {"raw": raw}))
-        assert {(row["only_first"], row["only_second"]) for row in found.pairs.to_dict("records")} == {only}
+        assert {
+            (row["only_first"], row["only_second"]) for row in found.pairs.to_dict("records")
+        } == {only}

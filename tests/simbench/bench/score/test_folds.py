@@ -73,7 +73,9 @@ def test_the_area_under_risk_and_coverage_scatters_as_a_bootstrap_of_whole_group
 def test_a_classifier_is_not_asked_about_groups_it_learned_on():
     rng = np.random.default_rng(1)
     group = np.repeat(np.arange(60), 8)
-    label = rng.integers(0, 2, 60)[group] == 1  # a label of the group: known again only by its own settings
+    label = (
+        rng.integers(0, 2, 60)[group] == 1
+    )  # a label of the group: known again only by its own settings
     chance = out_of_fold(rng.normal(size=(60, 3))[group], label, group)
     assert np.mean((chance > 0.5) == label) < 0.65
     told = out_of_fold(np.column_stack([rng.normal(size=480), label]), label, group)
@@ -92,7 +94,9 @@ def test_the_closed_form_is_the_group_bootstraps_variance():
     right = np.repeat(rng.random((2, 200)) < [[0.8], [0.6]], 3, axis=1)
     sums = (right[0].astype(float) - right[1]).reshape(200, 3).sum(axis=1)
     drawn = [sums[rng.integers(0, 200, 200)].sum() / 600 for _ in range(4000)]
-    assert rank_methods(right, np.repeat(np.arange(200), 3)).spread / 600 == pytest.approx(np.var(drawn), rel=0.1)
+    assert rank_methods(right, np.repeat(np.arange(200), 3)).spread / 600 == pytest.approx(
+        np.var(drawn), rel=0.1
+    )
 
 
 def test_cases_that_hang_together_widen_the_critical_difference_and_lone_ones_do_not():
@@ -100,5 +104,7 @@ def test_cases_that_hang_together_widen_the_critical_difference_and_lone_ones_do
     right = rng.random((400, 5)) < 0.7
     alone = mean_ranks(right, groups=np.arange(400)).critical_difference
     thrice = np.repeat(right, 3, axis=0)
-    assert mean_ranks(thrice, groups=np.repeat(np.arange(400), 3)).critical_difference == pytest.approx(alone, rel=0.02)
+    assert mean_ranks(
+        thrice, groups=np.repeat(np.arange(400), 3)
+    ).critical_difference == pytest.approx(alone, rel=0.02)
     assert mean_ranks(thrice, groups=np.arange(1200)).critical_difference < 0.7 * alone

@@ -18,7 +18,13 @@ NAMES = (*FEATURES, *EXTREMES)
 
 
 def features(op, pv, period_s=40.0, **more):
-    return dict(zip(NAMES, features_without_waveform(LoopRecord(op=op, pv=pv, Ts=2.0, **more), period_s), strict=True))
+    return dict(
+        zip(
+            NAMES,
+            features_without_waveform(LoopRecord(op=op, pv=pv, Ts=2.0, **more), period_s),
+            strict=True,
+        )
+    )
 
 
 def wave(shape, n=2000):
@@ -52,7 +58,9 @@ def test_without_an_oscillation_no_feature_is_missing():
 
 def test_a_triangle_and_a_sine_of_one_size_are_alike_but_for_their_extremes():
     noise = 0.05 * np.random.default_rng(1).standard_normal((2, 2000))
-    sine, triangle = (features(50 + wave(s) + noise[0], 50 + wave(s) + noise[1]) for s in ("sine", "triangle"))
+    sine, triangle = (
+        features(50 + wave(s) + noise[0], 50 + wave(s) + noise[1]) for s in ("sine", "triangle")
+    )
     for name in set(FEATURES) - {"op_first", "pv_first", "op_values", "pv_values"}:
         assert sine[name] == pytest.approx(triangle[name], rel=0.1, abs=0.01), name
     assert triangle["op_max"] - 50 > 1.1 * (sine["op_max"] - 50)

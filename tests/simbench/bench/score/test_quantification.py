@@ -102,7 +102,12 @@ def test_a_baseline_from_before_sizes_were_kept_asks_nothing(sized):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    return run_grid("smoke", tmp_path_factory.mktemp("sizes") / "run", ["hammerstein", "kano_a"], sets={"repeats": 3})
+    return run_grid(
+        "smoke",
+        tmp_path_factory.mktemp("sizes") / "run",
+        ["hammerstein", "kano_a"],
+        sets={"repeats": 3},
+    )
 
 
 def test_a_run_is_scored_printed_drawn_and_kept_as_baseline(finished, tmp_path):
@@ -121,4 +126,6 @@ def test_a_run_is_scored_printed_drawn_and_kept_as_baseline(finished, tmp_path):
     write_baseline(finished, tmp_path / "base")
     again = compare_books(read_book(finished), read_book(tmp_path / "base"))
     assert again.answer == "passed"
-    assert (again.tests.query("what == 'median error'")[["before", "now"]].diff(axis=1)["now"] == 0).all()
+    assert (
+        again.tests.query("what == 'median error'")[["before", "now"]].diff(axis=1)["now"] == 0
+    ).all()

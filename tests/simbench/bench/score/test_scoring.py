@@ -43,7 +43,9 @@ def finished(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def joined(finished):
-    verdicts, scenarios = (pd.read_parquet(finished / f"{t}.parquet") for t in ("verdicts", "scenarios"))
+    verdicts, scenarios = (
+        pd.read_parquet(finished / f"{t}.parquet") for t in ("verdicts", "scenarios")
+    )
     return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_s"))
 
 
@@ -63,7 +65,9 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
     if population != ALL:
         known &= joined.oscillating == (population == OF_OSCILLATING)
     if process != "all":
-        known &= joined.process == {"self-regulating": "foptd", "integrating": "integrating"}[process]
+        known &= (
+            joined.process == {"self-regulating": "foptd", "integrating": "integrating"}[process]
+        )
     for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
         chosen = "method == @method and truth == @truth and mode == @mode and process == @process and population == @population"
@@ -76,7 +80,9 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         assert (row.n, row.applicable) == (use.sum(), covered.sum())
         assert row.accuracy_all == pytest.approx(right.sum() / use.sum())
         if not covered.any():
-            assert np.isnan([row.accuracy_applicable, row.accuracy_decided, row.no_decision, row.found, row.auc]).all()
+            assert np.isnan(
+                [row.accuracy_applicable, row.accuracy_decided, row.no_decision, row.found, row.auc]
+            ).all()
             assert row["rank"] is None or np.isnan(row["rank"])
             continue
         assert row.accuracy_applicable == pytest.approx(right.mean())
@@ -95,9 +101,15 @@ def test_auc_is_sklearns_on_the_very_scores_of_the_tables(scores, joined):
     for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
         known = use & score.notna()
         block = scores.table[scores.table["mode"] == mode]
-        row = block.query("method == 'he' and truth == 'cycled' and process == 'all'").query(f"population == '{ALL}'").iloc[0]
+        row = (
+            block.query("method == 'he' and truth == 'cycled' and process == 'all'")
+            .query(f"population == '{ALL}'")
+            .iloc[0]
+        )
         assert row.scored == known.sum()
-        assert row.auc == pytest.approx(roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9)))
+        assert row.auc == pytest.approx(
+            roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9))
+        )
 
 
 def test_yardsticks_say_always_the_same(scores):
@@ -115,7 +127,12 @@ def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(
     assert everywhere.set_index("method")["rank"].isna()["horch"]
     assert few.n.max() < RANKED_LOOPS
     assert few["rank"].isna().all()
-    assert everywhere.method.tolist() == ["he", "horch", "yamashita", *everywhere.method.tolist()[3:]]
+    assert everywhere.method.tolist() == [
+        "he",
+        "horch",
+        "yamashita",
+        *everywhere.method.tolist()[3:],
+    ]
 
 
 def test_a_method_that_does_not_apply_is_not_undecided(book):
@@ -127,13 +144,17 @@ def test_a_method_that_does_not_apply_is_not_undecided(book):
     shown = ["applicable", "accuracy_applicable", "no_decision", "found", "accuracy_all"]
     partial = score_book(run).ranking().set_index("method")
     assert partial.loc["m1", shown].tolist() == [20, 1, 0, 1, 0.5]
-    undecided = score_book(book(said, truth, axes={"process": processes})).ranking().set_index("method")
+    undecided = (
+        score_book(book(said, truth, axes={"process": processes})).ranking().set_index("method")
+    )
     assert undecided.loc["m1", shown].tolist() == [40, 0.5, 0.5, 0.5, 0.5]
 
 
 def test_axis_rows_add_up_to_the_whole(scores):
     for axis in ("disturbance", "S_over_2J", "noise_ratio"):
-        rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he' and mode == 'front end'")
+        rows = scores.by_axis[scores.by_axis.axis == axis].query(
+            "method == 'he' and mode == 'front end'"
+        )
         whole = scores.ranking(population=ALL).set_index("method").loc["he"]
         assert rows.n.sum() == whole.n
         assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
@@ -154,7 +175,15 @@ def test_the_default_output_is_one_table_of_one_screen(scores):
     assert max(map(len, lines)) <= 100
     (head,) = [x.split("  ") for x in lines if x.startswith("rank")]
     shown = [cell.strip() for cell in head if cell]
-    assert shown == ["rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision"]
+    assert shown == [
+        "rank",
+        "method",
+        "cost",
+        "accuracy",
+        "sensitivity",
+        "false positives",
+        "no decision",
+    ]
     text = "\n".join(lines)
     for reference in ("no_waveform", "always yes", "always no"):
         assert reference in text
@@ -165,7 +194,9 @@ def test_the_default_output_is_one_table_of_one_screen(scores):
 def test_a_table_of_many_methods_is_cut_where_the_screen_ends_and_keeps_the_reference_rows(book):
     rng = np.random.default_rng(0)
     truth = rng.integers(0, 2, 200)
-    said = np.array([np.where(rng.random(200) < 0.9 - 0.01 * k, truth, 1 - truth) for k in range(45)])
+    said = np.array(
+        [np.where(rng.random(200) < 0.9 - 0.01 * k, truth, 1 - truth) for k in range(45)]
+    )
     names = [f"a_method_with_a_long_name_{k}" for k in range(45)]
     lines = score_book(book(said, truth, methods=names)).as_text(where="Where.").splitlines()
     assert len(lines) <= 38
@@ -183,7 +214,13 @@ def test_everything_is_printed_on_request_and_raw_can_come_first(finished, score
     assert text.index("with the common oscillation") < text.index("without the common oscillation")
     raw = score_run(finished, raw=True).as_text(full=True)
     assert raw.rindex("without the common oscillation") < raw.rindex("with the common oscillation")
-    for part in ("labels that disagree", "do not oscillate", "no two methods are ranked", "cost over no_waveform", "AUC"):
+    for part in (
+        "labels that disagree",
+        "do not oscillate",
+        "no two methods are ranked",
+        "cost over no_waveform",
+        "AUC",
+    ):
         assert part in text
     assert max(map(len, text.splitlines())) <= 126
 
@@ -193,25 +230,38 @@ def test_the_table_against_another_truth_counts_that_truth(scores, joined):
     row = scores.ranking("predicted").set_index("method").loc["he"]
     one = joined[(joined.method == "he") & joined.oscillating]
     assert (row.n, row.positives) == (one.predicted.notna().sum(), (one.predicted == True).sum())  # noqa: E712
-    assert f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts a limit cycle" in text
+    assert (
+        f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts a limit cycle"
+        in text
+    )
 
 
 def test_loops_that_do_not_oscillate_have_a_table_of_their_own(book):
     rng = np.random.default_rng(6)
     going = np.arange(200) < 100
     truth = np.where(going, rng.integers(0, 2, 200), 0)
-    run = replace(book(np.where(going, truth, 1), truth), oscillating=going, verdict_raw=np.full((1, 200), 2, np.int8))
+    run = replace(
+        book(np.where(going, truth, 1), truth),
+        oscillating=going,
+        verdict_raw=np.full((1, 200), 2, np.int8),
+    )
     still = score_book(run).ranking(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
     assert (still.n, still.false_alarms, still.no_decision) == (100, 1.0, 0.0)
     lines = score_book(run).as_text(full=True).splitlines()
-    at = next(k for k, line in enumerate(lines) if line.startswith("loops that do not oscillate (100, 0 positive)"))
+    at = next(
+        k
+        for k, line in enumerate(lines)
+        if line.startswith("loops that do not oscillate (100, 0 positive)")
+    )
     assert lines[at + 2].split() == ["m0", "100", "1.00", ".00", ".00", "1.00"]
 
 
 def test_where_no_ranking_is_possible_the_reason_is_printed(book):
     few = np.tile([1, 0], 9)
     text = score_book(book([few, few], few)).as_text()
-    assert "There is no ranking: 18 oscillating loops have a clear label, and 30 are needed." in text
+    assert (
+        "There is no ranking: 18 oscillating loops have a clear label, and 30 are needed." in text
+    )
     assert score_book(book([few, few], few)).ranking()["rank"].isna().all()
     unclear = score_book(book(np.ones(40), np.full(40, -1))).as_text()
     assert "There is no ranking: 0 oscillating loops have a clear label" in unclear
@@ -229,7 +279,10 @@ def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
     truth = np.tile([1, 0], 50)
     run = book([truth, truth, truth], truth)
     run.failed[1, :20] = True
-    ranks = [score_book(run, allow_failed=share).ranking().set_index("method")["rank"]["m1"] for share in (0.0, 0.2)]
+    ranks = [
+        score_book(run, allow_failed=share).ranking().set_index("method")["rank"]["m1"]
+        for share in (0.0, 0.2)
+    ]
     assert np.isnan(float(ranks[0] if ranks[0] is not None else "nan"))
     assert ranks[1] == 1
     assert "Not ranked, too many errors: m1 failed on 20 records." in score_book(run).as_text()
@@ -239,15 +292,22 @@ def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
 def test_the_winner_of_random_halves_and_the_separated_pairs_are_counted(book):
     rng = np.random.default_rng(3)
     truth = rng.integers(0, 2, 300)
-    said = np.array([np.where(rng.random(300) < share, truth, 1 - truth) for share in (0.95, 0.6, 0.6)])
+    said = np.array(
+        [np.where(rng.random(300) < share, truth, 1 - truth) for share in (0.95, 0.6, 0.6)]
+    )
     found = score_book(book(said, truth)).stability["cycled"]
     assert (found.winner, found.wins) == ("m0", 50)
     assert [pair["separated"] for pair in found.pairs] == [True, False]
     pair = found.pairs[0]
     right = said == truth
     second = int(pair["second"][1])
-    assert (pair["only_first"], pair["only_second"]) == ((right[0] & ~right[second]).sum(), (right[second] & ~right[0]).sum())
-    even = score_book(book(np.where(rng.random((2, 300)) < 0.7, truth, 1 - truth), truth)).stability["cycled"]
+    assert (pair["only_first"], pair["only_second"]) == (
+        (right[0] & ~right[second]).sum(),
+        (right[second] & ~right[0]).sum(),
+    )
+    even = score_book(
+        book(np.where(rng.random((2, 300)) < 0.7, truth, 1 - truth), truth)
+    ).stability["cycled"]
     assert 10 < even.wins < 50
     turn = rng.permutation(300)
     again = score_book(replace(book(said[:, turn], truth[turn]), groups=turn)).stability["cycled"]
@@ -258,11 +318,15 @@ def test_json_is_the_contracts(scores):
     found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
     keys = "method,truth,front_end,process,population,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found"
     new = "found_at_5,cost,risk_coverage,home"
-    assert {",".join(row) for row in found["rows"]} == {f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"}
+    assert {",".join(row) for row in found["rows"]} == {
+        f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"
+    }
     within = {",".join(row) for row in found["intervals"]}
     ends = "cost_lo,cost_hi,no_decision_lo,no_decision_hi,found_at_5_lo,found_at_5_hi,positives"
     over = "cost_over_no_waveform,cost_over_no_waveform_lo,cost_over_no_waveform_hi"
-    assert within == {f"method,truth,front_end,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"}
+    assert within == {
+        f"method,truth,front_end,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"
+    }
     assert {row["population"] for row in found["rows"]} == {"all", "oscillating", "not oscillating"}
     assert "no_waveform" in {row["method"] for row in found["rows"]}
     assert set(found["stability"]["cycled"]) == {"winner", "wins", "halves", "pairs"}
@@ -272,7 +336,12 @@ def test_json_is_the_contracts(scores):
     assert 0 < found["resolution"] < 1
     place = ("horch", "integrating", "all")
     horch = next(r for r in found["rows"] if (r["method"], r["process"], r["population"]) == place)
-    assert (horch["applicable"], horch["accuracy_applicable"], horch["rank"], horch["accuracy_all"]) == (0, None, None, 0.0)
+    assert (
+        horch["applicable"],
+        horch["accuracy_applicable"],
+        horch["rank"],
+        horch["accuracy_all"],
+    ) == (0, None, None, 0.0)
 
 
 def test_the_csv_is_small_and_readable(finished, scores):
@@ -287,14 +356,23 @@ def test_cost_counts_no_decision_as_half_an_error_or_as_asked(book):
     truth = np.tile([1, 0], 30)
     said = np.where(np.arange(60) < 30, truth, np.where(np.arange(60) < 50, 2, 1 - truth))
     run = book(said, truth)
-    assert score_book(run).ranking().set_index("method").loc["m0", "cost"] == pytest.approx((10 + 20 / 2) / 60)
-    assert score_book(run, undecided=1.0).ranking().set_index("method").loc["m0", "cost"] == pytest.approx(0.5)
+    assert score_book(run).ranking().set_index("method").loc["m0", "cost"] == pytest.approx(
+        (10 + 20 / 2) / 60
+    )
+    assert score_book(run, undecided=1.0).ranking().set_index("method").loc[
+        "m0", "cost"
+    ] == pytest.approx(0.5)
 
 
 def test_the_table_is_ranked_by_cost_not_by_silence(book):
     rng = np.random.default_rng(4)
     truth = np.tile([1, 0], 500)
-    said = np.array([np.where(rng.random(1000) < 0.5, truth, 2), np.where(rng.random(1000) < 0.62, truth, 1 - truth)])
+    said = np.array(
+        [
+            np.where(rng.random(1000) < 0.5, truth, 2),
+            np.where(rng.random(1000) < 0.62, truth, 1 - truth),
+        ]
+    )
     shown = score_book(book(said, truth)).ranking().set_index("method")
     assert shown.loc["m0", "accuracy_applicable"] < shown.loc["m1", "accuracy_applicable"]
     assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
@@ -304,7 +382,10 @@ def test_the_classifier_without_waveform_learns_a_planted_tell(book):
     rng = np.random.default_rng(5)
     truth = rng.integers(0, 2, 400)
     run = book(truth, truth)
-    designs = rng.normal(size=(400, 6)), np.column_stack([truth + rng.normal(0, 0.1, 400), np.ones((400, 5))])
+    designs = (
+        rng.normal(size=(400, 6)),
+        np.column_stack([truth + rng.normal(0, 0.1, 400), np.ones((400, 5))]),
+    )
     tables = (score_book(replace(run, design=x)).ranking().set_index("method") for x in designs)
     fair, told = (table.loc["no_waveform"] for table in tables)
     assert fair.accuracy_applicable < 0.62
@@ -329,7 +410,9 @@ def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_
     run = replace(book(np.array([seeing, oscillating, 1 - truth]), truth), oscillating=oscillating)
     run = replace(run, design=rng.normal(size=(800, 6)))
     scores = score_book(run)
-    everything, table = (scores.ranking(population=x).set_index("method") for x in (ALL, OF_OSCILLATING))
+    everything, table = (
+        scores.ranking(population=x).set_index("method") for x in (ALL, OF_OSCILLATING)
+    )
     assert everything.loc["no_waveform", "accuracy_applicable"] > 0.7
     assert (table.n == 400).all()
     undecided = (seeing[:400] == 2).mean()
@@ -371,7 +454,11 @@ def test_wilson_narrows_as_trials_says():
 
 def test_a_cut_lets_no_more_than_the_wanted_share_through():
     rng = np.random.default_rng(1)
-    for scores in (rng.normal(size=500), np.round(rng.normal(size=500), 1), np.r_[np.full(300, np.nan), rng.normal(size=200)]):
+    for scores in (
+        rng.normal(size=500),
+        np.round(rng.normal(size=500), 1),
+        np.r_[np.full(300, np.nan), rng.normal(size=200)],
+    ):
         cut = cut_for(scores, 0.05)
         assert np.mean(scores > cut) <= 0.05
         lower = scores[scores < cut]
@@ -415,19 +502,35 @@ def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
     assert again.thresholds == found.thresholds
     row = found.table.set_index("method").loc["he"]
     negative = b.truth["cycled"] == 0
-    assert row.false_alarm == pytest.approx(np.mean(b.score[list(b.methods).index("he"), negative] > row.cut))
+    assert row.false_alarm == pytest.approx(
+        np.mean(b.score[list(b.methods).index("he"), negative] > row.cut)
+    )
     assert {f.name for f in tmp_path.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
     assert "he" in found.as_text()
     json.dumps(found.as_json(), allow_nan=False)
 
 
 def test_calibrated_cuts_do_in_a_run_what_the_calibration_says(tmp_path):
-    found = calibrate("smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"})
-    run = run_grid("smoke", tmp_path / "cut", ["he", "srinivasan"], sets={"disturbance": "sine"}, thresholds=found.thresholds)
+    found = calibrate(
+        "smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"}
+    )
+    run = run_grid(
+        "smoke",
+        tmp_path / "cut",
+        ["he", "srinivasan"],
+        sets={"disturbance": "sine"},
+        thresholds=found.thresholds,
+    )
     table = score_run(run).ranking().set_index("method")
     for row in found.table.itertuples():
         assert table.loc[row.method].false_alarms == pytest.approx(row.false_alarm)
-    band = run_grid("smoke", tmp_path / "band", ["he"], sets={"disturbance": "sine"}, thresholds={"he": found.abstaining["he"]})
+    band = run_grid(
+        "smoke",
+        tmp_path / "band",
+        ["he"],
+        sets={"disturbance": "sine"},
+        thresholds={"he": found.abstaining["he"]},
+    )
     decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
     assert decided == pytest.approx(found.table.set_index("method").loc["he"].coverage)
 
@@ -439,7 +542,9 @@ def test_an_impossible_false_alarm_rate_is_refused(share):
 
 
 def test_a_sweep_scores_every_combination():
-    found = sweep(LOOP, {"valve.J": [0, 2], "noise.std": [0.02, 0.1]}, seeds=3).score(["he", "horch"])
+    found = sweep(LOOP, {"valve.J": [0, 2], "noise.std": [0.02, 0.1]}, seeds=3).score(
+        ["he", "horch"]
+    )
     assert len(found) == 2 * 2 * 2
     assert set(found.n) == {3}
     assert found.groupby("valve.J").cycling.mean().to_dict() == {0: 0.0, 2: 1.0}
@@ -450,17 +555,24 @@ def test_seeds_of_a_sweep_differ_and_are_the_same_again():
     one, two = (sweep(LOOP, {"noise.std": [0.1]}, seeds=2).verdicts("he") for _ in range(2))
     assert one.record_hash.nunique() == 2
     assert one.drop(columns="runtime_s").equals(two.drop(columns="runtime_s"))
-    assert sweep(LOOP, {"noise.std": [0.1]}, seed=9).verdicts("he").record_hash.iloc[0] not in set(one.record_hash)
+    assert sweep(LOOP, {"noise.std": [0.1]}, seed=9).verdicts("he").record_hash.iloc[0] not in set(
+        one.record_hash
+    )
 
 
 def test_a_sweep_may_leave_sampling_and_noise_to_rules():
-    found = sweep(LOOP, {"noise_ratio": [0.0, 0.2], "samples_per_period": [30], "periods": [20]}).verdicts("he")
+    found = sweep(
+        LOOP, {"noise_ratio": [0.0, 0.2], "samples_per_period": [30], "periods": [20]}
+    ).verdicts("he")
     assert set(found.n) == {600}
     assert found.noise_std.tolist()[0] == 0.0
     assert found.noise_std.tolist()[1] > 0.0
 
 
-@pytest.mark.parametrize(("axes", "words"), [({"valv.J": [1]}, "valv"), ({"plant.Q": [1]}, "Q"), ({"valve.J": []}, "no value")])
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [({"valv.J": [1]}, "valv"), ({"plant.Q": [1]}, "Q"), ({"valve.J": []}, "no value")],
+)
 def test_a_wrong_sweep_is_one_sentence(axes, words):
     with pytest.raises(SpecError, match=words):
         sweep(LOOP, axes).score("he")
@@ -504,4 +616,7 @@ def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
     assert any("m1*" in line for line in lines)
     assert any("m0" in line for line in lines)
     assert not any("m0*" in line for line in lines)
-    assert dict(between_methods(run).ranking[["method", "home"]].to_numpy()) == {"m0": "no", "m1": "fitted here"}
+    assert dict(between_methods(run).ranking[["method", "home"]].to_numpy()) == {
+        "m0": "no",
+        "m1": "fitted here",
+    }

@@ -33,7 +33,12 @@ def called(*arguments):
 def one_screen(text):
     lines = text.splitlines()
     heads = [x for x in lines if x.startswith("rank")]
-    return len(lines) <= 40 and max(map(len, lines)) <= 100 and len(heads) == 1 and all(cell in heads[0] for cell in HEAD)
+    return (
+        len(lines) <= 40
+        and max(map(len, lines)) <= 100
+        and len(heads) == 1
+        and all(cell in heads[0] for cell in HEAD)
+    )
 
 
 def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
@@ -71,16 +76,28 @@ def test_a_plug_in_that_fails_more_often_than_allowed_is_not_ranked_and_ends_wit
     found = called(*asked, "-o", tmp_path / "run")
     assert found.exit_code == 1
     assert "Not ranked, too many errors: broken failed on" in found.stdout
-    (row,) = [line for line in found.stdout.splitlines() if " broken " in line and line[0] in "-0123456789"]
+    (row,) = [
+        line
+        for line in found.stdout.splitlines()
+        if " broken " in line and line[0] in "-0123456789"
+    ]
     assert row.startswith("- ")
     assert called("score", tmp_path / "run").exit_code == 1
-    rows = json.loads(called("score", tmp_path / "run", "--json", "--allow-failed", "0.9").stdout)["rows"]
-    ranks = {r["rank"] for r in rows if (r["method"], r["population"], r["process"]) == ("broken", "oscillating", "all")}
+    rows = json.loads(called("score", tmp_path / "run", "--json", "--allow-failed", "0.9").stdout)[
+        "rows"
+    ]
+    ranks = {
+        r["rank"]
+        for r in rows
+        if (r["method"], r["population"], r["process"]) == ("broken", "oscillating", "all")
+    }
     assert ranks <= {1, 2}
 
 
 def test_a_run_of_few_loops_prints_why_there_is_no_ranking(tmp_path):
-    folder = run_grid("smoke", tmp_path / "run", ["he", "horch"], sets={"disturbance": "none"}, progress=False)
+    folder = run_grid(
+        "smoke", tmp_path / "run", ["he", "horch"], sets={"disturbance": "none"}, progress=False
+    )
     found = called("score", folder)
     assert found.exit_code == 0
     assert "There is no ranking: " in found.stdout

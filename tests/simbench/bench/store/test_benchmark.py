@@ -22,15 +22,26 @@ AXES = {"disturbance": ["none"], "S_over_2J": [0.5]}
 def runs(tmp_path_factory):
     """Two runs of the same loops by different detectors, and one with another seed."""
     folder = tmp_path_factory.mktemp("runs")
-    for name, methods, seed in (("one", ["he"], 3), ("same", ["he", "horch"], 3), ("other", ["he"], 4)):
-        run_grid(make_grid({**SMALL, "version": 2}, "small", {"seed": seed}, AXES), folder / name, methods)
+    for name, methods, seed in (
+        ("one", ["he"], 3),
+        ("same", ["he", "horch"], 3),
+        ("other", ["he"], 4),
+    ):
+        run_grid(
+            make_grid({**SMALL, "version": 2}, "small", {"seed": seed}, AXES),
+            folder / name,
+            methods,
+        )
     return folder
 
 
 def test_each_part_follows_what_it_is_named_after(monkeypatch):
     grid = load_grid("smoke")
     stated = benchmark_of(grid, ["a", "b"])
-    assert (stated["name"], stated["version"]) == (f"smoke-{grid.content.version}", grid.content.version)
+    assert (stated["name"], stated["version"]) == (
+        f"smoke-{grid.content.version}",
+        grid.content.version,
+    )
     seeded = benchmark_of(load_grid("smoke", {"seed": 5}), ["c"])
     assert seeded["name"] == stated["name"]
     assert differ(stated, seeded) == {"scenarios"}
@@ -53,9 +64,13 @@ def test_a_manifest_gives_back_the_grid_and_states_its_version(runs):
     again = make_grid({**SMALL, "version": 2}, "small", {"seed": 3}, AXES)
     assert grid_of(manifest).hash == again.hash == manifest["grid_hash"]
     assert manifest["benchmark"]["name"] == "small-2"
-    told = CliRunner().invoke(app, ["score", str(runs / "one"), "--json", "--report", str(runs / "page.html")])
+    told = CliRunner().invoke(
+        app, ["score", str(runs / "one"), "--json", "--report", str(runs / "page.html")]
+    )
     assert json.loads(told.stdout)["benchmark"] == manifest["benchmark"]
-    assert f"benchmark small-2 ({manifest['benchmark']['hash']})" in (runs / "page.html").read_text()
+    assert (
+        f"benchmark small-2 ({manifest['benchmark']['hash']})" in (runs / "page.html").read_text()
+    )
 
 
 @pytest.mark.parametrize("verb", [["score", "--compare"], ["check", "--against"]])
@@ -63,7 +78,9 @@ def test_runs_of_different_versions_are_not_compared(runs, tmp_path, verb):
     def compared(other):
         return CliRunner().invoke(app, [verb[0], str(runs / "one"), verb[1], str(other)])
 
-    assert not isinstance(compared(runs / "same").exception, UserError)  # other detectors are what is compared
+    assert not isinstance(
+        compared(runs / "same").exception, UserError
+    )  # other detectors are what is compared
     with pytest.raises(UserError, match=r"differ in the scenarios$"):
         raise compared(runs / "other").exception
     write_baseline(runs / "same", tmp_path / "b")

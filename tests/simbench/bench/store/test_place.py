@@ -35,7 +35,9 @@ def same(one, other) -> bool:
     return scenarios[0].equals(scenarios[1]) and verdicts[0].equals(verdicts[1])
 
 
-def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(small, finished, tmp_path, url):
+def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(
+    small, finished, tmp_path, url
+):
     assert run_grid(small, url, METHODS) == url
     assert same(url, finished)
     assert place_of(url).names() == sorted(f.name for f in finished.iterdir())
@@ -85,9 +87,15 @@ def test_a_file_url_is_a_folder_of_this_machine(small, finished, tmp_path):
 
 @pytest.mark.parametrize(
     ("url", "words"),
-    [("memry://run", "did you mean 'memory'"), ("nothing:/run", "scheme 'nothing' is unknown"), ("dropbox://run", "cannot be")],
+    [
+        ("memry://run", "did you mean 'memory'"),
+        ("nothing:/run", "scheme 'nothing' is unknown"),
+        ("dropbox://run", "cannot be"),
+    ],
 )
-def test_a_scheme_that_nobody_serves_is_one_sentence_and_makes_no_folder(small, tmp_path, url, words, monkeypatch, capsys):
+def test_a_scheme_that_nobody_serves_is_one_sentence_and_makes_no_folder(
+    small, tmp_path, url, words, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileError, match=words) as error:
         run_grid(small, url, METHODS)
@@ -100,11 +108,15 @@ def test_a_scheme_that_nobody_serves_is_one_sentence_and_makes_no_folder(small, 
 def test_workers_that_write_elsewhere_are_noticed(small, tmp_path, monkeypatch):
     """As with `memory://` and two processes, or a folder that is not shared."""
     monkeypatch.setattr(Place, "absolute", lambda place: Place(tmp_path / "elsewhere"))
-    with pytest.raises(RunError, match=r"lacks 00000000.parquet, which a worker wrote; name a place that all reach"):
+    with pytest.raises(
+        RunError, match=r"lacks 00000000.parquet, which a worker wrote; name a place that all reach"
+    ):
         run_grid(small, tmp_path / "run", METHODS)
 
 
-def test_what_the_workers_hand_back_does_not_grow_with_what_they_write(small, tmp_path, monkeypatch):
+def test_what_the_workers_hand_back_does_not_grow_with_what_they_write(
+    small, tmp_path, monkeypatch
+):
     import pickle
 
     sizes, run = [], run_module._Task.__call__
@@ -143,14 +155,23 @@ def test_a_local_url_is_the_folder_it_names(tmp_path, monkeypatch):
 def test_the_command_line_refuses_a_run_that_is_gone_when_it_ends(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["run", "smoke", "-o", "memory://run"]) == 2
-    assert "memory is gone when this command ends; a folder or a URL that lasts is needed" in capsys.readouterr().err
+    assert (
+        "memory is gone when this command ends; a folder or a URL that lasts is needed"
+        in capsys.readouterr().err
+    )
     assert not list(tmp_path.iterdir())
 
 
-def test_a_server_that_keeps_nothing_is_noticed_before_anything_is_simulated(url, small, monkeypatch):
-    monkeypatch.setattr(fsspec.implementations.memory.MemoryFileSystem, "pipe_file", lambda self, path, value: None)
+def test_a_server_that_keeps_nothing_is_noticed_before_anything_is_simulated(
+    url, small, monkeypatch
+):
+    monkeypatch.setattr(
+        fsspec.implementations.memory.MemoryFileSystem, "pipe_file", lambda self, path, value: None
+    )
     monkeypatch.setattr(run_module, "work", None)
-    with pytest.raises(FileError, match=r"keeps no run .*; a place that can be written, listed and read is needed"):
+    with pytest.raises(
+        FileError, match=r"keeps no run .*; a place that can be written, listed and read is needed"
+    ):
         run_grid(small, url, METHODS)
 
 
@@ -163,7 +184,9 @@ def test_a_server_that_keeps_nothing_is_noticed_before_anything_is_simulated(url
         ("arrow_hdfs://me:secret@host/run", r"arrow_hdfs://\*\*\*@host/run"),
     ],
 )
-def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(url, words, small, tmp_path, monkeypatch):
+def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(
+    url, words, small, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(run_module, "work", None)
     with pytest.raises(FileError, match=words):
@@ -178,7 +201,11 @@ def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypat
     place = place_of(secret)
     assert str(place).startswith("memory://***@host/")
     assert b"***@host" in place.read("manifest.json")
-    assert not any(b"secret" in place.read(name) for name in place.names() if "." in name and "parquet" not in name)
+    assert not any(
+        b"secret" in place.read(name)
+        for name in place.names()
+        if "." in name and "parquet" not in name
+    )
     assert main(["score", secret, "--json"]) == 0
     assert main(["score", f"{secret}x"]) == 2
     said = capsys.readouterr()

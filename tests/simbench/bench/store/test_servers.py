@@ -33,7 +33,11 @@ def s3():
     server.start()
     host, port = server.get_host_and_port()
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"ACCESS_KEY_ID": "k", "SECRET_ACCESS_KEY": "s", "DEFAULT_REGION": "us-east-1"}.items():
+        for name, value in {
+            "ACCESS_KEY_ID": "k",
+            "SECRET_ACCESS_KEY": "s",
+            "DEFAULT_REGION": "us-east-1",
+        }.items():
             patch.setenv(f"AWS_{name}", value)
         patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
         yield "s3://bucket"
@@ -64,7 +68,10 @@ def server(request):
 def same(one, other) -> bool:
     kinds = ("scenarios", "verdicts")
     tables = [[read_table(run, kind) for kind in kinds] for run in (one, other)]
-    return all(a.equals(b) or a.drop_columns(["runtime_s"]).equals(b.drop_columns(["runtime_s"])) for a, b in zip(*tables))
+    return all(
+        a.equals(b) or a.drop_columns(["runtime_s"]).equals(b.drop_columns(["runtime_s"]))
+        for a, b in zip(*tables)
+    )
 
 
 def test_a_run_on_a_server_has_the_bits_of_one_on_disk(server, small, finished):

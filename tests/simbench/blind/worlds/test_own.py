@@ -70,7 +70,10 @@ def test_position_and_velocity_form_agree_while_nothing_saturates():
 
 def test_integral_variants_differ_but_settle_alike():
     case = plain()
-    runs = [loops.simulate(replace(case, integral=i, steps=()), 0) for i in (sim.BACKWARD, sim.FORWARD, sim.TRAPEZOID)]
+    runs = [
+        loops.simulate(replace(case, integral=i, steps=()), 0)
+        for i in (sim.BACKWARD, sim.FORWARD, sim.TRAPEZOID)
+    ]
     for run in runs:
         assert abs(run.pv[-1] - case.pv0) < 1e-3 * case.unit
     stepped = [loops.simulate(replace(case, integral=i), 0).op for i in (sim.BACKWARD, sim.FORWARD)]
@@ -99,7 +102,9 @@ def test_the_stem_breaks_away_at_half_s_plus_j_and_slips_by_j(friction):
             rest.append(x)
             break
     assert u_of_move == pytest.approx(50 + (S + J) / 2, abs=0.01)
-    slip = (rest[0] if rest else x) - 50.0  # Stribeck's friction grows again as the stem slows down: it slips less far
+    slip = (
+        rest[0] if rest else x
+    ) - 50.0  # Stribeck's friction grows again as the stem slows down: it slips less far
     assert slip == pytest.approx(J, abs=0.1 if friction == sim.KARNOPP else 0.3)
 
 
@@ -109,21 +114,29 @@ def test_every_effect_at_strength_zero_is_the_plain_loop(effect, controller):
     case = drawing.draw(RNG(11), plant="foptd", sp_moves=True)
     case = replace(case, n=400, controller=controller, Ti=case.Ti if controller == "PI" else 0.0)
     identity = dict(WORLD_EFFECTS[effect].identity)
-    without, with_it = loops.simulate(case, 5), loops.simulate(case, 5, (faults.fault(effect, identity),))
+    without, with_it = (
+        loops.simulate(case, 5),
+        loops.simulate(case, 5, (faults.fault(effect, identity),)),
+    )
     for a, b in zip(without, with_it, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize("name", [*WORLD_EFFECTS, *faults.FOREIGN])
 def test_every_fault_shows_at_full_strength(name):
-    case = replace(drawing.draw(RNG(4), plant=faults.NEEDS_PLANT.get(name, "foptd"), sp_moves=True), play=0.0)
+    case = replace(
+        drawing.draw(RNG(4), plant=faults.NEEDS_PLANT.get(name, "foptd"), sp_moves=True), play=0.0
+    )
     habit = sizes.Habit(case.op0 - 10, case.op0 + 10, 4.0, 2.0 * case.unit)
     size = sizes.scale(name, case, habit, RNG(1))
     weak, strong = size(0.0), size(1.0)
     if name in WORLD_EFFECTS:
         known = WORLD_EFFECTS[name].parameters
         assert set(weak) <= set(known)
-        assert all(isinstance(v, str) or known[k].low <= v <= known[k].high for k, v in (weak | strong).items())
+        assert all(
+            isinstance(v, str) or known[k].low <= v <= known[k].high
+            for k, v in (weak | strong).items()
+        )
     a, b = loops.simulate(case, 3), loops.simulate(case, 3, (faults.fault(name, strong),))
     assert max(np.abs(a.op - b.op).max(), np.abs(a.pv - b.pv).max() / case.unit) > 0.05
 
@@ -178,14 +191,24 @@ def test_features_do_not_see_the_operating_point_or_the_unit_of_pv():
 def test_a_run_of_the_same_loop_is_as_far_as_the_floor_and_a_changed_one_farther():
     case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
     own = cloud([loops.simulate(case, 100 + i) for i in range(16)], case.scale)
-    same = np.mean([own.distance(features(loops.simulate(case, i), case.scale)[0]) for i in range(12)])
+    same = np.mean(
+        [own.distance(features(loops.simulate(case, i), case.scale)[0]) for i in range(12)]
+    )
     assert same == pytest.approx(own.floor, rel=0.35)
     gain = faults.fault("gain_mismatch", {"factor": 2.0})
     assert own.distance(features(loops.simulate(case, 0, (gain,)), case.scale)[0]) > 2 * same
 
 
 @pytest.mark.parametrize(
-    ("ratio", "name"), [(1.0, "none"), (1.3, "weak"), (1.99, "weak"), (2.0, "medium"), (4.0, "strong"), (99.0, "strong")]
+    ("ratio", "name"),
+    [
+        (1.0, "none"),
+        (1.3, "weak"),
+        (1.99, "weak"),
+        (2.0, "medium"),
+        (4.0, "strong"),
+        (99.0, "strong"),
+    ],
 )
 def test_strength_names_follow_the_bands(ratio, name):
     assert oracle.strength_of(ratio) == name
@@ -194,7 +217,9 @@ def test_strength_names_follow_the_bands(ratio, name):
 @pytest.mark.parametrize("strength", list(oracle.STRENGTHS))
 @pytest.mark.parametrize("effect", ["noise", "deadband"])
 def test_the_drawn_record_lies_in_its_band_and_the_oracle_can_be_asked_again(effect, strength):
-    item = items.draw_item(3, 0, {"kind": "single", "effect": effect, "strength": strength, "mv": True})
+    item = items.draw_item(
+        3, 0, {"kind": "single", "effect": effect, "strength": strength, "mv": True}
+    )
     lo, hi = oracle.STRENGTHS[strength]
     assert lo <= item.answer["ratio"] <= hi
     case, seed = loops.TrueLoop.from_dict(item.answer["case"]), item.answer["seed"]

@@ -48,7 +48,9 @@ def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
 def test_counts_that_were_rounded_to_decimals_repeat_as_often_in_the_simulation(record):
     other = recorded(LOADED, seed=9)
     _, pv = as_archived(check(counts(record), LOOP), other.op, other.pv)
-    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(np.mean(np.diff(counts(other).pv) == 0.0), rel=0.3)
+    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(
+        np.mean(np.diff(counts(other).pv) == 0.0), rel=0.3
+    )
 
 
 def test_a_faithful_archive_changes_nothing(record):

@@ -19,13 +19,18 @@ def test_the_share_that_closes_is_of_what_lies_above_the_floor(before, after, sh
     assert closed(before, after, 1.0) == pytest.approx(share)
 
 
-@pytest.mark.parametrize(("off", "resolvable"), [(0.0, False), (0.9, False), (2.0, True), (6.0, True)])
+@pytest.mark.parametrize(
+    ("off", "resolvable"), [(0.0, False), (0.9, False), (2.0, True), (6.0, True)]
+)
 def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
     s = SimpleNamespace(record=SimpleNamespace(pv=WHITE[0], n=N), op=WHITE[1], sp=np.zeros(N))
     assert held_out(s) == 2600
     real = np.array(list(features(WHITE[1][2600:], WHITE[0][2600:], np.zeros(1400)).values()))
     rng = np.random.default_rng(1)
-    runs = [SimpleNamespace(features=real + o + rng.standard_normal((8, real.size))) for o in (off, off / 2, 0.0)]
+    runs = [
+        SimpleNamespace(features=real + o + rng.standard_normal((8, real.size)))
+        for o in (off, off / 2, 0.0)
+    ]
     found = measure(s, *runs)
     assert found.resolvable == resolvable
     # eight seeds: each lies sqrt(8/7) from the mean of the others, at sqrt(2/pi) on average
@@ -38,5 +43,9 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
         assert 0.6 < found.lo <= found.hi == 1.0
     else:
         assert (found.value, found.lo, found.hi) == (None, 0.0, 0.0)
-    assert np.mean([b for b, _ in found.per_feature.values()]) == pytest.approx(found.before, rel=0.02)
-    assert np.mean([a for _, a in found.per_feature.values()]) == pytest.approx(found.after, rel=0.02)
+    assert np.mean([b for b, _ in found.per_feature.values()]) == pytest.approx(
+        found.before, rel=0.02
+    )
+    assert np.mean([a for _, a in found.per_feature.values()]) == pytest.approx(
+        found.after, rel=0.02
+    )

@@ -38,13 +38,24 @@ def test_a_loop_begun_elsewhere_is_moved_to_the_level_of_the_record(controller):
 
 COUNT = int(os.environ.get("RECORDS", "12"))
 RUNS = 8  # whose means are averaged: each has a load of its own
-LACKING = ("stiction", "valve_lag", "gain_mismatch", "noise", "sensor_lag", "detuning", "load_steps")
+LACKING = (
+    "stiction",
+    "valve_lag",
+    "gain_mismatch",
+    "noise",
+    "sensor_lag",
+    "detuning",
+    "load_steps",
+)
 SEED = 432
 
 
 def off_level(place, number):
     """Return how far the means of a corrected loop lie from its record's OP and PV, in standard deviations of the record."""
-    effect, strength = LACKING[number % len(LACKING)], STRENGTHS[number // len(NAMES) % len(STRENGTHS)]
+    effect, strength = (
+        LACKING[number % len(LACKING)],
+        STRENGTHS[number // len(NAMES) % len(STRENGTHS)],
+    )
     asked = {"kind": "single", "effect": effect, "strength": strength, "mv": False}
     item = WORLDS.load(NAMES[number % len(NAMES)]).draw(SEED, number, asked)
     place.mkdir()
@@ -53,7 +64,10 @@ def off_level(place, number):
     report = diagnose(record, load_loop(baseline))
     loop, kick = report.fixed_loop(), kick_of(report, report.named)
     runs = [simulate(loop, seed=100 + i, kick=kick).record for i in range(RUNS)]
-    pairs = ((np.mean([getattr(run, name).mean() for run in runs]), getattr(record, name)) for name in ("op", "pv"))
+    pairs = (
+        (np.mean([getattr(run, name).mean() for run in runs]), getattr(record, name))
+        for name in ("op", "pv")
+    )
     return max(abs(mean - signal.mean()) / signal.std() for mean, signal in pairs)
 
 

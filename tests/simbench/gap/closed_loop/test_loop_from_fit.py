@@ -15,7 +15,9 @@ from simbench.loop.disturbance import disturbance_signal
 def simulated(parts, n, rng):
     """Return the load, in PV units, that a loop file with these parts makes."""
     kind = [{"amplitude": std, "period": period, "lag": lag} for std, period, lag in parts]
-    return sum(disturbance_signal(Part(name="coloured", parameters=p), n, 1.0, rng)[1] for p in kind)
+    return sum(
+        disturbance_signal(Part(name="coloured", parameters=p), n, 1.0, rng)[1] for p in kind
+    )
 
 
 def fitted(theta, n, rng):
@@ -49,12 +51,18 @@ def test_a_quick_second_stage_is_none():
 
 def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
     parts = load_parts({"load": 2.0, "load_time": 50.0})
-    assert [(round(period, 9), lag) for _, period, lag in parts] == [(50.0, 0.0), (10.0, 0.0), (2.0, 0.0)]
+    assert [(round(period, 9), lag) for _, period, lag in parts] == [
+        (50.0, 0.0),
+        (10.0, 0.0),
+        (2.0, 0.0),
+    ]
     assert np.hypot.reduce([std for std, _, _ in parts]) == pytest.approx(2.0)
     signal = simulated(parts, 200_000, np.random.default_rng(2))
     assert np.std(signal) == pytest.approx(2.0, rel=0.03)
     # the filter that whitens such a load in the engine whitens this one
-    white = kernels.whiten(signal[None, :], 1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 0.0, 0.0, 1e-3, 0.0, 5.0)[0][0, 100:]
+    white = kernels.whiten(
+        signal[None, :], 1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 0.0, 0.0, 1e-3, 0.0, 5.0
+    )[0][0, 100:]
     assert np.var(white) == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.01
 
@@ -62,7 +70,15 @@ def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
 N = 1000
 FOPTD = {"type": "foptd", "K": 2.0, "T": 40.0, "Td": 8.0}
 VESSEL = {"type": "integrating", "K": 0.02, "Td": 8.0}
-THETA = {"T": 30.0, "Td": 5.0, "load_time": 30.0, "load_lag": 0.05, "load": 3.0, "noise_std": 0.2, "colour": 0.0}
+THETA = {
+    "T": 30.0,
+    "Td": 5.0,
+    "load_time": 30.0,
+    "load_lag": 0.05,
+    "load": 3.0,
+    "noise_std": 0.2,
+    "colour": 0.0,
+}
 
 
 def fitted_as(K=1.5, spec=None, **theta):
@@ -98,7 +114,9 @@ def test_the_fitted_plant_is_written_in_seconds():
 
 
 def test_a_mismatch_stands_on_the_stated_number_and_comes_after_what_the_baseline_has():
-    loop = built(effects={"gain_mismatch": {"factor": 0.75}}, had=[{"name": "noise", "factor": 2.0}])
+    loop = built(
+        effects={"gain_mismatch": {"factor": 0.75}}, had=[{"name": "noise", "factor": 2.0}]
+    )
     assert plant_of(loop) == (2.0, 60.0, 10.0)
     assert [e.name for e in loop.effect] == ["noise", "gain_mismatch"]
     assert (loop.sampling.Ts, loop.sampling.n) == (2.02, N)
@@ -114,7 +132,9 @@ def test_the_records_set_point_is_the_files():
 @pytest.mark.parametrize(("fit", "amplitude"), [
     (fitted_as(), 2.0), (fitted_as(-1.5), 2.0), (fitted_as(0.05), 60.0), (fitted_as(0.01), 75.0),
 ])  # fmt: skip
-def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_fitted_with(fit, amplitude):
+def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_fitted_with(
+    fit, amplitude
+):
     # the gain counts down to a fiftieth of the stated one
     (load,) = built(fit).disturbance
     assert load.parameters == {"amplitude": pytest.approx(amplitude), "period": 60.0}
@@ -126,12 +146,19 @@ def test_another_fits_load_may_be_asked_for():
     assert load.parameters == {"amplitude": pytest.approx(std / 3.0), "period": 20.0, "lag": 6.0}
 
 
-@pytest.mark.parametrize(("colour", "free", "coloured"), [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)])
+@pytest.mark.parametrize(
+    ("colour", "free", "coloured"),
+    [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)],
+)
 def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
     loop = built(fitted_as(spec=Spec(free=frozenset(free)), colour=colour))
     assert loop.noise.std == (0.0 if coloured else 0.1)
     extra = [d.parameters for d in loop.disturbance[1:]]
-    assert extra == ([{"amplitude": 0.2, "period": pytest.approx(-2.0 / np.log(colour)), "at": "output"}] if coloured else [])
+    assert extra == (
+        [{"amplitude": 0.2, "period": pytest.approx(-2.0 / np.log(colour)), "at": "output"}]
+        if coloured
+        else []
+    )
 
 
 def test_without_a_trusted_baseline_the_noise_is_the_fitted_one():
@@ -184,15 +211,29 @@ def test_lasting_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in
 def test_jumps_that_fade_are_more_of_the_same_load():
     jumps = tuple(range(50, N, 50))
     plain, fading = (
-        built(fitted_as(spec=Spec(jumps=places, lasting=False), load_jump=3.0, load=2.0, load_time=30.0, load_lag=0.1))
+        built(
+            fitted_as(
+                spec=Spec(jumps=places, lasting=False),
+                load_jump=3.0,
+                load=2.0,
+                load_time=30.0,
+                load_lag=0.1,
+            )
+        )
         for places in ((), jumps)
     )
-    ratio = fading.disturbance[0].parameters["amplitude"] / plain.disturbance[0].parameters["amplitude"]
+    ratio = (
+        fading.disturbance[0].parameters["amplitude"] / plain.disturbance[0].parameters["amplitude"]
+    )
     # a first-order process that 3.0, twice, is added to in a sample of fifty
     rng = np.random.default_rng(1)
     x, phi, out = 0.0, np.exp(-1 / 30.0), []
     for hit in rng.random(200000) < len(jumps) / N:
-        x = phi * x + 2.0 * np.sqrt(1 - phi**2) * rng.standard_normal() + 3.0 * hit * np.sqrt(2.0) * rng.standard_normal()
+        x = (
+            phi * x
+            + 2.0 * np.sqrt(1 - phi**2) * rng.standard_normal()
+            + 3.0 * hit * np.sqrt(2.0) * rng.standard_normal()
+        )
         out.append(x)
     assert ratio == pytest.approx(np.std(out) / 2.0, rel=0.05)
     assert fading.effect == ()

@@ -9,8 +9,14 @@ from simbench.gap.candidates import Candidate, Fitted
 from simbench.gap.closed_loop import runs
 from simbench.gap.closed_loop.runs import ClosedLoops
 
-BASE, STUCK, SLACK, BOTH = (SimpleNamespace(name=name) for name in ("base", "stuck", "slack", "both"))
-NUMBERS = {"stiction": {"S": 5.0, "J": 2.0}, "gain_mismatch": {"factor": 2.0}, "quantisation": {"step": 0.1, "at": "loop"}}
+BASE, STUCK, SLACK, BOTH = (
+    SimpleNamespace(name=name) for name in ("base", "stuck", "slack", "both")
+)
+NUMBERS = {
+    "stiction": {"S": 5.0, "J": 2.0},
+    "gain_mismatch": {"factor": 2.0},
+    "quantisation": {"step": 0.1, "at": "loop"},
+}
 
 
 @pytest.fixture
@@ -30,10 +36,19 @@ def made(monkeypatch):
         seen.compared.append((before, again, after, seed))
         return len(seen.compared)
 
-    for name, stub in (("fixed_loop", fixed_loop), ("simulate_runs", simulate_runs), ("measure", measure)):
+    for name, stub in (
+        ("fixed_loop", fixed_loop),
+        ("simulate_runs", simulate_runs),
+        ("measure", measure),
+    ):
         monkeypatch.setattr(runs, name, stub)
-    candidates = {"stiction": Candidate("stiction", STUCK, 9.0), "gain_mismatch": Candidate("gain_mismatch", SLACK, 9.0)}
-    return ClosedLoops(Fitted(None, BASE, candidates, NUMBERS, ["stiction", "gain_mismatch"], BOTH), 7), seen
+    candidates = {
+        "stiction": Candidate("stiction", STUCK, 9.0),
+        "gain_mismatch": Candidate("gain_mismatch", SLACK, 9.0),
+    }
+    return ClosedLoops(
+        Fitted(None, BASE, candidates, NUMBERS, ["stiction", "gain_mismatch"], BOTH), 7
+    ), seen
 
 
 BARE, TUNED = ("base", (), "baseline"), ("base", (), "fitted")
@@ -43,8 +58,14 @@ def test_an_effect_stands_beside_the_bare_and_the_recalibrated_loop_under_its_ow
     loops, seen = made
     assert loops.shrink(["stiction"]) == 1
     # the loop with friction is kicked by its band
-    assert seen.simulated == [(*BARE, "stuck", 0.0), (*TUNED, "stuck", 0.0), ("stuck", ("stiction",), "fitted", "stuck", 5.0)]
-    assert seen.compared == [((*BARE, "stuck"), (*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck"), 7)]
+    assert seen.simulated == [
+        (*BARE, "stuck", 0.0),
+        (*TUNED, "stuck", 0.0),
+        ("stuck", ("stiction",), "fitted", "stuck", 5.0),
+    ]
+    assert seen.compared == [
+        ((*BARE, "stuck"), (*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck"), 7)
+    ]
     assert loops.shrink(["stiction"]) == 1
     assert len(seen.simulated) == 3
 
@@ -79,7 +100,12 @@ def test_a_rival_is_run_under_the_load_of_the_answer(made):
     loops, seen = made
     assert loops.rival(["gain_mismatch"], ["stiction"]) == 2
     assert seen.simulated[-1] == ("slack", ("gain_mismatch",), "fitted", "stuck", 0.0)
-    assert seen.compared[-1] == ((*BARE, "stuck"), (*TUNED, "stuck"), ("slack", ("gain_mismatch",), "fitted", "stuck"), 7)
+    assert seen.compared[-1] == (
+        (*BARE, "stuck"),
+        (*TUNED, "stuck"),
+        ("slack", ("gain_mismatch",), "fitted", "stuck"),
+        7,
+    )
 
 
 def test_a_loop_that_runs_away_is_replaced_by_the_one_before_it(made):

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.summary_features import chance_of, distance, features, floor_of, seed_spread
+from simbench.gap.closed_loop.summary_features import (
+    chance_of,
+    distance,
+    features,
+    floor_of,
+    seed_spread,
+)
 
 N = 1024
 T = np.arange(N)
@@ -43,7 +49,9 @@ def test_a_sine_has_the_size_change_and_memory_of_one(amplitude):
     found = of(op=sine(64, amplitude))
     w = 2 * np.pi / 16
     assert found["op size"] == pytest.approx(np.log(amplitude / np.sqrt(2)), abs=1e-6)
-    assert found["op change"] == pytest.approx(np.log(2 * np.sin(w / 2) * amplitude / np.sqrt(2)), abs=1e-3)
+    assert found["op change"] == pytest.approx(
+        np.log(2 * np.sin(w / 2) * amplitude / np.sqrt(2)), abs=1e-3
+    )
     # the fourth power of a sine is 3/8, its square 1/2
     assert found["op kurtosis"] == pytest.approx(np.log(2.5), abs=1e-6)
     assert found["op change kurtosis"] == pytest.approx(np.log(2.5), abs=1e-3)
@@ -86,7 +94,8 @@ def test_five_fifths_wander_as_their_means_do():
 
 
 @pytest.mark.parametrize(
-    ("step", "rests", "straight"), [(0.0, 1.0, 1.0), (0.5e-9, 1.0, 1.0), (2e-9, 0.5, 1.0), (2e-6, 0.5, 0.5)]
+    ("step", "rests", "straight"),
+    [(0.0, 1.0, 1.0), (0.5e-9, 1.0, 1.0), (2e-9, 0.5, 1.0), (2e-6, 0.5, 0.5)],
 )
 def test_rest_and_straight_lines_are_counted_beside_the_size(step, rests, straight):
     # half of the record wanders up and down by a step; the other half stands, and a jump between gives a size of 1
@@ -121,7 +130,13 @@ def test_of_nothing_every_feature_is_finite_and_says_nothing():
     assert found["op after pv 0"] == found["pv after op 2"] == 0.0
 
 
-LEADS = {"op after pv 0": 0, "op after pv 1": 1, "op after pv 3": 3, "pv after op 2": -2, "pv after op 6": -6}
+LEADS = {
+    "op after pv 0": 0,
+    "op after pv 1": 1,
+    "op after pv 3": 3,
+    "pv after op 2": -2,
+    "pv after op 6": -6,
+}
 
 
 @pytest.mark.parametrize("lag", LEADS.values())

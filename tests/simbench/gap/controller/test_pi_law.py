@@ -62,13 +62,18 @@ def test_the_pv_behind_a_compressed_archive_is_recovered():
     recovered_pv = law(archived).recovered_pv
     assert recovered_pv is not None
     inner = slice(100, None)
-    assert np.abs(recovered_pv - raw.pv)[inner].max() < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
+    assert (
+        np.abs(recovered_pv - raw.pv)[inner].max()
+        < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
+    )
 
 
 def test_a_controller_with_derivative_action_is_foreign():
     r = record()
     e = r.sp - r.pv
-    op = 50 + np.cumsum(0.6 * np.diff(e, prepend=e[0]) + 0.6 / 18 * e + 3.0 * np.diff(e, 2, prepend=[e[0], e[0]]))
+    op = 50 + np.cumsum(
+        0.6 * np.diff(e, prepend=e[0]) + 0.6 / 18 * e + 3.0 * np.diff(e, 2, prepend=[e[0], e[0]])
+    )
     found = examine_law(op, r.pv, r.sp, 1.0, 0.6, 18.0)
     assert found.foreign
 
@@ -111,7 +116,9 @@ def test_how_the_integral_is_taken_is_no_new_tuning(form):
     r = record()
     e = r.sp - r.pv
     old = np.append(e[0], e[:-1])
-    op = 50 + np.cumsum(0.6 * (e - old) + 0.6 / 6.0 * (0.5 * (e + old) if form == "trapezoid" else old))
+    op = 50 + np.cumsum(
+        0.6 * (e - old) + 0.6 / 6.0 * (0.5 * (e + old) if form == "trapezoid" else old)
+    )
     found = law(replace(r, op=op), Ti=6.0)
     assert found.known
     assert not between(found)
@@ -140,8 +147,12 @@ def test_a_set_point_logged_a_sample_off_is_no_other_controller(late):
     assert not between(found)
 
 
-@pytest.mark.parametrize("archive", [("compression", {"band": 0.6}), ("quantisation", {"step": 0.5, "at": "record"})])
-@pytest.mark.parametrize("tuning", [{}, {"Kc_factor": 0.5, "Ti_factor": 1.8}], ids=["as stated", "retuned"])
+@pytest.mark.parametrize(
+    "archive", [("compression", {"band": 0.6}), ("quantisation", {"step": 0.5, "at": "record"})]
+)
+@pytest.mark.parametrize(
+    "tuning", [{}, {"Kc_factor": 0.5, "Ti_factor": 1.8}], ids=["as stated", "retuned"]
+)
 def test_tuning_is_read_through_a_poor_archive(archive, tuning):
     effects = [("detuning", tuning)] if tuning else []
     clean = record(*effects)
@@ -155,10 +166,17 @@ def test_tuning_is_read_through_a_poor_archive(archive, tuning):
 
 
 def test_limits_are_seen_under_another_tuning_and_a_coarse_output():
-    retuned = law(record(("detuning", {"Kc_factor": 0.4, "Ti_factor": 1.5}), ("saturation", {"lo": 0.0, "hi": 51.0})))
+    retuned = law(
+        record(
+            ("detuning", {"Kc_factor": 0.4, "Ti_factor": 1.5}),
+            ("saturation", {"lo": 0.0, "hi": 51.0}),
+        )
+    )
     assert between(retuned) == {"tuning", "limits"}
     assert retuned.limits == pytest.approx((0.0, 51.0))
-    coarse = law(record(("op_quantisation", {"step": 0.4}), ("saturation", {"lo": 0.0, "hi": 51.2})))
+    coarse = law(
+        record(("op_quantisation", {"step": 0.4}), ("saturation", {"lo": 0.0, "hi": 51.2}))
+    )
     assert between(coarse) == {"step", "limits"}
 
 
@@ -193,16 +211,23 @@ def of_means(r):
     return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
 
 
-@pytest.mark.parametrize("tuning", [{"Kc_factor": 1.7, "Ti_factor": 0.6}, {"Kc_factor": 0.5, "Ti_factor": 1.0}])
+@pytest.mark.parametrize(
+    "tuning", [{"Kc_factor": 1.7, "Ti_factor": 0.6}, {"Kc_factor": 0.5, "Ti_factor": 1.0}]
+)
 def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tuning):
     found = law(of_means(record(("detuning", tuning))))
     assert found.averaged
     assert found.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
 
 
-def test_the_baselines_law_through_a_mean_comes_before_another_tuning_of_a_late_archive(monkeypatch):
+def test_the_baselines_law_through_a_mean_comes_before_another_tuning_of_a_late_archive(
+    monkeypatch,
+):
     r = record()
-    through, late = Law(0.5, 0.5, 0.6, 18.0, averaged=True), Law(0.03, 0.05, 0.57, 39.0, tuning=(0.95, 2.2))
+    through, late = (
+        Law(0.5, 0.5, 0.6, 18.0, averaged=True),
+        Law(0.03, 0.05, 0.57, 39.0, tuning=(0.95, 2.2)),
+    )
     answers = iter([through, late, late, through, through])
     monkeypatch.setattr("simbench.gap.controller.pi_law._examine", lambda *a: next(answers))
     assert law(r).averaged
@@ -226,7 +251,11 @@ def test_an_archive_that_takes_means_is_told_from_a_controller_with_a_third_term
 def test_means_have_weights_that_are_no_derivative():
     seen = np.random.default_rng(0).normal(size=800)
     assert beside_a_mean(0.7 * seen + 0.3 * np.roll(seen, 1), seen) < 1e-9
-    for other in (1.6 * seen - 0.6 * np.roll(seen, 1), 0.5 * seen, np.random.default_rng(1).normal(size=800)):
+    for other in (
+        1.6 * seen - 0.6 * np.roll(seen, 1),
+        0.5 * seen,
+        np.random.default_rng(1).normal(size=800),
+    ):
         assert beside_a_mean(other, seen) == np.inf
 
 
@@ -268,7 +297,9 @@ def test_an_output_card_hides_nothing_of_the_law_whatever_the_archive_wrote_of_i
 def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
     r = record()
     du = np.diff(r.op)
-    wander = np.cumsum(share * 1.4826 * np.median(np.abs(du)) * np.random.default_rng(3).standard_normal(r.n))
+    wander = np.cumsum(
+        share * 1.4826 * np.median(np.abs(du)) * np.random.default_rng(3).standard_normal(r.n)
+    )
     found = law(replace(r, op=r.op + wander))
     # beyond that only a mean taken by the archive could be behind it
     assert (found.known and not found.averaged) == known

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from simbench.gap.controller.regression import about_zero, by_steps, by_sums, leak, spread, with_derivative
+from simbench.gap.controller.regression import (
+    about_zero,
+    by_steps,
+    by_sums,
+    leak,
+    spread,
+    with_derivative,
+)
 
 N = 2000
 E = np.cumsum(np.random.default_rng(0).normal(0.0, 0.3, N)) * 0.2
@@ -43,13 +50,17 @@ def test_a_stray_is_a_tenth_of_the_moves_and_twenty_times_what_the_law_leaves(no
     assert fit.strays.tolist() == (list(places + 1) if stray else [])
 
 
-@pytest.mark.parametrize(("form", "share"), [("backward", 1.0), ("trapezoid", 0.5), ("forward", 0.0)])
+@pytest.mark.parametrize(
+    ("form", "share"), [("backward", 1.0), ("trapezoid", 0.5), ("forward", 0.0)]
+)
 def test_every_way_to_integrate_is_the_baselines(form, share):
     du = KC * np.diff(E) + KI * (share * E[1:] + (1.0 - share) * E[:-1])
     assert by_steps(du, E, ROWS, KC, KI, spread(du), False).base < 1e-9
 
 
-@pytest.mark.parametrize(("step", "extra", "explained"), [(0.2, 0.0, True), (0.2, 0.9, False), (0.05, 0.0, True)])
+@pytest.mark.parametrize(
+    ("step", "extra", "explained"), [(0.2, 0.0, True), (0.2, 0.9, False), (0.05, 0.0, True)]
+)
 def test_a_coarse_op_is_explained_up_to_half_a_step(step, extra, explained):
     op = step * np.round((50.0 + KC * E + KI * np.cumsum(E)) / step)
     op += extra * step * np.sign(np.sin(np.arange(N) * 1.3))

@@ -12,28 +12,44 @@ def coarse(push, top=True):
     """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that pushes it there each scan."""
     way = 1.0 if top else -1.0
     op = 50.0 + way * np.concatenate(
-        [[0.0] * 20, np.arange(1.0, 5.0), [5.0] * 10, np.arange(4.0, -4.0, -1.0), [-3.0] * 8, [-4.0]]
+        [
+            [0.0] * 20,
+            np.arange(1.0, 5.0),
+            [5.0] * 10,
+            np.arange(4.0, -4.0, -1.0),
+            [-3.0] * 8,
+            [-4.0],
+        ]
     )
     return op, np.where(op == 50.0 + 5.0 * way, way * push, 0.0)
 
 
 @pytest.mark.parametrize(("asked", "found"), [(1.5, False), (2.7, False), (3.6, True), (5.0, True)])
 @pytest.mark.parametrize(("top", "name", "edge"), [(True, "hi", 55.0), (False, "lo", 45.0)])
-def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(asked, found, top, name, edge):
+def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(
+    asked, found, top, name, edge
+):
     # the scan that brings OP to its extreme is not counted
     op, e = coarse(asked / 9.0, top)
     limits = limits_of(op, e, 1.0, 0.0, 1.0, 0.0, False)
     assert limits == ({name: edge} if found else {})
 
 
-@pytest.mark.parametrize(("rests", "elsewhere", "found"), [(7, 0, True), (6, 0, False), (20, 3, False), (40, 3, True)])
+@pytest.mark.parametrize(
+    ("rests", "elsewhere", "found"), [(7, 0, True), (6, 0, False), (20, 3, False), (40, 3, True)]
+)
 def test_a_fine_op_that_rests_at_one_extreme_only_is_limited(rests, elsewhere, found):
     wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
     op = np.concatenate([wave, [55.0] * rests, wave[:50], [50.123] * (elsewhere + 1), wave[:20]])
-    assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0, False) == ({"hi": 55.0} if found else {})
+    assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0, False) == (
+        {"hi": 55.0} if found else {}
+    )
 
 
-@pytest.mark.parametrize(("scans", "push", "found"), [(1, 0.05, False), (2, 0.05, True), (2, 0.02, False), (2, 0.04, True)])
+@pytest.mark.parametrize(
+    ("scans", "push", "found"),
+    [(1, 0.05, False), (2, 0.05, True), (2, 0.02, False), (2, 0.04, True)],
+)
 def test_a_fine_op_pushed_on_in_two_scans_by_more_than_its_digits_is_limited(scans, push, found):
     wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
     op = np.concatenate([wave, [55.0] * scans, wave[:50]])
@@ -53,7 +69,10 @@ def rest(pairs, n, wrong=0):
     return 50.0 + np.append(0.0, np.cumsum(moves * rng.uniform(0.1, 0.2, n - 1))), e
 
 
-@pytest.mark.parametrize(("pairs", "n", "found"), [(7, 1000, False), (8, 1000, True), (45, 10_000, False), (55, 10_000, True)])
+@pytest.mark.parametrize(
+    ("pairs", "n", "found"),
+    [(7, 1000, False), (8, 1000, True), (45, 10_000, False), (55, 10_000, True)],
+)
 def test_a_dead_band_wants_some_samples_that_stand(pairs, n, found):
     op, e = rest(pairs, n)
     width = error_gap(op, e, np.ones(n - 1, dtype=bool))
@@ -85,7 +104,9 @@ def scans(missed, n=1000, noise=0.0, Kc=0.8, Ki=0.05):
     return op, e, spread(np.diff(op)) or float(np.std(np.diff(op)))
 
 
-@pytest.mark.parametrize(("missed", "skips"), [(0, False), (4, False), (6, True), (300, True), (450, True)])
+@pytest.mark.parametrize(
+    ("missed", "skips"), [(0, False), (4, False), (6, True), (300, True), (450, True)]
+)
 def test_a_controller_that_misses_a_few_scans_obeys_its_law_from_move_to_move(missed, skips):
     op, e, size = scans(missed)
     inside = np.ones(op.size, dtype=bool)

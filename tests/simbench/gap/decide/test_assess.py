@@ -4,7 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from simbench.gap.decide.assess import LEAST_NATS, RESIDUAL_LIMITS, SURE, Assessment, _asked_beside, capped
+from simbench.gap.decide.assess import (
+    LEAST_NATS,
+    RESIDUAL_LIMITS,
+    SURE,
+    Assessment,
+    _asked_beside,
+    capped,
+)
 from simbench.gap.likelihood.model import Spec
 
 BLOCKS = {
@@ -23,7 +30,9 @@ def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, fac
 
 def assessed(here, tests=QUIET, valve=False, chosen=(), beside=(), jumps=()):
     final = SimpleNamespace(spec=Spec(jumps=jumps))
-    return Assessment(here, None, {}, {}, list(chosen), final, tests=tests, mv_unexplained=valve, beside=beside)
+    return Assessment(
+        here, None, {}, {}, list(chosen), final, tests=tests, mv_unexplained=valve, beside=beside
+    )
 
 
 def blocks(*args, **kwargs):
@@ -32,30 +41,44 @@ def blocks(*args, **kwargs):
 
 @pytest.mark.parametrize("name", list(BLOCKS))
 @pytest.mark.parametrize("share", [-5.0, 0.95, 1.05])
-@pytest.mark.parametrize(("rough", "factor"), [({}, 1.0), ({"faithful": False}, 4.0), ({"gap": 0.1}, 4.0)])
+@pytest.mark.parametrize(
+    ("rough", "factor"), [({}, 1.0), ({"faithful": False}, 4.0), ({"gap": 0.1}, 4.0)]
+)
 def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough, factor):
     assert set(RESIDUAL_LIMITS) == set(BLOCKS)
     limit, block = BLOCKS[name]
     tests = QUIET | {name: share * factor * limit}
     assert blocks(situation(**rough), tests) == ({block} if share > 1.0 else set())
-    ratios = [r for r, _, said in assessed(situation(**rough), tests).failures if name.removesuffix(" nats") in said]
+    ratios = [
+        r
+        for r, _, said in assessed(situation(**rough), tests).failures
+        if name.removesuffix(" nats") in said
+    ]
     assert max(ratios) == pytest.approx(max(share, 0.0))
 
 
-@pytest.mark.parametrize(("name", "loose"), [("memory", True), ("bursts", True), ("input", False), ("shape nats", False)])
+@pytest.mark.parametrize(
+    ("name", "loose"), [("memory", True), ("bursts", True), ("input", False), ("shape nats", False)]
+)
 @pytest.mark.parametrize("chosen", ["stiction", "drift"])
 def test_friction_leaves_jumps_and_spells_of_its_own(name, loose, chosen):
     tests = QUIET | {name: 2.0 * BLOCKS[name][0]}
     excused = loose and chosen == "stiction"
     assert blocks(situation(), tests, chosen=[chosen]) == (set() if excused else {BLOCKS[name][1]})
-    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, chosen=[chosen]) == {BLOCKS[name][1]}
+    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, chosen=[chosen]) == {
+        BLOCKS[name][1]
+    }
 
 
-@pytest.mark.parametrize(("name", "loose"), [("memory", True), ("bursts", True), ("input", True), ("shape nats", False)])
+@pytest.mark.parametrize(
+    ("name", "loose"), [("memory", True), ("bursts", True), ("input", True), ("shape nats", False)]
+)
 def test_a_load_that_jumps_between_samples_leaves_traces(name, loose):
     tests = QUIET | {name: 2.0 * BLOCKS[name][0]}
     assert blocks(situation(), tests, jumps=(300,)) == (set() if loose else {BLOCKS[name][1]})
-    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, jumps=(300,)) == {BLOCKS[name][1]}
+    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, jumps=(300,)) == {
+        BLOCKS[name][1]
+    }
 
 
 @pytest.mark.parametrize(("found", "valve", "block"), [
@@ -98,7 +121,9 @@ def test_no_likelihood_outranks_what_single_samples_prove_and_the_best_keep_thei
     ("detuning", False, "time_constant_mismatch", False), ("outliers", True, "load_steps", False),
     ("stiction", False, "load_drift", False),
 ])  # fmt: skip
-def test_beside_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(first, proven, second, as_a_first):
+def test_beside_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(
+    first, proven, second, as_a_first
+):
     asked = _asked_beside(first, SimpleNamespace(proven={first: {}} if proven else {}), second)
     assert (asked == LEAST_NATS) is as_a_first
     assert asked >= LEAST_NATS

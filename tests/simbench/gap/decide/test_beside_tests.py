@@ -20,9 +20,15 @@ TIME = np.linspace(0.0, 1000.0, 40)
 def test_a_walk_is_likelier_under_its_own_size_and_noise_under_none():
     rng = np.random.default_rng(0)
     walk = np.cumsum(rng.standard_normal(40)) * np.sqrt(TIME[1]) * 0.1
-    assert by_lab({"rate": 0.0, "walk": 0.1}, walk, TIME, 0.1) > by_lab({"rate": 0.0, "walk": 0.0}, walk, TIME, 0.1) + 50.0
+    assert (
+        by_lab({"rate": 0.0, "walk": 0.1}, walk, TIME, 0.1)
+        > by_lab({"rate": 0.0, "walk": 0.0}, walk, TIME, 0.1) + 50.0
+    )
     still = 0.1 * rng.standard_normal(40)
-    assert by_lab({"rate": 0.0, "walk": 0.0}, still, TIME, 0.1) > by_lab({"rate": 0.0, "walk": 0.1}, still, TIME, 0.1) + 5.0
+    assert (
+        by_lab({"rate": 0.0, "walk": 0.0}, still, TIME, 0.1)
+        > by_lab({"rate": 0.0, "walk": 0.1}, still, TIME, 0.1) + 5.0
+    )
 
 
 @pytest.mark.parametrize(("rate", "sign", "least"), [(0.01, 1, 100.0), (0.0, -1, 10.0)])
@@ -53,23 +59,33 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
     data = Data(op, op - 50.0, 1.0, 10.0, 2.0, 0.1)
     baseline = SimpleNamespace(valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0))
     record = SimpleNamespace(Ts=1.0, mv=mv)
-    s = SimpleNamespace(data=data, op=op, baseline=baseline, record=record, integrating=False, valve_lag=0.0)
+    s = SimpleNamespace(
+        data=data, op=op, baseline=baseline, record=record, integrating=False, valve_lag=0.0
+    )
     seen = joint_engine(s, [], {"stiction": (0.0, {})}).parts[0].data.u
     np.testing.assert_array_equal(seen[:100], op[:100])
     np.testing.assert_array_equal(seen[100:], mv[100:])
 
 
-MORE = {"controller": {"type": "PI", "Kc": 1, "Ti": 20}, "sampling": {"Ts": 1, "n": 1200}, "noise": {"std": 0.1}}
+MORE = {
+    "controller": {"type": "PI", "Kc": 1, "Ti": 20},
+    "sampling": {"Ts": 1, "n": 1200},
+    "noise": {"std": 0.1},
+}
 MORE |= {"setpoint": {"steps": [[100, 55], [500, 48], [900, 53]]}}
 
 
 def lagging(Td, tau):
     """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time 6 without it."""
-    true, told = (Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6))
+    true, told = (
+        Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6)
+    )
     return check(true.with_("effect", [{"name": "valve_lag", "tau": tau}]).simulate(3).record, told)
 
 
-@pytest.mark.parametrize(("Td", "tau", "own"), [(4.0, 2.0, True), (6.0, 5.0, False), (6.0, 9.0, False)])
+@pytest.mark.parametrize(
+    ("Td", "tau", "own"), [(4.0, 2.0, True), (6.0, 5.0, False), (6.0, 9.0, False)]
+)
 def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, own):
     s = lagging(Td, tau)
     found = assess(s)

@@ -8,7 +8,12 @@ import pytest
 from random_case import random_case
 
 from simbench.gap.decide.assess import LEAST_NATS, RESIDUAL_LIMITS, Assessment, assess
-from simbench.gap.decide.classify import PLAIN_SECOND_NATS, SECOND_EFFECT_NATS, TEMPERATURE, classify
+from simbench.gap.decide.classify import (
+    PLAIN_SECOND_NATS,
+    SECOND_EFFECT_NATS,
+    TEMPERATURE,
+    classify,
+)
 from simbench.gap.intake.check import check
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
@@ -74,7 +79,9 @@ def test_unknown_is_even_where_the_best_model_just_fails_a_test_and_takes_from_a
 
 def test_what_needs_no_statistics_makes_the_answer_unknown_and_gives_its_block(found):
     strange = quiet(found, noise=100.0)
-    strange = replace(strange, situation=replace(strange.situation, unexplained_law="OP stands still"))
+    strange = replace(
+        strange, situation=replace(strange.situation, unexplained_law="OP stands still")
+    )
     weights = classify(strange)
     assert max(weights.probability, key=lambda e: weights.probability[e]) == UNKNOWN
     assert weights.block(UNKNOWN) == "controller"
@@ -113,7 +120,11 @@ def test_beside_an_effect_that_needs_no_fit_every_gain_came_on_top(found):
 
 def test_residual_tests_do_not_judge_a_plant_that_was_identified(found):
     loose = quiet(found, noise=12.0)
-    loose = replace(loose, situation=replace(loose.situation, trusted=False), tests=dict.fromkeys(found.tests, 1e3))
+    loose = replace(
+        loose,
+        situation=replace(loose.situation, trusted=False),
+        tests=dict.fromkeys(found.tests, 1e3),
+    )
     p = classify(loose).probability
     assert max(p, key=lambda a: p[a]) == "noise"
     assert p[UNKNOWN] < 0.01
@@ -139,7 +150,10 @@ def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(foun
     assert other.probability["drift"] == weights.probability["drift"]
 
 
-@pytest.mark.parametrize(("times", "low", "high"), [(0.1, 0.1, 0.25), (0.5, 0.3, 0.45), (2.0, 0.55, 0.7), (10.0, 0.75, 0.9)])
+@pytest.mark.parametrize(
+    ("times", "low", "high"),
+    [(0.1, 0.1, 0.25), (0.5, 0.3, 0.45), (2.0, 0.55, 0.7), (10.0, 0.75, 0.9)],
+)
 def test_unknown_grows_with_how_far_a_test_is_beyond_its_limit(times, low, high):
     sound = quiet(assessed("blind"), noise=20.0)
     archive = replace(sound.situation.archive, rounding=None, band=0.0, spikes=None)

@@ -24,11 +24,15 @@ def found(gains, *, chosen=(), situation=WIDE, parameters=None, fitted=("stictio
     candidates = {e: Candidate(e, SimpleNamespace(name=e), gains.get(e, -3.0)) for e in fitted}
     given = {"stiction": {"S": 10.0, "J": 3.0}, "deadband": {"S": 10.0}} | (parameters or {})
     every = {**dict.fromkeys(EFFECTS, -3.0), **gains}
-    return Assessment(situation, SimpleNamespace(name="base"), candidates, given, list(chosen), FIT, every)
+    return Assessment(
+        situation, SimpleNamespace(name="base"), candidates, given, list(chosen), FIT, every
+    )
 
 
 def test_what_compares_with_a_plant_is_dropped():
-    judged = plausible(found({"gain_mismatch": 40.0, "dead_time_mismatch": -50.0, "stiction": 20.0}))
+    judged = plausible(
+        found({"gain_mismatch": 40.0, "dead_time_mismatch": -50.0, "stiction": 20.0})
+    )
     assert judged.log_likelihood_gains["gain_mismatch"] == -10.0
     assert judged.log_likelihood_gains["dead_time_mismatch"] == -50.0
     assert judged.log_likelihood_gains["stiction"] == 20.0
@@ -47,8 +51,21 @@ def test_friction_is_chosen_only_where_the_valve_is_not_held_to_be_sound():
 
 
 def test_two_effects_at_most_of_two_blocks_and_the_proven_first():
-    gains = {"stiction": 20.0, "deadband": 30.0, "noise": -2.0, "quantisation": 1000.0, "load_steps": 5.0, "drift": 0.0}
-    judged = plausible(found(gains, chosen=["noise", "quantisation"], situation=replace(WIDE, proven={"quantisation": {}})))
+    gains = {
+        "stiction": 20.0,
+        "deadband": 30.0,
+        "noise": -2.0,
+        "quantisation": 1000.0,
+        "load_steps": 5.0,
+        "drift": 0.0,
+    }
+    judged = plausible(
+        found(
+            gains,
+            chosen=["noise", "quantisation"],
+            situation=replace(WIDE, proven={"quantisation": {}}),
+        )
+    )
     assert judged.chosen == ["quantisation", "deadband"]
     assert plausible(found(gains)).chosen == ["quantisation", "deadband"]
     three = plausible(found({"deadband": 30.0, "load_steps": 5.0, "quantisation": 4.0}))
@@ -59,7 +76,11 @@ def test_what_a_record_shows_beside_the_effects_is_said():
     bare = replace(SITUATION, record=replace(SITUATION.record, process=None))
     kind = "integrating" if SITUATION.integrating else "self-regulating"
     assert f"process: not given; judged as {kind}, the likelier of the two" in remarks(bare)
-    assert not [r for r in remarks(replace(bare, record=replace(bare.record, process=kind))) if r.startswith("process")]
+    assert not [
+        r
+        for r in remarks(replace(bare, record=replace(bare.record, process=kind)))
+        if r.startswith("process")
+    ]
     coarse = replace(bare, record=replace(bare.record, op=np.round(bare.record.op)))
     assert [r for r in remarks(coarse) if r.startswith("op_quantisation: ")]
     assert plausible(found({}, situation=bare)).situation.notes[-1:] == remarks(bare)[-1:]

@@ -43,17 +43,23 @@ def fitted(hidden: str) -> tuple[Any, Any]:
 def assessed(hidden: str = "nothing", mv_unexplained: bool = False, **gains: float) -> Any:
     situation, base = fitted(hidden)
     every = dict.fromkeys(EFFECTS, -4.0) | gains
-    return SimpleNamespace(log_likelihood_gains=every, situation=situation, base=base, mv_unexplained=mv_unexplained)
+    return SimpleNamespace(
+        log_likelihood_gains=every, situation=situation, base=base, mv_unexplained=mv_unexplained
+    )
 
 
 def test_a_block_stands_by_its_best_explanation_and_has_the_share_of_its_nats():
-    found = located(assessed(gain_mismatch=14.0, deadband=30.0), [("process", 14.0), ("process", 13.0)])
+    found = located(
+        assessed(gain_mismatch=14.0, deadband=30.0), [("process", 14.0), ("process", 13.0)]
+    )
     assert found.block == "valve"
     assert found.shares["valve"] / found.shares["process"] == pytest.approx(36.0 / 20.0)
     assert sum(found.shares.values()) == pytest.approx(1.0)
     assert found.nearest == {"process": "gain_mismatch", "valve": "deadband"}
     assert "deadband explains most" in found.words
-    assert located(assessed(gain_mismatch=14.0, deadband=30.0), [("process", 60.0)]).block == "process"
+    assert (
+        located(assessed(gain_mismatch=14.0, deadband=30.0), [("process", 60.0)]).block == "process"
+    )
 
 
 def test_within_the_noise_and_where_several_share_the_evidence_no_block_can_be_told():
@@ -71,20 +77,37 @@ def test_what_single_samples_or_mv_show_outranks_every_likelihood():
     assert (shown.block, shown.shares["valve"], shown.doubt) == ("valve", 1.0, "")
 
 
-@pytest.mark.parametrize(("hidden", "block"), [("noise", "sensor"), ("period", "disturbance"), ("another plant", "process")])
+@pytest.mark.parametrize(
+    ("hidden", "block"),
+    [("noise", "sensor"), ("period", "disturbance"), ("another plant", "process")],
+)
 def test_a_block_whose_effects_are_not_known_stands_by_what_it_does_freely(hidden, block):
     found = located(assessed(hidden))
     assert found.block == block
     assert found.shares[block] > 0.5
 
 
-@pytest.mark.parametrize(("slow", "height", "block"), [(0.0, 2.5, "sensor"), (20.0, 12.0, "disturbance")])
-def test_sudden_events_are_the_reading_s_where_pv_jumps_and_the_load_s_where_it_follows_as_the_plant_does(slow, height, block):
+@pytest.mark.parametrize(
+    ("slow", "height", "block"), [(0.0, 2.5, "sensor"), (20.0, 12.0, "disturbance")]
+)
+def test_sudden_events_are_the_reading_s_where_pv_jumps_and_the_load_s_where_it_follows_as_the_plant_does(
+    slow, height, block
+):
     situation, base = fitted("nothing")
     at = np.arange(situation.record.n)
-    events = sum(height * side * (at >= k) for k, side in ((150, 1), (260, -1), (420, 1), (555, -1), (700, 1)))
+    events = sum(
+        height * side * (at >= k)
+        for k, side in ((150, 1), (260, -1), (420, 1), (555, -1), (700, 1))
+    )
     data = replace(situation.data, y=situation.data.y + (lagged(events, slow) if slow else events))
     base = Engine(data, load_memory(situation)).base()
     found = replace(situation, data=data)
     every = dict.fromkeys(EFFECTS, -4.0)
-    assert located(SimpleNamespace(log_likelihood_gains=every, situation=found, base=base, mv_unexplained=False)).block == block
+    assert (
+        located(
+            SimpleNamespace(
+                log_likelihood_gains=every, situation=found, base=base, mv_unexplained=False
+            )
+        ).block
+        == block
+    )

@@ -33,7 +33,10 @@ LOAD = [{"type": "coloured", "amplitude": 0.4, "period": 30.0}]
 def hidden(form, numbers, seed=4):
     """Return a record of the loop with a law in it."""
     with lent_effect(FoundLaw(form, numbers, 0.0)) as name:
-        return simulate(Loop.from_table({**TABLE, "disturbance": LOAD, "effect": [{"name": name, **numbers}]}), seed).record
+        return simulate(
+            Loop.from_table({**TABLE, "disturbance": LOAD, "effect": [{"name": name, **numbers}]}),
+            seed,
+        ).record
 
 
 @pytest.mark.parametrize(("form", "numbers", "block", "near"), [
@@ -76,7 +79,9 @@ def test_nothing_is_found_in_a_record_without_a_law():
     assert "no explanation stands out of the noise" in found.why
 
 
-def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_diagnosis(tmp_path, capsys, monkeypatch):
+def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_diagnosis(
+    tmp_path, capsys, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     write_record(hidden("rate", {"slowness": 4.0}), tmp_path / "rec.csv")
     (tmp_path / "loop.toml").write_text(TOLD.to_toml())
@@ -104,21 +109,39 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
     assert "What it looks like" in (tmp_path / "law.html").read_text(encoding="utf-8")
     assert check_file(tmp_path / "slow.py").broken == ()
     PLUGINS.forget("slow")
-    assert main(["gap", "diagnose", "rec.csv", "--baseline", "loop.toml", "--effect-plugin", "slow.py", "--json"]) == 0
+    assert (
+        main(
+            [
+                "gap",
+                "diagnose",
+                "rec.csv",
+                "--baseline",
+                "loop.toml",
+                "--effect-plugin",
+                "slow.py",
+                "--json",
+            ]
+        )
+        == 0
+    )
     ranked = {r["effect"] for r in json.loads(capsys.readouterr().out)["ranking"]}
     assert "slow" in ranked
     assert "slow" not in PLUGINS.names()
 
 
 def test_a_written_file_makes_the_law_s_own_curve(tmp_path):
-    law = FoundLaw("curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0)
+    law = FoundLaw(
+        "curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0
+    )
     write_effect(law, tmp_path / "bent.py", "found", 'fitted to "x"')
     PLUGINS.add_file(tmp_path / "bent.py")
     try:
         record = simulate(Loop.from_table({**TABLE, "effect": [{"name": "bent"}]}), 1).record
     finally:
         PLUGINS.forget("bent")
-    knots = sum(law.numbers[f"k{i}"] * np.maximum(record.op - law.numbers[f"q{i}"], 0.0) for i in (1, 2, 3))
+    knots = sum(
+        law.numbers[f"k{i}"] * np.maximum(record.op - law.numbers[f"q{i}"], 0.0) for i in (1, 2, 3)
+    )
     made = record.op + knots
     assert record.mv - made == pytest.approx(np.full(record.n, record.mv[0] - made[0]), abs=1e-9)
 
@@ -130,7 +153,9 @@ def test_a_file_whose_name_can_be_no_effect_s_is_refused(name):
 
 
 def test_spells_are_where_the_evidence_outweighs_the_price_of_a_change():
-    evidence = np.concatenate([np.full(50, -1.0), np.full(40, 1.0), np.full(3, -1.0), np.full(40, 1.0), np.full(50, -1.0)])
+    evidence = np.concatenate(
+        [np.full(50, -1.0), np.full(40, 1.0), np.full(3, -1.0), np.full(40, 1.0), np.full(50, -1.0)]
+    )
     assert windows_of(spells_of(evidence, 6.0), 2.0) == [[100.0, 266.0]]
     assert windows_of(spells_of(evidence, 1.0), 1.0) == [[50.0, 90.0], [93.0, 133.0]]
     assert windows_of(spells_of(-np.ones(9), 1.0), 1.0) == []

@@ -22,7 +22,11 @@ RETUNED = FoundLaw("tuning", {"gain": 1.6, "integral": 1.5}, 100.0)
 
 @pytest.fixture(scope="module")
 def seen():
-    real = Loop.from_table(TOLD.to_table() | {"disturbance": LOAD}).with_("controller.Kc", 1.6).with_("controller.Ti", 15.0)
+    real = (
+        Loop.from_table(TOLD.to_table() | {"disturbance": LOAD})
+        .with_("controller.Kc", 1.6)
+        .with_("controller.Ti", 15.0)
+    )
     s = check(simulate(real, 3).record, TOLD)
     return s, search(s, held_out(s))
 
@@ -47,7 +51,9 @@ def test_numbers_found_by_likelihood_move_only_where_the_loop_is_plainly_nearer(
     found = search(s, held_out(s))
     near, far = ({"gain": gain} for gain in (1.0001, 2.5))
     moved = [
-        matched(s, Found(FoundLaw("size", numbers, 10.0), found.null, replace(found.null)), 0).law.numbers["gain"]
+        matched(
+            s, Found(FoundLaw("size", numbers, 10.0), found.null, replace(found.null)), 0
+        ).law.numbers["gain"]
         for numbers in (near, far)
     ]
     assert moved[0] == near["gain"]

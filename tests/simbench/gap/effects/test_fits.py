@@ -9,7 +9,15 @@ from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
-THETA = {"T": 20.0, "Td": 4.0, "load_time": 30.0, "load_lag": 1.0, "load": 2.0, "noise_std": 0.1, "colour": 0.1}
+THETA = {
+    "T": 20.0,
+    "Td": 4.0,
+    "load_time": 30.0,
+    "load_lag": 1.0,
+    "load": 2.0,
+    "noise_std": 0.1,
+    "colour": 0.1,
+}
 IDLE = {"load": 9.0, "load_time": 8.0}  # what an idle valve needs
 N = 1000
 
@@ -21,8 +29,21 @@ class Engine:
 
     def __init__(self, height=lambda spec, theta: 0.0, **more):
         y = np.resize([3.0, -3.0], N)
-        given = {"u": np.linspace(40.0, 60.0, N), "y": y, "K": 2.0, "T": 25.0, "Td": 5.0, "noise": 0.2}
-        self.data, self.height, self.fitted, self.gridded, self.scanned = Data(**given | more), height, [], [], []
+        given = {
+            "u": np.linspace(40.0, 60.0, N),
+            "y": y,
+            "K": 2.0,
+            "T": 25.0,
+            "Td": 5.0,
+            "noise": 0.2,
+        }
+        self.data, self.height, self.fitted, self.gridded, self.scanned = (
+            Data(**given | more),
+            height,
+            [],
+            [],
+            [],
+        )
 
     def at(self, spec, theta):
         return Fit(spec, float(self.height(spec, theta)), dict(theta), np.ones(4), np.zeros(N))
@@ -96,7 +117,11 @@ def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(eff
 
 
 def test_a_slow_plants_dead_time_is_sought_by_its_time_constant_and_a_quick_ones_by_two_samples():
-    for more, unit in (({"T": 100.0, "Td": 5.0}, 30.0), ({"T": 1.0, "Td": 0.5}, 2.0), ({"T": 1.0, "Td": 9.0}, 9.0)):
+    for more, unit in (
+        ({"T": 100.0, "Td": 5.0}, 30.0),
+        ({"T": 1.0, "Td": 0.5}, 2.0),
+        ({"T": 1.0, "Td": 9.0}, 9.0),
+    ):
         engine = Engine(**more)
         fit("dead_time_mismatch", engine)
         tried = [t["Td"] for t, search, _ in engine.fitted if search is not None]
@@ -104,8 +129,12 @@ def test_a_slow_plants_dead_time_is_sought_by_its_time_constant_and_a_quick_ones
         assert min(x for x in tried if x > more["Td"]) == pytest.approx(more["Td"] + 0.25 * unit)
 
 
-@pytest.mark.parametrize(("where", "effect"), [("valve", "valve_lag"), ("extra", "extra_lag"), ("sensor", "sensor_lag")])
-def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_plants_that_lengthened_in_its_stead(where, effect):
+@pytest.mark.parametrize(
+    ("where", "effect"), [("valve", "valve_lag"), ("extra", "extra_lag"), ("sensor", "sensor_lag")]
+)
+def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_plants_that_lengthened_in_its_stead(
+    where, effect
+):
     engine = Engine(near("tau", 5.0))
     found, price = fit(effect, engine)
     assert (found.spec.pole, price) == (where, 1.0)
@@ -113,9 +142,16 @@ def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_pla
     lags = np.geomspace(0.3, 90.0, 10)
     assert sorted({round(p["tau"], 9) for p in points}) == pytest.approx(lags)
     # the fitted and the stated plant, each with its own dead time and the shortest
-    assert {(p["T"], p["Td"]) for p in points} == {(20.0, 4.0), (20.0, 1.5), (25.0, 5.0), (25.0, 1.5)}
+    assert {(p["T"], p["Td"]) for p in points} == {
+        (20.0, 4.0),
+        (20.0, 1.5),
+        (25.0, 5.0),
+        (25.0, 1.5),
+    }
     # a filter makes noise quiet and coloured: begun from the stated noise and little colour
-    assert (theta["noise_std"], theta["colour"]) == ((0.2, 0.2) if where == "sensor" else (0.1, 0.1))
+    assert (theta["noise_std"], theta["colour"]) == (
+        (0.2, 0.2) if where == "sensor" else (0.1, 0.1)
+    )
     longer = [t for t, _, steps in engine.fitted if steps == 2]
     assert [t["tau"] for t in longer] == pytest.approx(lags[4::2])
     assert {t["T"] for t in longer} == {25.0}
@@ -151,7 +187,9 @@ def test_a_drifting_sensor_walks_and_ramps_but_a_vessels_balance_is_a_ramp_alrea
     engine = Engine(near("walk", 3.0 * 0.5 / np.sqrt(N)), T=T)
     found, price = fit("drift", engine)
     ((_, points),) = engine.gridded
-    assert [p["walk"] for p in points] == pytest.approx(3.0 / np.sqrt(N) * np.array([0.01, 0.1, 0.5, 2.0]))
+    assert [p["walk"] for p in points] == pytest.approx(
+        3.0 / np.sqrt(N) * np.array([0.01, 0.1, 0.5, 2.0])
+    )
     assert found.theta["walk"] == pytest.approx(1.5 / np.sqrt(N))
     assert (found.spec.walk, price) == (True, 2.0 if T else 1.0)
     if T:
@@ -184,7 +222,12 @@ def test_a_dead_band_is_scanned_wherever_mv_began_in_it():
     found, price = fit("deadband", engine)
     sizes, points = scanned(engine, kernels.PLAY)
     # OP's inner range is 19.8 %
-    assert (len(sizes), sizes[0], sizes[-1], price) == (42, pytest.approx(0.0198), pytest.approx(23.76), 1.0)
+    assert (len(sizes), sizes[0], sizes[-1], price) == (
+        42,
+        pytest.approx(0.0198),
+        pytest.approx(23.76),
+        1.0,
+    )
     assert sorted(set(np.round(points[:, 1] / points[:, 0], 9))) == [-0.5, 0.0, 0.5]
     assert not points[:, 2].any()
     assert found.spec.valve == kernels.PLAY
@@ -196,7 +239,11 @@ def test_stiction_is_scanned_under_two_models():
     for kind in (kernels.STICK, kernels.CREEP):
         sizes, points = scanned(engine, kind)
         shares = sorted(set(np.round(points[:, 1] / points[:, 0], 9)))
-        assert (len(sizes), sizes[0], sizes[-1]) == (100, pytest.approx(0.0198), pytest.approx(23.76))
+        assert (len(sizes), sizes[0], sizes[-1]) == (
+            100,
+            pytest.approx(0.0198),
+            pytest.approx(23.76),
+        )
         # jumps from next to none to nearly all of the band, no gap wider than a fifth
         assert (shares[0], shares[-1]) == (0.06, 0.95)
         assert max(np.diff(shares)) < 0.2

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from simbench.gap.effects import Recogniser, load_drift, load_steps, oscillation, outliers, recogniser
+from simbench.gap.effects import (
+    Recogniser,
+    load_drift,
+    load_steps,
+    oscillation,
+    outliers,
+    recogniser,
+)
 from simbench.gap.effects._draw import Yardstick, between
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import clip
@@ -41,7 +48,9 @@ def test_a_fits_numbers_are_those_of_the_loop_file(effect, found, numbers):
 
 def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
     # 3-4-5: amplitude 5; at a period of 2 pi T the pole takes a factor of the root of 2
-    found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION)
+    found = recogniser("oscillation").numbers(
+        fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION
+    )
     assert found == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
     vessel = SimpleNamespace(data=SimpleNamespace(T=0.0, K=2.0), record=SITUATION.record)
     found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi), vessel)
@@ -50,7 +59,9 @@ def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
 
 @pytest.mark.parametrize("effect", ["oscillation", "load_drift", "load_steps"])
 def test_a_load_behind_a_valve_that_never_moved_has_a_size(effect):
-    still = fit(K=0.0, own=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0)
+    still = fit(
+        K=0.0, own=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0
+    )
     assert all(np.isfinite(x) for x in recogniser(effect).numbers(still, SITUATION).values())
 
 
@@ -91,7 +102,9 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
     assert count == 2.0
     # from next to nothing to all that PV (or what moves a vessel) does within the record
     size = 1.0 / np.sqrt(12.0) if T else 0.0
-    assert np.ravel(walks)[[0, -1]] == pytest.approx(size / np.sqrt(1001.0) * np.array([1e-3, 1.0]), rel=2e-3, abs=1e-12)
+    assert np.ravel(walks)[[0, -1]] == pytest.approx(
+        size / np.sqrt(1001.0) * np.array([1e-3, 1.0]), rel=2e-3, abs=1e-12
+    )
     assert line[0] == pytest.approx(0.0, abs=1e-12)
     if T:
         # a ramp of one in a thousand samples comes through a first-order plant T late
@@ -101,7 +114,9 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
         assert line[-1] == pytest.approx(500.0, rel=2e-3)
 
 
-@pytest.mark.parametrize(("after", "gone"), [(0.0, True), (0.45, True), (0.55, False), (1.0, False)])
+@pytest.mark.parametrize(
+    ("after", "gone"), [(0.0, True), (0.45, True), (0.55, False), (1.0, False)]
+)
 def test_a_spike_is_gone_a_sample_later_and_a_step_is_not(after, gone):
     pv = np.zeros(50)
     pv[20], pv[21:] = 3.0, 3.0 * after
@@ -123,7 +138,9 @@ def innovations(height, count, neighbour=0.0):
     (9.0, 12, 0.0, True), (9.0, 2, 0.0, False), (9.0, 3, 0.0, True), (5.0, 12, 0.65, True), (5.0, 12, 0.75, False),
     (3.5, 12, 0.0, False),    (5.0, 12, 0.0, True),
 ])  # fmt: skip
-def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(height, count, neighbour, found):
+def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
+    height, count, neighbour, found
+):
     x, places = innovations(height, count, neighbour)
     pv = np.zeros(x.size)
     pv[places] = height
@@ -185,16 +202,25 @@ def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
 
 
 @pytest.mark.parametrize(
-    ("effect", "high"), [("gain_mismatch", 6.0), ("time_constant_mismatch", 8.0), ("valve_characteristic", 90.0)]
+    ("effect", "high"),
+    [("gain_mismatch", 6.0), ("time_constant_mismatch", 8.0), ("valve_characteristic", 90.0)],
 )
 def test_factors_are_drawn_either_way(effect, high):
-    ends = {float(next(iter(recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(1.0).values()))) for s in range(20)}
+    ends = {
+        float(
+            next(iter(recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(1.0).values()))
+        )
+        for s in range(20)
+    }
     assert sorted(ends) == pytest.approx([1.0 / high, high])
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_saturation_cuts_off_the_share_that_is_drawn(seed):
-    size, op = recogniser("saturation").draw(YARDSTICK, np.random.default_rng(seed)), YARDSTICK.record.op
+    size, op = (
+        recogniser("saturation").draw(YARDSTICK, np.random.default_rng(seed)),
+        YARDSTICK.record.op,
+    )
     for x, share in ((0.0, 0.0005), (0.5, 0.015), (1.0, 0.45)):
         p = size(x)
         assert p["lo"] < p["hi"]
@@ -204,7 +230,9 @@ def test_saturation_cuts_off_the_share_that_is_drawn(seed):
 
 
 def test_a_jump_is_drawn_from_a_tenth_of_the_band_to_all_of_it():
-    draws = [recogniser("stiction").draw(YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)]
+    draws = [
+        recogniser("stiction").draw(YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)
+    ]
     shares = [p["J"] / p["S"] for p in draws]
     assert 0.1 <= min(shares) < 0.2
     assert 0.9 < max(shares) <= 1.0
@@ -227,8 +255,12 @@ class Sines:
 
 @pytest.mark.parametrize("period", [7.3, 41.7, 190.0])
 def test_the_period_of_a_sine_in_the_innovations_is_found(period):
-    signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(0).standard_normal(1000)
-    base = SimpleNamespace(residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0})
+    signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(
+        0
+    ).standard_normal(1000)
+    base = SimpleNamespace(
+        residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0}
+    )
     found, count = oscillation.fit(Sines(signal), base)
     # periods in the record
     assert 1000 / found.theta["period"] == pytest.approx(1000 / period, abs=0.1)
@@ -263,7 +295,10 @@ def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, na
 @pytest.mark.parametrize("integral", [True, False])
 def test_a_proportional_controller_has_no_integral_to_detune(integral):
     loop = SimpleNamespace(**{**vars(YARDSTICK), "integral": integral})
-    factors = {recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0)["Ti_factor"] for s in range(30)}
+    factors = {
+        recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0)["Ti_factor"]
+        for s in range(30)
+    }
     assert factors == ({1.0, 8.0, 1 / 8.0} if integral else {1.0})
 
 
@@ -273,26 +308,44 @@ def test_evidence_for_spikes_has_no_unit(unit):
     pv = np.zeros(x.size)
     pv[places] = 9.0
     s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=True))
-    gain, p = outliers.by_innovations(SimpleNamespace(residual=unit * x, theta={"noise_std": 0.1}), s)
-    assert gain == pytest.approx(outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)[0])
+    gain, p = outliers.by_innovations(
+        SimpleNamespace(residual=unit * x, theta={"noise_std": 0.1}), s
+    )
+    assert gain == pytest.approx(
+        outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)[0]
+    )
     # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what heavy tails take back
     assert 30.0 < gain < 300.0
     assert p["at"] == "loop"
 
 
 def test_a_dead_zone_is_drawn_where_op_is():
-    centres = [recogniser("deadzone").draw(YARDSTICK, np.random.default_rng(s))(0.5)["c"] for s in range(100)]
+    centres = [
+        recogniser("deadzone").draw(YARDSTICK, np.random.default_rng(s))(0.5)["c"]
+        for s in range(100)
+    ]
     assert np.mean(centres) == pytest.approx(50.0, abs=0.8)
     assert np.std(centres) == pytest.approx(2.0, rel=0.25)
 
 
-@pytest.mark.parametrize(("k", "found"), [(6, True), (400, True), (990, True), (3, False), (997, False)])
+@pytest.mark.parametrize(
+    ("k", "found"), [(6, True), (400, True), (990, True), (3, False), (997, False)]
+)
 def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found):
     n = 1000
-    theta = {"T": 5.0, "load_time": 20.0, "load_lag": 0.5, "load": 0.5, "noise_std": 0.1, "colour": 0.1}
+    theta = {
+        "T": 5.0,
+        "load_time": 20.0,
+        "load_lag": 0.5,
+        "load": 0.5,
+        "noise_std": 0.1,
+        "colour": 0.1,
+    }
     # PV answers a jump one sample later
     response = 1.0 - np.exp(-np.arange(n) / 5.0)
-    white = kernels.whiten(response[None, :], 5.0, 0.0, 20.0, 0.5, 0.5, 0.0, 0.0, 0.1, 0.1, 10.0)[0][0]
+    white = kernels.whiten(response[None, :], 5.0, 0.0, 20.0, 0.5, 0.5, 0.0, 0.0, 0.1, 0.1, 10.0)[
+        0
+    ][0]
     residual = 0.02 * np.random.default_rng(0).standard_normal(n)
     residual[k:] += 5.0 * white[: n - k]
     engine = SimpleNamespace(data=SimpleNamespace(n=n, T=5.0), spread=10.0)
@@ -306,7 +359,9 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found)
 
 def test_kc_and_ti_are_detuned_alone_and_together_each_way():
     def ways(loop):
-        drawn = [recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0) for s in range(120)]
+        drawn = [
+            recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0) for s in range(120)
+        ]
         return {(np.sign(np.log(p["Kc_factor"])), np.sign(np.log(p["Ti_factor"]))) for p in drawn}
 
     assert ways(YARDSTICK) == {(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)} - {(0, 0)}
@@ -314,16 +369,23 @@ def test_kc_and_ti_are_detuned_alone_and_together_each_way():
 
 
 @pytest.mark.parametrize(
-    ("effect", "name", "low", "high"), [("load_steps", "rate", 4.0, 25.0), ("outliers", "rate", 2.0, 50.0)]
+    ("effect", "name", "low", "high"),
+    [("load_steps", "rate", 4.0, 25.0), ("outliers", "rate", 2.0, 50.0)],
 )
 def test_so_many_events_are_drawn_for_a_thousand_seconds(effect, name, low, high):
-    counts = [1000.0 * recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(0.5)[name] for s in range(200)]
+    counts = [
+        1000.0 * recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(0.5)[name]
+        for s in range(200)
+    ]
     assert low <= min(counts) < low + 0.05 * (high - low)
     assert high - 0.1 * (high - low) < max(counts) <= high
 
 
 def test_the_period_of_a_drawn_oscillation_lies_within_the_loops_pace_and_twenty_times_that():
-    periods = [recogniser("oscillation").draw(YARDSTICK, np.random.default_rng(s))(0.5)["period"] for s in range(200)]
+    periods = [
+        recogniser("oscillation").draw(YARDSTICK, np.random.default_rng(s))(0.5)["period"]
+        for s in range(200)
+    ]
     assert 20.0 <= min(periods) < 23.0
     assert 350.0 < max(periods) <= 400.0
     slow = SimpleNamespace(**{**vars(YARDSTICK), "pace": 1e-3})
@@ -332,7 +394,11 @@ def test_the_period_of_a_drawn_oscillation_lies_within_the_loops_pace_and_twenty
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     bare = Recogniser()
-    assert (bare.initial_op_offset({"S": 3.0}), bare.mean_op_shift({"rate": 1.0}, 100.0, 2.0), bare.numbers(None, None)) == (
+    assert (
+        bare.initial_op_offset({"S": 3.0}),
+        bare.mean_op_shift({"rate": 1.0}, 100.0, 2.0),
+        bare.numbers(None, None),
+    ) == (
         0.0,
         0.0,
         {},
@@ -363,7 +429,9 @@ def test_a_yardstick_is_the_loops_own_size():
 @pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
     (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
 ])  # fmt: skip
-def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(noise, rounding, band, drowned):
+def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(
+    noise, rounding, band, drowned
+):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
     assert recogniser("noise").masked_by_archive(s) == drowned
 
@@ -378,8 +446,14 @@ def test_evidence_for_spikes_is_that_of_rare_wide_gaussians_among_narrow_ones(he
     judged = x[kernels.SKIP :]
     narrow, rate = 1.4826 * np.median(np.abs(judged)), 12 / judged.size
     # all spikes are of one height here, which is then the wide one's standard deviation
-    mixture = np.log((1.0 - rate) * norm.pdf(judged, scale=narrow) + rate * norm.pdf(judged, scale=height))
-    tails = [t.logpdf(judged, nu, scale=s * np.std(judged)).sum() for nu in (6, 10, 20) for s in np.linspace(0.4, 1.0, 13)]
+    mixture = np.log(
+        (1.0 - rate) * norm.pdf(judged, scale=narrow) + rate * norm.pdf(judged, scale=height)
+    )
+    tails = [
+        t.logpdf(judged, nu, scale=s * np.std(judged)).sum()
+        for nu in (6, 10, 20)
+        for s in np.linspace(0.4, 1.0, 13)
+    ]
     plain = max(norm.logpdf(judged, scale=np.std(judged)).sum(), *tails)
     assert gain == pytest.approx(float(np.sum(mixture) - plain) - np.log(judged.size), rel=1e-6)
 

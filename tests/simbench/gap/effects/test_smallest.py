@@ -20,12 +20,22 @@ def probe(name, unit, from_=0.0, T=20.0, Td=4.0):
     def evaluate(spec, theta):
         return (-90.0 * abs(theta.get(name, from_) - from_) / unit,)
 
-    data = SimpleNamespace(T=T, Td=Td, n=1000, noise=0.1, u=np.linspace(40.0, 60.0, 1000), y=np.linspace(-1.0, 1.0, 1000))
+    data = SimpleNamespace(
+        T=T,
+        Td=Td,
+        n=1000,
+        noise=0.1,
+        u=np.linspace(40.0, 60.0, 1000),
+        y=np.linspace(-1.0, 1.0, 1000),
+    )
     residual = np.resize([1.0, -1.0], 1000)
     base = SimpleNamespace(spec=Spec(), theta=THETA, residual=residual)
     samples = SimpleNamespace(resolution=0.01)
     situation = SimpleNamespace(
-        record=SimpleNamespace(Ts=2.0, pv=data.y), samples=samples, sp=np.zeros(1000), law=SimpleNamespace(known=True)
+        record=SimpleNamespace(Ts=2.0, pv=data.y),
+        samples=samples,
+        sp=np.zeros(1000),
+        law=SimpleNamespace(known=True),
     )
     return Probe(SimpleNamespace(evaluate=evaluate, data=data), base, situation)
 
@@ -42,14 +52,18 @@ def first(share):
     ("valve_lag", "tau", 0.0, 100.0, 200.0, "s"), ("extra_lag", "tau", 0.0, 100.0, 200.0, "s"),
     ("sensor_lag", "tau", 0.0, 100.0, 200.0, "s"), ("dead_time_mismatch", "Td", 4.0, 5.0, 10.0, "s"),
 ])  # fmt: skip
-def test_the_first_step_that_costs_nine_nats_is_the_size(effect, name, from_, scale, said, words, unit):
+def test_the_first_step_that_costs_nine_nats_is_the_size(
+    effect, name, from_, scale, said, words, unit
+):
     size, unit_said = recogniser(effect).smallest(probe(name, unit, from_))
     assert unit_said == words
     # nine of ninety nats: a tenth of the unit
     assert size == pytest.approx(said * first(0.1 * unit / scale))
 
 
-@pytest.mark.parametrize(("effect", "name", "of"), [("time_constant_mismatch", "T", 20.0), ("noise", "noise_std", 0.1)])
+@pytest.mark.parametrize(
+    ("effect", "name", "of"), [("time_constant_mismatch", "T", 20.0), ("noise", "noise_std", 0.1)]
+)
 def test_a_factor_is_of_the_number_itself(effect, name, of):
     size, _ = recogniser(effect).smallest(probe(name, 5.0 * of, of))
     assert size == pytest.approx(1.0 + first(0.5))
@@ -75,7 +89,9 @@ def test_sizes_that_need_no_likelihood():
     assert recogniser("error_deadband").smallest(bare) == (pytest.approx(0.4, abs=0.01), "PV units")
     assert recogniser("detuning").smallest(bare)[0] == pytest.approx(np.exp(0.13), rel=2e-3)
     bare.situation.law.known = False
-    assert recogniser("detuning").smallest(bare) is recogniser("error_deadband").smallest(bare) is None
+    assert (
+        recogniser("detuning").smallest(bare) is recogniser("error_deadband").smallest(bare) is None
+    )
 
 
 @pytest.mark.parametrize("unit", [0.1, 0.5])

@@ -9,7 +9,13 @@ import pytest
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
-from simbench.gap.intake.archive import _archive, _lines_where_apart, _resolution, _spikes, _unexplained
+from simbench.gap.intake.archive import (
+    _archive,
+    _lines_where_apart,
+    _resolution,
+    _spikes,
+    _unexplained,
+)
 from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
@@ -27,7 +33,13 @@ HIDDEN = replace(LAW, reason="no law", recovered_pv=PV + 1.0)
 def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
     """Return a record with what its law and samples show."""
     apart = Observed.apart.fget(SimpleNamespace(law=law))
-    return SimpleNamespace(record=SimpleNamespace(op=op, pv=pv, n=N), law=law, samples=samples, noise=noise, apart=apart)
+    return SimpleNamespace(
+        record=SimpleNamespace(op=op, pv=pv, n=N),
+        law=law,
+        samples=samples,
+        noise=noise,
+        apart=apart,
+    )
 
 
 def lattice(step):
@@ -43,7 +55,9 @@ def lattice(step):
     (replace(PLAIN, resolution=0.03), LAW, Archive()), (replace(PLAIN, resolution=0.04), LAW, Archive((0.04, "loop"))),
     (replace(PLAIN, straight=0.16), LAW, Archive()),
 ])  # fmt: skip
-def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(samples, law, archive):
+def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(
+    samples, law, archive
+):
     found, plant_pv, mismatch = _archive(seen_in(law, samples))
     assert (found, mismatch) == (archive, "")
     # behind an archive that hides something, the plant's PV is the one that the controller saw
@@ -52,7 +66,9 @@ def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see
 
 def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
-    found, _, _ = _archive(seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18)))
+    found, _, _ = _archive(
+        seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18))
+    )
     # 0.98 of the samples lie as near as the largest of the lines
     assert found.band == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
@@ -82,8 +98,13 @@ def test_lines_through_a_mean_count_once_they_are_further_off_it_than_the_noise(
     assert np.array_equal(plant_pv, seen)
 
 
-@pytest.mark.parametrize(("places", "share", "lined"), [(9, 1.0, False), (12, 1.0, True), (40, 0.4, False), (40, 0.6, True)])
-def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(places, share, lined):
+@pytest.mark.parametrize(
+    ("places", "share", "lined"),
+    [(9, 1.0, False), (12, 1.0, True), (40, 0.4, False), (40, 0.6, True)],
+)
+def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(
+    places, share, lined
+):
     pv, seen = PV.copy(), PV.copy()
     for i in range(places):
         k = 20 + 20 * i
@@ -106,7 +127,9 @@ def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(
     (Archive(band=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
     (Archive(band=0.1), 0.0, "moves", "", "moves"),
 ])  # fmt: skip
-def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, gap, mismatch, foreign, said):
+def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(
+    archive, gap, mismatch, foreign, said
+):
     law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
     assert _unexplained(SimpleNamespace(law=law), archive, mismatch) == said
 
@@ -118,23 +141,31 @@ def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, g
     ([1, 100, 200], {}, {}, {}, ""), ([int(OP.argmax()), 100, 200], {}, {}, {}, ""),
     ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""), ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
 ])  # fmt: skip
-def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(strays, sp, pv, more, said):
+def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
+    strays, sp, pv, more, said
+):
     moved, drawn = np.where(np.arange(N) >= min(sp, default=N), 51.0, 50.0), PV.copy()
     for k, value in pv.items():
         drawn[k] = value
     law = replace(LAW, strays=np.array(strays), **more)
     it = SimpleNamespace(law=law, op=OP, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN)
-    assert (said in _unexplained(it, Archive(), "")) if said else _unexplained(it, Archive(), "") == ""
+    assert (
+        (said in _unexplained(it, Archive(), "")) if said else _unexplained(it, Archive(), "") == ""
+    )
 
 
-@pytest.mark.parametrize(("rounding", "unit"), [(None, 0.05), ((0.3, "loop"), 0.3), ((0.3, "record"), 0.001)])
+@pytest.mark.parametrize(
+    ("rounding", "unit"), [(None, 0.05), ((0.3, "loop"), 0.3), ((0.3, "record"), 0.001)]
+)
 def test_the_engine_is_told_the_digits_that_are_in_its_pv(rounding, unit):
     assert _resolution(Archive(rounding), lattice(0.05)) == unit
 
 
 @pytest.mark.parametrize(("law", "apart"), [(LAW, False), (HIDDEN, True), (replace(HIDDEN, reason=""), False),
                                             (replace(HIDDEN, recovered_pv=None), False)])  # fmt: skip
-def test_an_archive_is_apart_where_op_says_another_pv_and_the_recorded_one_explains_nothing(law, apart):
+def test_an_archive_is_apart_where_op_says_another_pv_and_the_recorded_one_explains_nothing(
+    law, apart
+):
     assert seen_in(law, PLAIN).apart == apart
 
 
@@ -162,9 +193,13 @@ def spiky(count=4):
 
 
 @pytest.mark.parametrize(("count", "found"), [(2, False), (3, True), (4, True)])
-def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_on_them(count, found):
+def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_on_them(
+    count, found
+):
     pv = hit(places=PLACES[:count], heights=HEIGHTS[:count])
-    spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, False)
+    spikes, plant_pv, mismatch = _spikes(
+        seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, False
+    )
     assert mismatch == ""
     if found:
         assert spikes == (count / N, pytest.approx(np.mean(np.abs(HEIGHTS[:count]))), "loop")
@@ -178,17 +213,28 @@ def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_
 def test_spikes_that_op_did_not_see_are_the_records_and_the_plants_pv_is_what_op_saw():
     pv = hit()
     for samples in (spiky(), PLAIN):
-        spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=PV), samples, pv), pv, False)
+        spikes, plant_pv, mismatch = _spikes(
+            seen_in(replace(LAW, recovered_pv=PV), samples, pv), pv, False
+        )
         assert spikes == (4 / N, pytest.approx(3.25), "record")
         assert np.array_equal(plant_pv, PV)
         assert mismatch == ""
     # below a few times what digits leave uncertain nothing is one
-    assert _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.9), PLAIN, pv), pv, False)[0] is None
-    assert _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.5), PLAIN, pv), pv, False)[0] is not None
+    assert (
+        _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.9), PLAIN, pv), pv, False)[0] is None
+    )
+    assert (
+        _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.5), PLAIN, pv), pv, False)[0]
+        is not None
+    )
 
 
-@pytest.mark.parametrize(("height", "said"), [(2.0, "OP moves as no PV on record makes it move"), (0.1, "")])
-def test_op_that_sees_spikes_which_pv_does_not_show_is_a_mismatch_unless_they_are_specks(height, said):
+@pytest.mark.parametrize(
+    ("height", "said"), [(2.0, "OP moves as no PV on record makes it move"), (0.1, "")]
+)
+def test_op_that_sees_spikes_which_pv_does_not_show_is_a_mismatch_unless_they_are_specks(
+    height, said
+):
     seen = hit(heights=height * np.sign(HEIGHTS))
     spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=seen), PLAIN), PV, False)
     assert (spikes, mismatch) == (None, said)

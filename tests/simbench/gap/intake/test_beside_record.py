@@ -37,7 +37,9 @@ def made(id_, situation, loop=LOOP, stated=LOOP):
     if manual.any():
         # the operator takes over from a controller, whose OP the menu's own run does not show
         lead = simulate(loop.with_("sampling.n", int(np.argmax(manual))), 6).record
-        op, pv = (np.concatenate([getattr(lead, c), getattr(record, c)[lead.n :]]) for c in ("op", "pv"))
+        op, pv = (
+            np.concatenate([getattr(lead, c), getattr(record, c)[lead.n :]]) for c in ("op", "pv")
+        )
         record = SimpleNamespace(op=op, pv=pv)
     from detectors.record import LoopRecord
 
@@ -60,12 +62,16 @@ def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situ
     # load and plant of a loop that nobody moves are one thing, and a load of steps looks like another plant
     monkeypatch.setattr(beside_tests, "_other_plant", lambda *_: "another")
     test = modelled(made(id_, situation), situation)
-    assert beside_tests.other_plants(assess(situation), situation, [test]) == (["another"] if moved else [""])
+    assert beside_tests.other_plants(assess(situation), situation, [test]) == (
+        ["another"] if moved else [""]
+    )
 
 
 @pytest.mark.parametrize("id_", ["sp_steps", "bump"])
 def test_nothing_is_said_of_a_sound_test_under_a_pid(id_):
-    loop = Loop.from_table(LOOP.to_table() | {"controller": {"type": "PID", "Kc": 0.5, "Ti": 10.0, "Td": 1.5}})
+    loop = Loop.from_table(
+        LOOP.to_table() | {"controller": {"type": "PID", "Kc": 0.5, "Ti": 10.0, "Td": 1.5}}
+    )
     own = check(simulate(loop, 1).record, loop)
     test = made(id_, own, loop, loop)
     found = modelled(test, own)
@@ -77,20 +83,31 @@ def test_nothing_is_said_of_a_sound_test_under_a_pid(id_):
 @pytest.mark.parametrize("shift", [-10, 10])
 def test_a_mode_column_that_is_shifted_is_found(shift, situation):
     test = made("bump", situation)
-    test.manual[:] = np.concatenate([test.manual[-shift:], np.ones(-shift, bool)]) if shift < 0 else np.roll(test.manual, shift)
+    test.manual[:] = (
+        np.concatenate([test.manual[-shift:], np.ones(-shift, bool)])
+        if shift < 0
+        else np.roll(test.manual, shift)
+    )
     test.manual[: max(shift, 0)] = False
     assert "mode column of bump.csv" in said(test, situation)
 
 
 def test_another_tuning_than_the_stated_one_is_found(situation):
-    assert "tuning is not the one stated" in said(made("sp_steps", situation, LOOP.with_("controller.Kc", 0.25)), situation)
+    assert "tuning is not the one stated" in said(
+        made("sp_steps", situation, LOOP.with_("controller.Kc", 0.25)), situation
+    )
     half = LOOP.with_("controller.Kc", 0.25)
     assert said(made("sp_steps", situation, half, half), situation) == ""
 
 
 def test_another_loops_signals_are_found(situation):
-    far = Loop.from_table(LOOP.to_table() | {"operating_point": {"op0": 50.0, "pv0": 900.0}, "setpoint": {"value": 900.0}})
-    assert "the loop behind sp_steps.csv is another" in said(made("sp_steps", situation, far), situation)
+    far = Loop.from_table(
+        LOOP.to_table()
+        | {"operating_point": {"op0": 50.0, "pv0": 900.0}, "setpoint": {"value": 900.0}}
+    )
+    assert "the loop behind sp_steps.csv is another" in said(
+        made("sp_steps", situation, far), situation
+    )
 
 
 def test_in_manual_no_law_is_asked(situation):

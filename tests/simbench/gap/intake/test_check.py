@@ -46,7 +46,11 @@ def refused(record, baseline, *words):
         assert word in sentence
 
 
-@pytest.mark.parametrize("valve", [{}, STICKY, {"valve": {"model": "deadband", "S": 3.0}}], ids=["ideal", "sticky", "play"])
+@pytest.mark.parametrize(
+    "valve",
+    [{}, STICKY, {"valve": {"model": "deadband", "S": 3.0}}],
+    ids=["ideal", "sticky", "play"],
+)
 @pytest.mark.parametrize(("change", "words"), [
     (lambda mv: 0.4 * mv, "times OP"), (lambda mv: 1.6 * mv, "times OP"), (lambda mv: 4.0 + 0.16 * mv, "mA"),
     (lambda mv: mv / 100.0, "share of 1"), (lambda mv: 100.0 - mv, "falls where OP rises"),
@@ -87,8 +91,14 @@ OTHERS = {
         "plant": {"type": "foptd", "K": 0.3, "T": 200.0, "Td": 30.0},
         "controller": {"type": "PI", "Kc": 8.0, "Ti": 200.0},
     },
-    "fast": {"plant": {"type": "foptd", "K": 3.0, "T": 5.0, "Td": 1.0}, "controller": {"type": "PI", "Kc": 0.6, "Ti": 5.0}},
-    "vessel": {"plant": {"type": "integrating", "K": 0.05, "Td": 10.0}, "controller": {"type": "PI", "Kc": 3.0, "Ti": 80.0}},
+    "fast": {
+        "plant": {"type": "foptd", "K": 3.0, "T": 5.0, "Td": 1.0},
+        "controller": {"type": "PI", "Kc": 0.6, "Ti": 5.0},
+    },
+    "vessel": {
+        "plant": {"type": "integrating", "K": 0.05, "Td": 10.0},
+        "controller": {"type": "PI", "Kc": 3.0, "Ti": 80.0},
+    },
 }
 
 
@@ -122,7 +132,9 @@ def test_retuned_vessels_are_not_taken_for_other_plants():
         "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 100.0}],
     }
     effect = [{"name": "detuning", "Kc_factor": 0.5, "Ti_factor": 2.0}]
-    assert "detuning" in admitted(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
+    assert (
+        "detuning" in admitted(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
+    )
 
 
 def held(pv, every, length):
@@ -152,9 +164,14 @@ def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
 
 
 @pytest.mark.parametrize("at", ["loop", "record"])
-@pytest.mark.parametrize("other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"])
+@pytest.mark.parametrize(
+    "other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"]
+)
 def test_op_says_whether_the_controller_saw_the_spikes(at, other):
-    effects = [{"name": "outliers", "rate": 0.01, "size": 3.0, "at": at}, *([other] if other else [])]
+    effects = [
+        {"name": "outliers", "rate": 0.01, "size": 3.0, "at": at},
+        *([other] if other else []),
+    ]
     assert check(run(**LOADED, effect=effects), loop()).proven["outliers"]["at"] == at
 
 

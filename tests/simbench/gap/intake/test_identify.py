@@ -54,8 +54,14 @@ def test_the_tuning_is_read_from_the_law(first):
     loop = identify(record, plant=given)
     assert loop.plant == given
     assert loop.noise.std == 0.0
-    assert (loop.controller.type, loop.controller.direction) == ("PI", "reverse" if K > 0 else "direct")
-    assert (loop.controller.Kc, loop.controller.Ti) == (pytest.approx(0.8, rel=1e-3), pytest.approx(25.0, rel=1e-3))
+    assert (loop.controller.type, loop.controller.direction) == (
+        "PI",
+        "reverse" if K > 0 else "direct",
+    )
+    assert (loop.controller.Kc, loop.controller.Ti) == (
+        pytest.approx(0.8, rel=1e-3),
+        pytest.approx(25.0, rel=1e-3),
+    )
 
 
 @pytest.mark.parametrize("process", ["integrating", None])
@@ -84,7 +90,9 @@ def test_a_proportional_controller_has_no_integral_time():
 def test_an_op_that_no_law_makes_leaves_a_guess_by_the_sizes_of_the_changes():
     record = run(TABLE)
     op = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal(record.n))
-    found = identify(replace(record, op=op), plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)).controller
+    found = identify(
+        replace(record, op=op), plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)
+    ).controller
     assert np.isfinite(found.Kc)
     assert found.Kc > 0.0
 

@@ -21,7 +21,10 @@ def answered(K, T, Td, n=1500):
     return u, K * kernels.plant(u, T, Td, 0.0) + 0.05 * rng.standard_normal(n)
 
 
-@pytest.mark.parametrize(("T", "Td", "Ti", "said"), [(30.0, 6.0, 60.0, 10.0), (6.0, 2.0, np.inf, 90.0), (20.0, 4.0, 5.0, 20.0)])
+@pytest.mark.parametrize(
+    ("T", "Td", "Ti", "said"),
+    [(30.0, 6.0, 60.0, 10.0), (6.0, 2.0, np.inf, 90.0), (20.0, 4.0, 5.0, 20.0)],
+)
 def test_the_records_own_plant_is_found_whatever_the_baseline_says(T, Td, Ti, said):
     u, y = answered(-1.7, T, Td)
     # stated: a gain of a fifth, another time constant, noise and trust that do not count
@@ -56,12 +59,16 @@ def begun(monkeypatch, law, n=1600, T=12.0):
     (60.0, 12.0, (30.0, 12.0, 8.0)), (np.inf, 2.0, (20.0, 5.0, 8.0)), (1e6, 1e6, (100.0, 100.0, 8.0)),
     (2.0, 12.0, (2.0, 12.0, 8.0)),
 ])  # fmt: skip
-def test_it_is_looked_for_from_the_integral_time_the_stated_lag_and_a_quick_one(monkeypatch, Ti, T, lags):
+def test_it_is_looked_for_from_the_integral_time_the_stated_lag_and_a_quick_one(
+    monkeypatch, Ti, T, lags
+):
     seen = begun(monkeypatch, Law(0.0, 0.0, 1.0, Ti), T=T)
     assert [lag for lag, _, _ in seen] == pytest.approx(lags)
     wanted = (1.0 if Ti == 2.0 else Ti / 2.0) if np.isfinite(Ti) else 20.0
     assert [wait for _, wait, _ in seen] == pytest.approx([0.2 * wanted, 0.2 * max(T, 5.0), 1.6])
-    assert [load for _, _, load in seen] == pytest.approx([4.0 * (lag + wait) for lag, wait, _ in seen])
+    assert [load for _, _, load in seen] == pytest.approx(
+        [4.0 * (lag + wait) for lag, wait, _ in seen]
+    )
 
 
 def situation(data):
@@ -73,7 +80,9 @@ def situation(data):
 
 
 @pytest.mark.parametrize(("gain", "refused"), [(955.0, True), (965.0, False)])
-def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(monkeypatch, gain, refused):
+def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
+    monkeypatch, gain, refused
+):
     own = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
     base = SimpleNamespace(loglik=0.0)
     tried, loads = [], []
@@ -81,11 +90,22 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(mo
     def fit_candidates(engine, start, effects):
         tried.extend(effects)
         # thirty nats, and three numbers of a thousand samples: 40.4
-        return {e: SimpleNamespace(log_likelihood_gain=gain if e == "stiction" else 0.0) for e in effects}
+        return {
+            e: SimpleNamespace(log_likelihood_gain=gain if e == "stiction" else 0.0)
+            for e in effects
+        }
 
-    monkeypatch.setattr(other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: base), own))
-    monkeypatch.setattr(other_loop, "Engine", lambda data, load: loads.append(load) or SimpleNamespace(base=lambda: base))
-    monkeypatch.setattr(other_loop, "possible_effects", lambda s: ["noise", "gain_mismatch", "stiction", "drift"])
+    monkeypatch.setattr(
+        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: base), own)
+    )
+    monkeypatch.setattr(
+        other_loop,
+        "Engine",
+        lambda data, load: loads.append(load) or SimpleNamespace(base=lambda: base),
+    )
+    monkeypatch.setattr(
+        other_loop, "possible_effects", lambda s: ["noise", "gain_mismatch", "stiction", "drift"]
+    )
     monkeypatch.setattr(other_loop, "fit_candidates", fit_candidates)
     s = situation(SimpleNamespace(K=1.0, T=20.0, Td=4.0, n=1000))
     if refused:
@@ -93,7 +113,9 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(mo
             refuse_other_plant(s)
         said = "gain of 3 after 64 s, the baseline's Kc = 1, Ti = 20 s, K = 1 and 24 s; this is the baseline of another loop"
         assert str(caught.value).endswith(said)
-        assert str(caught.value).startswith("record 'FIC1': its controller has Kc = 2 and Ti = 40 s")
+        assert str(caught.value).startswith(
+            "record 'FIC1': its controller has Kc = 2 and Ti = 40 s"
+        )
     else:
         refuse_other_plant(s)
     # only what bends the plant's answer is asked, and under loads as long as the baseline's plant
@@ -103,6 +125,12 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(mo
 
 def test_the_baselines_own_plant_with_a_load_may_do_as_well(monkeypatch):
     own = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
-    monkeypatch.setattr(other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0)), own))
-    monkeypatch.setattr(other_loop, "Engine", lambda *a: SimpleNamespace(base=lambda: SimpleNamespace(loglik=960.0)))
+    monkeypatch.setattr(
+        other_loop,
+        "_own_plant",
+        lambda *a: (SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0)), own),
+    )
+    monkeypatch.setattr(
+        other_loop, "Engine", lambda *a: SimpleNamespace(base=lambda: SimpleNamespace(loglik=960.0))
+    )
     refuse_other_plant(situation(SimpleNamespace(K=1.0, T=20.0, Td=4.0, n=1000)))

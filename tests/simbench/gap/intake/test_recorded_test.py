@@ -16,14 +16,20 @@ LOOP = Loop.from_table({
 
 def write(place, *, n=100, mode=None, lab=None, Ts=1.0, settings="", op=None):
     rng = np.random.default_rng(1)
-    columns = {"t": Ts * np.arange(n), "sp": np.full(n, 5.0), "op": 50 + rng.standard_normal(n) if op is None else op}
+    columns = {
+        "t": Ts * np.arange(n),
+        "sp": np.full(n, 5.0),
+        "op": 50 + rng.standard_normal(n) if op is None else op,
+    }
     columns["pv"] = 5 + rng.standard_normal(n)
     names, rows = list(columns), [list(map(str, row)) for row in zip(*columns.values())]
     for name, values in (("mode", mode), ("lab", lab)):
         if values is not None:
             names.append(name)
             rows = [[*row, str(v)] for row, v in zip(rows, values)]
-    (place / "test.csv").write_text("\n".join([",".join(names), *(",".join(r) for r in rows)]) + "\n")
+    (place / "test.csv").write_text(
+        "\n".join([",".join(names), *(",".join(r) for r in rows)]) + "\n"
+    )
     if settings:
         (place / "test.toml").write_text(settings)
     return str(place / "test.csv")
@@ -41,7 +47,9 @@ def test_settings_beside_a_record_are_its_own_and_a_loop_file_of_that_name_is_no
 
 
 def test_mode_says_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
-    file = write(tmp_path, mode=["AUTO"] * 60 + ["man"] * 30 + ["CAS"] * 10, lab=[""] * 99 + ["5.5"])
+    file = write(
+        tmp_path, mode=["AUTO"] * 60 + ["man"] * 30 + ["CAS"] * 10, lab=[""] * 99 + ["5.5"]
+    )
     test = read_test(file, LOOP)
     assert test.manual.sum() == 30
     assert test.manual[60]

@@ -12,7 +12,13 @@ from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import _answered, stands_out
 from simbench.gap.intake.observed import _moves_of
-from simbench.gap.intake.refuse import _refuse_other_pace, moving_slope, refuse_mv_units, refuse_op_units, refuse_unfit
+from simbench.gap.intake.refuse import (
+    _refuse_other_pace,
+    moving_slope,
+    refuse_mv_units,
+    refuse_op_units,
+    refuse_unfit,
+)
 
 SINE = np.sin(np.arange(600) / 20.0)
 OP = 50.0 + 5.0 * SINE
@@ -32,12 +38,16 @@ def mv_said(mv, op=OP):
     return said(refuse_mv_units, mv, op, "record")
 
 
-@pytest.mark.parametrize(("factor", "refused"), [(0.66, True), (0.72, False), (1.0, False), (1.35, False), (1.45, True)])
+@pytest.mark.parametrize(
+    ("factor", "refused"), [(0.66, True), (0.72, False), (1.0, False), (1.35, False), (1.45, True)]
+)
 def test_one_factor_in_level_and_slope_is_a_unit(factor, refused):
     assert ("in level and in slope" in mv_said(factor * OP)) == refused
 
 
-@pytest.mark.parametrize(("slope", "refused"), [(0.36, False), (0.44, True), (0.56, True), (0.65, False)])
+@pytest.mark.parametrize(
+    ("slope", "refused"), [(0.36, False), (0.44, True), (0.56, True), (0.65, False)]
+)
 def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
     assert ("in level and in slope" in mv_said(25.0 + slope * (OP - 50.0))) == refused
 
@@ -55,14 +65,18 @@ def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(lev
     assert not mv_said(op, op)
 
 
-@pytest.mark.parametrize(("middle", "swing", "refused"), [(20, 24, False), (20, 26, True), (80, 24, False), (80, 26, True)])
+@pytest.mark.parametrize(
+    ("middle", "swing", "refused"),
+    [(20, 24, False), (20, 26, True), (80, 24, False), (80, 26, True)],
+)
 def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
     op = middle + swing * SINE
     assert ("MV runs from" in mv_said(op, op)) == refused
 
 
 @pytest.mark.parametrize(
-    ("top", "level", "share"), [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)]
+    ("top", "level", "share"),
+    [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)],
 )
 def test_a_share_of_one_is_no_nearly_closed_valve(top, level, share):
     op = level * (1.0 + 0.1 * SINE)
@@ -82,7 +96,9 @@ def test_a_valve_that_closes_where_op_rises_is_seen_however_little_it_moves(swin
     assert not mv_said(np.full(op.shape, 50.0), op)
 
 
-@pytest.mark.parametrize(("R", "refused"), [(1.0, False), (1.002, False), (8.0, False), (0.15, False)])
+@pytest.mark.parametrize(
+    ("R", "refused"), [(1.0, False), (1.002, False), (8.0, False), (0.15, False)]
+)
 def test_a_characteristic_is_no_unit(R, refused):
     op = 50.0 + 30.0 * SINE
     mv = op if R == 1.0 else 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)
@@ -113,10 +129,15 @@ def test_a_slope_wants_twenty_sliding_samples(n):
 ])  # fmt: skip
 def test_op_in_another_unit_has_its_factor_and_its_range(low, high, Kc, Ti, refused):
     law = replace(LAW, Kc=Kc, Ti=Ti)
-    assert bool(said(refuse_op_units, np.linspace(low, high, 200), law, 1.0, 20.0, "record")) == refused
+    assert (
+        bool(said(refuse_op_units, np.linspace(low, high, 200), law, 1.0, 20.0, "record"))
+        == refused
+    )
 
 
-@pytest.mark.parametrize(("n", "refused"), [(99, True), (100, False), (50_000, False), (50_001, True)])
+@pytest.mark.parametrize(
+    ("n", "refused"), [(99, True), (100, False), (50_000, False), (50_001, True)]
+)
 def test_records_have_a_least_and_a_largest_length(n, refused):
     x = np.random.default_rng(0).normal(50.0, 1.0, n)
     assert bool(said(refuse_unfit, LoopRecord(op=x, pv=x, Ts=1.0), "record")) == refused
@@ -129,7 +150,12 @@ def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
     law = replace(LAW, Kc=2.0 * ratio, baseline_residual=max(abs(1.0 - ratio), 1e-3))
     assert bool(said(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
     # nor is it another's whose changes the baseline's law explains to a few per cent
-    for more in ({"residual": 0.04}, {"gap": 0.1}, {"reason": "no law"}, {"baseline_residual": 0.06}):
+    for more in (
+        {"residual": 0.04},
+        {"gap": 0.1},
+        {"reason": "no law"},
+        {"baseline_residual": 0.06},
+    ):
         vague = replace(law, **more)
         assert not said(other_loop.refuse_other_controller, vague, 2.0, "record")
 
@@ -139,7 +165,9 @@ def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), na
     gain, lag, wait = own
     fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
     zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
-    monkeypatch.setattr(other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit))
+    monkeypatch.setattr(
+        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
+    )
     monkeypatch.setattr(other_loop, "Engine", lambda *a: zero)
     monkeypatch.setattr(other_loop, "possible_effects", lambda s: [])
     data = SimpleNamespace(K=K, T=T, Td=Td, n=1000)
@@ -172,12 +200,16 @@ def test_another_vessel_differs_in_slope_or_in_dead_time(monkeypatch, own, Td, r
     ((2.0, 2.0), 43.0, True), ((2.0, 2.0), 38.0, False), ((1.4, 2.0), 1000.0, False), ((1.6, 1.4), 1000.0, False),
     ((1.6, 1.6), 1000.0, True), ((0.6, 0.6), 1000.0, True), (None, 1000.0, False),
 ])  # fmt: skip
-def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(monkeypatch, tuning, nats, refused):
+def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
+    monkeypatch, tuning, nats, refused
+):
     # three numbers of a thousand samples cost 10.4 nats
     assert bool(plant_said(monkeypatch, own=(3.0, 60.0, 4.0), tuning=tuning, nats=nats)) == refused
 
 
-@pytest.mark.parametrize(("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)])
+@pytest.mark.parametrize(
+    ("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)]
+)
 def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
     baseline = SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
     it = SimpleNamespace(record=SimpleNamespace(Ts=Ts), baseline=baseline, where="record")
@@ -193,7 +225,8 @@ def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
 
 
 @pytest.mark.parametrize(
-    ("share", "stands"), [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)]
+    ("share", "stands"),
+    [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)],
 )
 def test_a_spike_stands_out_by_about_its_height(share, stands):
     pv, places = np.zeros(200), np.array([30, 90, 150])
@@ -203,7 +236,9 @@ def test_a_spike_stands_out_by_about_its_height(share, stands):
     assert not stands_out(pv, places[:1], heights[:1])
 
 
-@pytest.mark.parametrize(("share", "seen"), [(0.0, False), (0.4, False), (0.6, True), (1.0, True), (-1.0, False)])
+@pytest.mark.parametrize(
+    ("share", "seen"), [(0.0, False), (0.4, False), (0.6, True), (1.0, True), (-1.0, False)]
+)
 @pytest.mark.parametrize("late", [0, 1])
 def test_the_controller_answers_a_spike_it_saw(share, seen, late):
     op, places, heights = np.zeros(200), np.array([30, 90, 150]), np.array([2.0, -3.0, 4.0])

@@ -14,7 +14,11 @@ K, T, TD, NOISE, LOAD, MEMORY = 1.5, 14.0, 4.3, 0.35, 0.9, 18.0
 
 def recorded(n=1500, seed=4, integrating=False, disturbance=None):
     """Return OP and PV of a loop without effect, SP moving; the load's steady effect on PV has std LOAD."""
-    plant = {"type": "integrating", "K": K / T, "Td": TD} if integrating else {"type": "foptd", "K": K, "T": T, "Td": TD}
+    plant = (
+        {"type": "integrating", "K": K / T, "Td": TD}
+        if integrating
+        else {"type": "foptd", "K": K, "T": T, "Td": TD}
+    )
     load = [{"type": "coloured", "amplitude": LOAD / K, "period": MEMORY}]
     record = simulate(Loop.from_table({
         "plant": plant,
@@ -40,7 +44,15 @@ def engine(gain=1.0, integrating=False, trusted=True, op=OP, pv=PV, scale=1.0):
     )  # fmt: skip
 
 
-THETA = {"T": 13.1, "Td": 4.45, "load_time": 11.0, "load_lag": 3.0, "load": 1.3, "noise_std": 0.33, "colour": 0.15}
+THETA = {
+    "T": 13.1,
+    "Td": 4.45,
+    "load_time": 11.0,
+    "load_lag": 3.0,
+    "load": 1.3,
+    "noise_std": 0.33,
+    "colour": 0.15,
+}
 RAMP = np.linspace(0.0, 1.0, PV.size)
 PINK = {k: v for k, v in THETA.items() if k != "load_lag"}
 
@@ -77,8 +89,12 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
     for i, name in enumerate(names):
         up, down, middle = (0.5 * t[0] @ t[0] + t[1] for t in (moved(i, h), moved(i, -h), now))
         bend = abs(up - 2 * middle + down) / h**2
-        assert gradient[i] == pytest.approx((up - down) / (2 * h), abs=STEP * bend + 1e-3 * np.abs(gradient).max()), name
-        central = e._beside_linear(spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None])[:, 0]
+        assert gradient[i] == pytest.approx(
+            (up - down) / (2 * h), abs=STEP * bend + 1e-3 * np.abs(gradient).max()
+        ), name
+        central = e._beside_linear(
+            spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None]
+        )[:, 0]
         # the filter's gain freezes a sample sooner or later on either side, which shows where it settles slowly
         assert np.linalg.norm(J[:, i] - central) < 0.03 * np.linalg.norm(central) + 1e-3, name
 
@@ -92,7 +108,9 @@ def test_a_fit_never_ends_below_its_start(seed):
     start = {}
     for name in spec.names:
         low, high = e.bounds(spec, name)
-        start[name] = float(rng.uniform(low, high) if low <= 0 else np.exp(rng.uniform(*np.log([low, high]))))
+        start[name] = float(
+            rng.uniform(low, high) if low <= 0 else np.exp(rng.uniform(*np.log([low, high])))
+        )
     fit = e.fit(spec, start, steps=6)
     assert fit.loglik >= e.at(spec, start).loglik
     assert fit.loglik == e.evaluate(spec, fit.theta)[0]
@@ -115,7 +133,10 @@ def test_plant_load_and_noise_are_found_again():
 
 
 def test_a_load_of_power_one_over_f_is_taken_for_one():
-    parts = [{"type": "coloured", "amplitude": LOAD / K / np.sqrt(3), "period": 60.0 / 5**i} for i in range(3)]
+    parts = [
+        {"type": "coloured", "amplitude": LOAD / K / np.sqrt(3), "period": 60.0 / 5**i}
+        for i in range(3)
+    ]
     op, pv = recorded(n=6000, disturbance=parts)
     fit = Engine(Data(op, pv, K, T, TD, NOISE), 80.0).base()
     assert fit.spec.pink
@@ -143,7 +164,16 @@ def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, t
     fast = e.scan(Spec(channels=(RAMP,)), theta, kind, np.array(points))
 
     def white(x):
-        model = (theta["load_time"], lag_of(theta), theta["load"], 0.0, 0.0, theta["noise_std"], theta["colour"], e.spread)
+        model = (
+            theta["load_time"],
+            lag_of(theta),
+            theta["load"],
+            0.0,
+            0.0,
+            theta["noise_std"],
+            theta["colour"],
+            e.spread,
+        )
         return kernels.whiten(x[None, :], theta["T"], 0.0, *model)[0][0, kernels.SKIP :]
 
     onset = kernels.plant(np.append(0.0, np.ones(n - 1)), theta["T"], theta["Td"], 0.0)
@@ -153,34 +183,45 @@ def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, t
         g = white(kernels.plant(kernels.valve(OP, kind, *p), theta["T"], theta["Td"], 0.0))
         free = np.linalg.lstsq(np.column_stack([g, others]), y, rcond=None)[0][0]
         rest = y - np.clip(free, 0.9 * d.K, 1.1 * d.K) * g
-        slow.append(-0.5 * float(np.sum((rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]) ** 2)))
-    assert np.allclose(fast - fast[0], np.array(slow) - slow[0], rtol=1e-6, atol=1e-5 * np.ptp(slow))
+        slow.append(
+            -0.5
+            * float(np.sum((rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]) ** 2))
+        )
+    assert np.allclose(
+        fast - fast[0], np.array(slow) - slow[0], rtol=1e-6, atol=1e-5 * np.ptp(slow)
+    )
 
 
 def test_a_scan_ranks_maps_as_full_evaluations_do():
     e = engine(trusted=False)
     points = np.array([(d, c, 0.0) for d in (0.3, 1.0, 2.0, 4.0) for c in (49.0, 50.0, 51.5)])
     scanned = e.scan(Spec(), THETA, kernels.ZONE, points)
-    full = np.array([e.evaluate(Spec(valve=kernels.ZONE), {**THETA, "D": d, "c": c})[0] for d, c, _ in points])
+    full = np.array(
+        [e.evaluate(Spec(valve=kernels.ZONE), {**THETA, "D": d, "c": c})[0] for d, c, _ in points]
+    )
     assert np.allclose(scanned - full, (scanned - full)[0], atol=1e-4)
 
 
 @pytest.mark.parametrize("spec", [Spec(), Spec(pink=True), Spec(free=frozenset({"K", "T", "Td"}))])
 def test_a_fit_has_no_unit_of_pv(spec):
     # a load that is plainly of second order: along a parameter without effect, rounding alone would lead the way
-    op, pv = recorded(disturbance=[{"type": "coloured", "amplitude": 2 * LOAD / K, "period": MEMORY, "lag": 8.0}])
+    op, pv = recorded(
+        disturbance=[{"type": "coloured", "amplitude": 2 * LOAD / K, "period": MEMORY, "lag": 8.0}]
+    )
     one, other = engine(op=op, pv=pv), engine(op=op, pv=pv, scale=64.0)
     start = {**one.start(), "load_lag": 4.0}
     a, b = (
         one.fit(spec, start),
-        other.fit(spec, {m: v * (64.0 if m in ("load", "noise_std") else 1.0) for m, v in start.items()}),
+        other.fit(
+            spec, {m: v * (64.0 if m in ("load", "noise_std") else 1.0) for m, v in start.items()}
+        ),
     )
     assert b.loglik == pytest.approx(a.loglik - (PV.size - kernels.SKIP) * np.log(64.0), abs=1e-4)
     assert pytest.approx(64.0 * a.K, rel=1e-4) == b.K
     for name, value in a.theta.items():
-        assert b.theta[name] == pytest.approx(value * (64.0 if name in ("load", "noise_std") else 1.0), rel=1e-3, abs=1e-6), (
-            name
-        )
+        assert b.theta[name] == pytest.approx(
+            value * (64.0 if name in ("load", "noise_std") else 1.0), rel=1e-3, abs=1e-6
+        ), name
 
 
 @pytest.mark.parametrize(("trusted", "free", "T", "bounds"), [
@@ -198,7 +239,9 @@ def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, fre
     (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)), (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)), (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
     (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
 ])  # fmt: skip
-def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(trusted, free, late, T, Td, bounds):
+def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
+    trusted, free, late, T, Td, bounds
+):
     d = Data(OP, PV, K, T, Td, NOISE, trusted=trusted, late=late)
     assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "Td") == pytest.approx(bounds)
 
@@ -230,7 +273,10 @@ WHITE = np.random.default_rng(7).standard_normal(4000)
 ])  # fmt: skip
 def test_a_fit_begins_from_the_stated_noise_and_half_of_what_pv_does(y, stated, T, noise, load):
     start = Engine(Data(np.zeros(4000), y, K, T, 4.0, stated, resolution=0.25), 60.0).start()
-    assert (start["noise_std"], start["load"]) == (pytest.approx(noise, rel=0.05), pytest.approx(load, rel=0.05))
+    assert (start["noise_std"], start["load"]) == (
+        pytest.approx(noise, rel=0.05),
+        pytest.approx(load, rel=0.05),
+    )
     assert (start["T"], start["Td"], start["load_time"]) == (T, 4.0, 18.0)
     # a load of nearly first order, and noise that hardly remembers
     assert start["load_lag"] < 0.5
@@ -265,13 +311,22 @@ def test_a_load_far_quicker_than_the_loop_is_a_surprise(memory, cost):
     ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
 ])  # fmt: skip
 def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, beyond):
-    theta = {**THETA, "T": T, "Td": TD, "noise_std": np.hypot(0.3, 0.1), "load_time": 40.0, "colour": 0.0} | changes
+    theta = {
+        **THETA,
+        "T": T,
+        "Td": TD,
+        "noise_std": np.hypot(0.3, 0.1),
+        "load_time": 40.0,
+        "colour": 0.0,
+    } | changes
     # noise of 0.3 and digits of 0.1 sqrt(12)
     e = Engine(Data(OP, PV, K, T, TD, 0.3, resolution=0.1 * np.sqrt(12.0), late=late), 60.0)
     assert e._surprises(spec, theta)[2:] == pytest.approx(beyond, abs=1e-6)
     free = Spec(free=frozenset({"T", "Td", "noise_std"}))
     assert len(e._surprises(free, theta)) == 2
-    assert len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1
+    assert (
+        len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1
+    )
 
 
 @pytest.mark.parametrize("tau", [0.6, 4.0])
@@ -284,7 +339,9 @@ def test_a_sensors_pole_is_taken_off_pv(tau):
     for k in range(1, 500):
         shown[k] = a * shown[k - 1] + (1.0 - a) * seen[k]
     e = Engine(Data(np.full(500, 50.0), shown, K, T, TD, NOISE), 60.0)
-    assert e._channels(Spec(pole="sensor"), {**THETA, "tau": tau})[0] == pytest.approx(seen - seen[0], abs=1e-6)
+    assert e._channels(Spec(pole="sensor"), {**THETA, "tau": tau})[0] == pytest.approx(
+        seen - seen[0], abs=1e-6
+    )
     assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])
 
 

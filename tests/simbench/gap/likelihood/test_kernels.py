@@ -57,7 +57,9 @@ def test_two_equal_poles_answer_as_the_limit(near):
     u = np.append(0.0, np.ones(199))
     # the step comes a sample after the record's start, and shows one later
     late = np.maximum(t - 1.0, 0.0) / 12.0
-    assert kernels.plant(u, 12.0, 0.0, 12.0 * near) == pytest.approx(1.0 - (1.0 + late) * np.exp(-late), abs=1e-3)
+    assert kernels.plant(u, 12.0, 0.0, 12.0 * near) == pytest.approx(
+        1.0 - (1.0 + late) * np.exp(-late), abs=1e-3
+    )
 
 
 def test_a_pole_of_no_length_is_none():
@@ -88,13 +90,17 @@ def through_pole(covariance, pole, gain, start):
     return A @ covariance @ A.T + start**2 * np.outer(pole**k, pole**k)
 
 
-def covariance(n, T, loads, noise, spread, *, lag=0.0, tau=0.0, load_walk=0.0, walk=0.0, colour=0.0):
+def covariance(
+    n, T, loads, noise, spread, *, lag=0.0, tau=0.0, load_walk=0.0, walk=0.0, colour=0.0
+):
     """Return the covariance of PV: loads (time constant, std) through a second lag, the plant and one more pole, and noise."""
     k = np.arange(n)
     apart, walked = np.abs(k[:, None] - k), np.minimum(k[:, None], k).astype(float)
     load = sum(std**2 * np.exp(-apart / time) for time, std in loads)
     if lag:
-        load = through_pole(load, np.exp(-1 / lag), 1 - np.exp(-1 / lag), np.sqrt(sum(std**2 for _, std in loads)))
+        load = through_pole(
+            load, np.exp(-1 / lag), 1 - np.exp(-1 / lag), np.sqrt(sum(std**2 for _, std in loads))
+        )
     load = load + load_walk**2 * walked
     a = np.exp(-1 / T) if T else 1.0
     pv = through_pole(load, a, 1 - a if T else 1.0, spread)
@@ -116,7 +122,13 @@ LOAD = [(15.0, 1.3)]
 def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     y = np.random.default_rng(4).standard_normal(150)
     L = np.linalg.cholesky(covariance(150, T, loads, 0.4, 5.0, **more))
-    of = {"tau": 0.0, "load_walk": 0.0, "walk": 0.0, "colour": 0.0, "lag": kernels.PINK_LOAD if len(loads) == 3 else 0.0} | more
+    of = {
+        "tau": 0.0,
+        "load_walk": 0.0,
+        "walk": 0.0,
+        "colour": 0.0,
+        "lag": kernels.PINK_LOAD if len(loads) == 3 else 0.0,
+    } | more
     white, logs = kernels.whiten(
         y[None, :], T, of["tau"], 15.0, of["lag"], 1.3, of["load_walk"], of["walk"], 0.4, of["colour"], 5.0
     )  # fmt: skip
@@ -166,7 +178,9 @@ def test_innovations_of_the_right_model_are_white_and_of_variance_one():
         y[k] = x + noise * rng.standard_normal()
         x = a * x + (1 - a) * d
         d = phi * d + load * np.sqrt(1 - phi**2) * rng.standard_normal()
-    white = kernels.whiten(y[None, :], T, 0.0, load_time, 0.0, load, 0.0, 0.0, noise, 0.0, 5.0)[0][0, 10:]
+    white = kernels.whiten(y[None, :], T, 0.0, load_time, 0.0, load, 0.0, 0.0, noise, 0.0, 5.0)[0][
+        0, 10:
+    ]
     assert np.var(white) == pytest.approx(1.0, abs=0.04)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.03
 
@@ -174,7 +188,19 @@ def test_innovations_of_the_right_model_are_white_and_of_variance_one():
 @pytest.mark.parametrize("places", [(), (100, 103, 140)])
 def test_a_channel_by_itself_is_filtered_as_among_others(places):
     y = RNG.standard_normal((3, 200))
-    model = (8.0, 2.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0, *([np.array(places), 4.0, True] if places else []))
+    model = (
+        8.0,
+        2.0,
+        15.0,
+        3.0,
+        1.3,
+        0.2,
+        0.1,
+        0.4,
+        0.3,
+        5.0,
+        *([np.array(places), 4.0, True] if places else []),
+    )
     among, logs = kernels.whiten(y, *model)
     for i in range(3):
         alone, same = kernels.whiten(y[i : i + 1], *model)
@@ -184,5 +210,7 @@ def test_a_channel_by_itself_is_filtered_as_among_others(places):
 
 def test_every_channel_is_filtered_alike():
     y = RNG.standard_normal((2, 200))
-    both = kernels.whiten(np.vstack([y, y[0] + 2 * y[1]]), 8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0)[0]
+    both = kernels.whiten(
+        np.vstack([y, y[0] + 2 * y[1]]), 8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0
+    )[0]
     assert np.allclose(both[2], both[0] + 2 * both[1])

@@ -71,11 +71,20 @@ def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():
     one = Spec(frozenset({"K"}), kernels.PLAY, "extra", walk=True, channels=(line,), start=1.0)
     other = Spec(frozenset({"T"}), load_walk=True, pink=True, channels=(2 * line,), moves=MOVES)
     both = one.join(other)
-    assert (both.free, both.valve, both.pole, both.start) == ({"K", "T"}, kernels.PLAY, "extra", 1.0)
+    assert (both.free, both.valve, both.pole, both.start) == (
+        {"K", "T"},
+        kernels.PLAY,
+        "extra",
+        1.0,
+    )
     assert (both.walk, both.load_walk, both.pink, both.moves) == (True, True, True, MOVES)
     assert [c[0] for c in both.channels] == [1.0, 2.0]
     second = Spec(valve=kernels.ZONE, pole="sensor", start=-1.0)
-    assert (one.join(second).valve, one.join(second).pole, one.join(second).start) == (kernels.ZONE, "sensor", -1.0)
+    assert (one.join(second).valve, one.join(second).pole, one.join(second).start) == (
+        kernels.ZONE,
+        "sensor",
+        -1.0,
+    )
     assert Spec().join(Spec()) == Spec()
 
 

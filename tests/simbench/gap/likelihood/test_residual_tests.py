@@ -29,7 +29,9 @@ def test_memory_and_input_count_squared_correlations_over_25_lags(lag, share):
     # x_k = w_k + share w_{k-lag} has a correlation of share / (1 + share^2)
     rho = share / (1.0 + share**2)
     expected = 4000 * rho**2 / np.sqrt(50.0) if lag <= 25 else 0.0
-    assert of(WHITE + share * np.roll(WHITE, lag))["memory"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
+    assert of(WHITE + share * np.roll(WHITE, lag))["memory"] == pytest.approx(
+        expected, abs=3.0 + 0.2 * expected
+    )
     du = np.append(0.0, np.diff(OP))
     expected = 4000 * share**2 / (1.0 + share**2) / np.sqrt(50.0) if lag <= 25 else 0.0
     found = of(WHITE + share * np.roll(du, lag))
@@ -72,14 +74,18 @@ class Asked:
 
 def directions(u, y=None, T=1e-3, Td=0.0, integrating=False):
     engine = Asked(u, u if y is None else y, 0.0 if integrating else T, Td)
-    found = generic_directions(engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0))
+    found = generic_directions(
+        engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0)
+    )
     return found, dict(zip(("dynamics", "shape", "aging", "level"), engine.asked))
 
 
 def test_every_direction_pays_for_its_numbers():
     found, _ = directions(OP)
     numbers = {"dynamics nats": 4, "shape nats": 2, "aging nats": 2, "level nats": 1}
-    assert found == pytest.approx({name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()})
+    assert found == pytest.approx(
+        {name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()}
+    )
 
 
 def test_shapes_are_powers_of_mv_and_aging_grows_from_the_middle_of_the_record():
@@ -117,10 +123,14 @@ def test_time_scales_lie_about_the_plants_pace(integrating):
 
     late = np.exp(-1j * w)
     plant = late * (1.0 / (1.0 - late) if integrating else pole(T))
-    expected = [plant * late**Td * pole(s * pace) for s in (0.25, 0.7, 2.0)] + [plant * late ** (Td / 2)]
+    expected = [plant * late**Td * pole(s * pace) for s in (0.25, 0.7, 2.0)] + [
+        plant * late ** (Td / 2)
+    ]
     for channel, answer in zip(asked["dynamics"], expected, strict=True):
         assert abs(gain_at(channel, k, w)) == pytest.approx(abs(answer), rel=1e-3)
-        assert np.angle(gain_at(channel, k, w) / gain_at(u, k, w) / answer) == pytest.approx(0.0, abs=2e-3)
+        assert np.angle(gain_at(channel, k, w) / gain_at(u, k, w) / answer) == pytest.approx(
+            0.0, abs=2e-3
+        )
 
 
 def test_a_gain_may_change_with_pv_seen_over_the_plants_pace():

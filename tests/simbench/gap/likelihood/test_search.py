@@ -24,12 +24,32 @@ from simbench.gap.likelihood.search import (
     settle,
 )  # fmt: skip
 
-THETA = {"T": 20.0, "Td": 4.0, "load_time": 30.0, "load_lag": 1.0, "load": 2.0, "noise_std": 0.1, "colour": 0.0}
-NAMES = {kernels.PLAY: ("S",), kernels.STICK: ("S", "J"), kernels.CREEP: ("S", "J"), kernels.ZONE: ("D", "c")}
+THETA = {
+    "T": 20.0,
+    "Td": 4.0,
+    "load_time": 30.0,
+    "load_lag": 1.0,
+    "load": 2.0,
+    "noise_std": 0.1,
+    "colour": 0.0,
+}
+NAMES = {
+    kernels.PLAY: ("S",),
+    kernels.STICK: ("S", "J"),
+    kernels.CREEP: ("S", "J"),
+    kernels.ZONE: ("D", "c"),
+}
 
 
 def data(**more):
-    given = {"u": np.linspace(40.0, 60.0, 1000), "y": np.zeros(1000), "K": 1.0, "T": 25.0, "Td": 5.0, "noise": 0.1}
+    given = {
+        "u": np.linspace(40.0, 60.0, 1000),
+        "y": np.zeros(1000),
+        "K": 1.0,
+        "T": 25.0,
+        "Td": 5.0,
+        "noise": 0.1,
+    }
     return Data(**given | more)
 
 
@@ -41,7 +61,10 @@ class Peaks:
         self.scans, self.fits = [], []
 
     def height(self, numbers):
-        return max(high - sum((1e3 * (x / p - 1.0)) ** 2 for x, p in zip(numbers, peak)) for high, *peak in self.peaks)
+        return max(
+            high - sum((1e3 * (x / p - 1.0)) ** 2 for x, p in zip(numbers, peak))
+            for high, *peak in self.peaks
+        )
 
     def scan(self, spec, theta, kind, points):
         self.scans.append((spec, dict(theta), points))
@@ -49,7 +72,9 @@ class Peaks:
 
     def at(self, spec, theta):
         numbers = [theta[m] for m in NAMES.get(spec.valve, ()) if m in theta]
-        return Fit(spec, self.height(numbers) if numbers else 0.0, dict(theta), np.ones(3), np.zeros(3))
+        return Fit(
+            spec, self.height(numbers) if numbers else 0.0, dict(theta), np.ones(3), np.zeros(3)
+        )
 
     def fit(self, spec, theta, search=None, steps=10):
         self.fits.append((search, steps))
@@ -62,12 +87,21 @@ BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
 def test_points_lie_around_a_size_within_a_share_of_it():
     play = around(kernels.PLAY, np.array([10.0, 0.0, 0.0]), 0.04)
     sizes = [9.6, 9.8, 10.0, 10.2, 10.4]
-    assert play == pytest.approx(np.array([(s, way * s / 2, 0.0) for s in sizes for way in (-1, 0, 1)]))
+    assert play == pytest.approx(
+        np.array([(s, way * s / 2, 0.0) for s in sizes for way in (-1, 0, 1)])
+    )
     zone = around(kernels.ZONE, np.array([10.0, 50.0, 0.0]), 0.04)
-    assert zone == pytest.approx(np.array([(s, c, 0.0) for s in sizes for c in (49.6, 49.8, 50.0, 50.2, 50.4)]))
+    assert zone == pytest.approx(
+        np.array([(s, c, 0.0) for s in sizes for c in (49.6, 49.8, 50.0, 50.2, 50.4)])
+    )
     for kind in (kernels.STICK, kernels.CREEP):
         jumps = around(kind, np.array([10.0, 5.0, 0.0]), 0.04)
-        expected = [(s, j, way * s / 2) for s in sizes for j in (4.2, 4.7, 5.0, 5.3, 5.8) for way in (-1, 0, 1)]
+        expected = [
+            (s, j, way * s / 2)
+            for s in sizes
+            for j in (4.2, 4.7, 5.0, 5.3, 5.8)
+            for way in (-1, 0, 1)
+        ]
         assert jumps == pytest.approx(np.array(expected))
 
 
@@ -104,10 +138,15 @@ def test_the_higher_of_two_peaks_is_found_though_a_coarse_scan_puts_it_second():
     assert not np.any((near > 4.5) & (near < 8.8))
 
 
-@pytest.mark.parametrize(("kind", "count"), [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 3), (kernels.STICK, 3)])
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 3), (kernels.STICK, 3)],
+)
 def test_so_many_peaks_of_a_scan_are_looked_at_again(kind, count):
     engine = Peaks(kind, (0.0, 4.0, 2.0))
-    scanned(engine, Spec(), THETA, kind, np.array([(s, 2.0, 0.0) for s in (4.0, 6.0, 8.0, 10.0, 12.0)]))
+    scanned(
+        engine, Spec(), THETA, kind, np.array([(s, 2.0, 0.0) for s in (4.0, 6.0, 8.0, 10.0, 12.0)])
+    )
     assert len(engine.scans[1][2]) == count * len(around(kind, np.ones(3), 0.04))
 
 
@@ -141,7 +180,11 @@ def test_of_points_with_like_s_and_jump_the_best_is_followed():
 
 def loads(engine):
     """Return T and load of every scan of the coarse points."""
-    return [(round(theta["T"], 6), round(theta["load"], 6)) for _, theta, points in engine.scans if len(points) == 4]
+    return [
+        (round(theta["T"], 6), round(theta["load"], 6))
+        for _, theta, points in engine.scans
+        if len(points) == 4
+    ]
 
 
 @pytest.mark.parametrize(("few", "tried"), [
@@ -168,7 +211,13 @@ def test_a_peak_far_below_no_effect_is_not_worth_refining(high, refined):
 
 def test_what_is_settled_is_all_but_the_valves_own_numbers():
     engine = Peaks(kernels.STICK, (0.0, 5.0, 2.0))
-    fit = Fit(Spec(valve=kernels.STICK, walk=True), 0.0, THETA | {"S": 5.0, "J": 2.0, "walk": 0.1}, np.ones(3), np.zeros(3))
+    fit = Fit(
+        Spec(valve=kernels.STICK, walk=True),
+        0.0,
+        THETA | {"S": 5.0, "J": 2.0, "walk": 0.1},
+        np.ones(3),
+        np.zeros(3),
+    )
     settle(engine, fit)
     ((search, steps),) = engine.fits
     assert set(search) == {*THETA, "walk"}
@@ -181,17 +230,30 @@ def test_an_idle_valve_changes_the_load_alone():
     class Stuck(Peaks):
         def fit(self, spec, theta, search=None, steps=10):
             seen.append((spec, theta["S"], steps))
-            return Fit(spec, 0.0, {**theta, "load": 7.0, "load_time": 9.0, "T": 99.0}, np.ones(3), np.zeros(3))
+            return Fit(
+                spec,
+                0.0,
+                {**theta, "load": 7.0, "load_time": 9.0, "T": 99.0},
+                np.ones(3),
+                np.zeros(3),
+            )
 
-    found = idle(Stuck(kernels.PLAY, (0.0, 5.0)), Fit(Spec(pole="extra"), 0.0, THETA, np.ones(3), np.zeros(3)))
+    found = idle(
+        Stuck(kernels.PLAY, (0.0, 5.0)),
+        Fit(Spec(pole="extra"), 0.0, THETA, np.ones(3), np.zeros(3)),
+    )
     assert found == THETA | {"load": 7.0, "load_time": 9.0}
     ((spec, wide, steps),) = seen
     # a band of one and a half times OP's range of 20 % is never left
     assert (spec.pole, spec.valve, wide, steps) == ("", kernels.PLAY, pytest.approx(30.0), 10)
 
 
-@pytest.mark.parametrize(("low", "high", "span"), [(40.0, 60.0, 19.8), (50.0, 50.04, 0.0396), (50.0, 50.0, 1.0)])
-def test_bands_are_tried_from_a_thousandth_of_ops_range_to_beyond_it_whatever_the_range(low, high, span):
+@pytest.mark.parametrize(
+    ("low", "high", "span"), [(40.0, 60.0, 19.8), (50.0, 50.04, 0.0396), (50.0, 50.0, 1.0)]
+)
+def test_bands_are_tried_from_a_thousandth_of_ops_range_to_beyond_it_whatever_the_range(
+    low, high, span
+):
     sizes = band_sizes(data(u=np.linspace(low, high, 1001)), 7) / span
     assert len(sizes) == TINY + 7
     assert sizes[[0, TINY - 1, TINY, -1]] == pytest.approx([0.001, 0.017, 0.02, 1.2], rel=1e-3)

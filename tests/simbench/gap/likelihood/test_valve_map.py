@@ -39,7 +39,9 @@ def test_a_valves_own_map_is_found_and_explains_mv(effect, mv, numbers):
     assert gain == pytest.approx(0.5 * N * np.log((left + fine) / fine), rel=0.15)
 
 
-@pytest.mark.parametrize("effect", ["deadband", "stiction", "deadzone", "valve_characteristic", "valve_lag"])
+@pytest.mark.parametrize(
+    "effect", ["deadband", "stiction", "deadzone", "valve_characteristic", "valve_lag"]
+)
 def test_a_valve_that_follows_op_has_none_of_them(effect):
     assert recogniser(effect).by_mv(search(OP + NOISE))[0] < 0.0
 
@@ -51,7 +53,10 @@ def test_the_misfit_counts_down_to_a_thousandth_of_the_range(off):
 
 def test_numbers_are_paid_for_and_nobody_asks_how_much_worse():
     s = search(OP + 0.3)
-    assert s.priced(s.healthy - 30.0, {"S": 1.0}, 2.0) == (pytest.approx(30.0 - np.log(N)), {"S": 1.0})
+    assert s.priced(s.healthy - 30.0, {"S": 1.0}, 2.0) == (
+        pytest.approx(30.0 - np.log(N)),
+        {"S": 1.0},
+    )
     assert s.priced(s.healthy + 15.0, {}, 1.0)[0] == pytest.approx(-15.0 - 0.5 * np.log(N))
     assert s.priced(s.healthy + 18.0, {}, 1.0)[0] == -20.0
 
@@ -74,8 +79,12 @@ def test_widths_are_tried_from_a_fiftieth_of_ops_range_to_one_and_a_half():
 def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
     k = np.arange(60) - 9
-    assert lagged(step, tau) == pytest.approx(50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0))
-    assert lagged(np.full(60, 50.0), tau, 54.0) == pytest.approx(50.0 + 4.0 * np.exp(-np.arange(60) / tau))
+    assert lagged(step, tau) == pytest.approx(
+        50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0)
+    )
+    assert lagged(np.full(60, 50.0), tau, 54.0) == pytest.approx(
+        50.0 + 4.0 * np.exp(-np.arange(60) / tau)
+    )
 
 
 def test_a_slow_valve_is_found_wherever_mv_stood_when_the_record_began():

@@ -16,7 +16,13 @@ def told(nats):
 
 
 def trial(id_="bump"):
-    about = {"size": 2.0, "hold_s": 60.0, "minutes": 9.0, "op_travel": 2.0, "settings": {"test": {"id": id_}}}
+    about = {
+        "size": 2.0,
+        "hold_s": 60.0,
+        "minutes": 9.0,
+        "op_travel": 2.0,
+        "settings": {"test": {"id": id_}},
+    }
     return SimpleNamespace(id=id_, says=f"do {id_}", **about, run=lambda loop, seed: None)
 
 
@@ -40,10 +46,18 @@ def test_what_a_plan_says_has_the_contracts_keys():
     made = PlannedTests(("stiction", "deadband", "none"), P, (one,), ("bump", "mv"), 0.85)
     said = made.as_json()
     assert set(said) == {"tests", "pair", "why"}
-    assert {"id", "settings", "information", "p_right", "minutes", "pv_excursion"} <= set(said["tests"][0])
+    assert {"id", "settings", "information", "p_right", "minutes", "pv_excursion"} <= set(
+        said["tests"][0]
+    )
     assert said["pair"] == ["bump", "mv"]
     assert made.separated(one) == ["stiction", "deadband"]
-    next_test = {"test": "bump", "size": 2.0, "hold_s": 60.0, "p_right_after": 0.8, "says": "do bump"}
+    next_test = {
+        "test": "bump",
+        "size": 2.0,
+        "hold_s": 60.0,
+        "p_right_after": 0.8,
+        "says": "do bump",
+    }
     assert made.next_test == next_test | {"separates": ["stiction", "deadband"]}
     assert "do bump" in made.as_text()
 
@@ -56,7 +70,12 @@ def stub(monkeypatch, nats):
     monkeypatch.setattr(expected, "_nats", lambda one, *more: told(nats[one.id]))
     s = SimpleNamespace(proven={})
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
-    about = {"chosen": ["stiction"], "valve_seen": False, "asked": (), "worst_test": (0.1, "process")}
+    about = {
+        "chosen": ["stiction"],
+        "valve_seen": False,
+        "asked": (),
+        "worst_test": (0.1, "process"),
+    }
     return SimpleNamespace(situation=s, parameters=numbers, **about)
 
 
@@ -71,7 +90,9 @@ def test_the_test_that_tells_most_comes_first_and_the_best_pair_tells_no_less(mo
         out[a, b] = out[b, a] = -60.0
         return out
 
-    found = stub(monkeypatch, {"bump": apart(0, 1), "kc_half": np.zeros((3, 3)), "still": apart(0, 2)})
+    found = stub(
+        monkeypatch, {"bump": apart(0, 1), "kc_half": np.zeros((3, 3)), "still": apart(0, 2)}
+    )
     made = plan(found, OPEN, LOOPS)
     assert made.best.trial.id == "bump"
     assert set(made.pair) == {"bump", "still"}
@@ -94,9 +115,15 @@ def test_what_the_record_itself_shows_needs_no_test(monkeypatch):
 
 
 @pytest.mark.parametrize("shown", [False, True])
-def test_a_second_effect_named_by_likelihood_alone_beside_a_proven_law_is_asked_for(monkeypatch, shown):
+def test_a_second_effect_named_by_likelihood_alone_beside_a_proven_law_is_asked_for(
+    monkeypatch, shown
+):
     found = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
-    found.situation.proven, found.chosen, found.shown = {"detuning": {}}, ["detuning", "stiction"], lambda effect: shown
+    found.situation.proven, found.chosen, found.shown = (
+        {"detuning": {}},
+        ["detuning", "stiction"],
+        lambda effect: shown,
+    )
     gains = {"detuning": 1000.0, "stiction": 13.0, "deadband": 12.0}
     found.log_likelihood_gains, found.log_likelihood_gains_on_top = gains, {}
     simulated = []
@@ -152,14 +179,23 @@ def test_what_gives_the_same_signals_is_left_however_unlikely_it_was_called(monk
 
 
 def test_the_test_that_observes_an_explanation_by_itself_tells_it(monkeypatch):
-    found = stub(monkeypatch, {"mv": np.zeros((3, 3)), "lab": np.zeros((3, 3)), "bump": np.zeros((3, 3))})
-    made = plan(found, {"none": 0.5, "stiction": 0.15, "deadband": 0.15, "valve_lag": 0.1, "drift": 0.1}, LOOPS, most=3)
+    found = stub(
+        monkeypatch, {"mv": np.zeros((3, 3)), "lab": np.zeros((3, 3)), "bump": np.zeros((3, 3))}
+    )
+    made = plan(
+        found,
+        {"none": 0.5, "stiction": 0.15, "deadband": 0.15, "valve_lag": 0.1, "drift": 0.1},
+        LOOPS,
+        most=3,
+    )
     right = {x.trial.id: x.p_right for x in made.tests}
     assert right["mv"] == pytest.approx(right["bump"] + 0.1)
     assert right["lab"] == pytest.approx(right["bump"] + 0.1)
 
 
-def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_a_drift(monkeypatch):
+def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_a_drift(
+    monkeypatch,
+):
     found = stub(monkeypatch, {"lab": -60.0 * (1 - np.eye(2))})
     found.parameters, found.chosen = {"load_steps": {}, "drift": {}}, ["load_steps"]
     likely = {"load_steps": 0.93, "none": 0.05, "drift": 0.02}
@@ -169,4 +205,7 @@ def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_
 
 
 def test_a_plan_that_asks_nothing_says_why_and_draws_no_table():
-    assert PlannedTests(("stiction",), np.ones(1), (), (), 0.97, "stiction is plain").as_text() == "stiction is plain"
+    assert (
+        PlannedTests(("stiction",), np.ones(1), (), (), 0.97, "stiction is plain").as_text()
+        == "stiction is plain"
+    )

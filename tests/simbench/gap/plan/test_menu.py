@@ -54,7 +54,9 @@ def test_stairs_are_finer_than_the_friction_they_look_for():
 @pytest.mark.parametrize("id_", ["bump", "sp_steps", "stairs"])
 @pytest.mark.parametrize("most", [0.5, 2.0, 5.0])
 def test_no_test_leaves_its_limits(id_, most):
-    trial, why, excursion = sized(id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0))
+    trial, why, excursion = sized(
+        id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0)
+    )
     if trial is None:
         assert id_ in why
     else:
@@ -85,7 +87,9 @@ def test_limits_are_read_flat_or_as_tables(tmp_path):
     file.write_text("pv = [10.0, 20.0]\nminutes = 30\n")
     assert read_limits(file) == Limits(pv=(10.0, 20.0), minutes=30.0)
     file.write_text("[pv]\nlo = 10\nhi = 20\nexcursion = 3\n[op]\nlo = 20\ntravel = 5\n")
-    assert read_limits(file) == Limits(pv=(10.0, 20.0), op=(20.0, 100.0), pv_excursion=3.0, op_travel=5.0)
+    assert read_limits(file) == Limits(
+        pv=(10.0, 20.0), op=(20.0, 100.0), pv_excursion=3.0, op_travel=5.0
+    )
 
 
 @pytest.mark.parametrize(("text", "said"), [

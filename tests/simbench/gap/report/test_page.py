@@ -40,7 +40,15 @@ COMMAND = ["simbench gap diagnose a.csv --baseline b.toml"]
 def sticky():
     """Report on a sticky loop with MV, whose simulation has a healthy valve."""
     record = simulate(Loop.from_table(STICKY), seed=3, kick=6.0).record
-    record = LoopRecord(op=record.op, pv=record.pv, sp=record.sp, mv=record.mv, Ts=record.Ts, op_span=(0.0, 100.0), tag=TAG)
+    record = LoopRecord(
+        op=record.op,
+        pv=record.pv,
+        sp=record.sp,
+        mv=record.mv,
+        Ts=record.Ts,
+        op_span=(0.0, 100.0),
+        tag=TAG,
+    )
     return diagnose(record, Loop.from_table(HEALTHY))
 
 
@@ -70,7 +78,9 @@ def test_it_is_one_file_without_a_link_to_anywhere(name, pages):
     html = (pages / f"{name}.html").read_text(encoding="utf-8")
     assert "<script src" not in html
     assert "@import" not in html
-    for target in re.findall(r'(?:src|href|action)="([^"]*)"', html) + re.findall(r"url\(([^)]*)\)", html):
+    for target in re.findall(r'(?:src|href|action)="([^"]*)"', html) + re.findall(
+        r"url\(([^)]*)\)", html
+    ):
         assert target.startswith(("#", "data:")), target
     ids = re.findall(r'\bid="([^"]+)"', html)
     assert len(ids) == len(set(ids))
@@ -112,7 +122,10 @@ def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, cl
     assert all(t.op.shape == t.pv.shape == t.sp.shape == (1500,) for t in runs.values())
     assert all(np.array_equal(t.sp, record.sp) for t in runs.values())
     # between two set-point changes
-    far = {name: abs(np.log(np.std(t.op[800:1100]) / np.std(record.op[800:1100]))) for name, t in runs.items()}
+    far = {
+        name: abs(np.log(np.std(t.op[800:1100]) / np.std(record.op[800:1100])))
+        for name, t in runs.items()
+    }
     assert far[FIXED] < 0.5 < far[BASELINE]
     assert window(sticky, 400) == (1100, 1500)
     assert window(sticky) == (975, 1500)
@@ -131,14 +144,20 @@ def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_and_said_to_be_tha
 
 
 def test_a_gap_that_grows_is_not_said_to_close(sticky, tmp_path):
-    write_page(replace(sticky, shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.001}), tmp_path / "page.html")
+    write_page(
+        replace(sticky, shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.001}),
+        tmp_path / "page.html",
+    )
     assert "8 % by which the gap grows (90 % interval 0 to 25 %)" in text_of(tmp_path / "page.html")
 
 
 def test_a_simulation_far_off_the_records_range_is_said_to_be_there(sticky):
     record = recorded(sticky)
     away = {BASELINE: replace(record, op=record.op + 500.0)}
-    for figure in (draw_traces("OP", record, away, 0, 1500), draw_loops("PV", record, away, 0, 1500)):
+    for figure in (
+        draw_traces("OP", record, away, 0, 1500),
+        draw_loops("PV", record, away, 0, 1500),
+    ):
         first, second = figure.axes[:2]
         assert [t.get_text() for t in first.texts] == []
         assert "beyond these axes" in second.texts[0].get_text()
@@ -166,12 +185,18 @@ VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBou
 @needs_browser
 @pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
 @pytest.mark.parametrize("name", ["sticky", "clean"])
-def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(name, width, dark, pages):
+def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(
+    name, width, dark, pages
+):
     file = pages / f"{name}.html"
     with chromium.opened(file, width, dark) as page:
         pictures = page.evaluate(VISIBLE)
-        over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        ink, ground = page.evaluate("(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))")
+        over = page.evaluate(
+            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        )
+        ink, ground = page.evaluate(
+            "(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))"
+        )
         lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
         assert page.errors == []
         assert page.requests == [file.resolve().as_uri()]
@@ -220,6 +245,10 @@ def test_the_sheet_shows_record_and_simulations_the_answer_and_how_far_it_helps(
     assert 0.5 < wide[3] / wide[0] < 2.0, "with stiction it does"
     assert by_title["what is missing"].get_yticklabels()[0].get_text() == "stiction"
     bars = by_title["gap between simulation and record"]
-    gap = {name.get_text(): bar.get_width() for name, bar in zip(bars.get_yticklabels(), bars.patches)}
+    gap = {
+        name.get_text(): bar.get_width() for name, bar in zip(bars.get_yticklabels(), bars.patches)
+    }
     assert gap["after"] < 0.5 * gap["before"]
-    assert FIXED not in {axes.get_title(loc="left") for axes in draw_sheet(clean).axes}, "nothing was added"
+    assert FIXED not in {axes.get_title(loc="left") for axes in draw_sheet(clean).axes}, (
+        "nothing was added"
+    )

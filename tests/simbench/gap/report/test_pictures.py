@@ -44,8 +44,14 @@ def shapes(axes):
 
 def connections(axes):
     """Return where each arrow begins and ends."""
-    ends = [(a.xyann if hasattr(a, "xyann") else a.xytext, a.xy) for a in axes.texts if getattr(a, "arrow_patch", None)]
-    starts = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata())]
+    ends = [
+        (a.xyann if hasattr(a, "xyann") else a.xytext, a.xy)
+        for a in axes.texts
+        if getattr(a, "arrow_patch", None)
+    ]
+    starts = [
+        (line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata())
+    ]
     return [(s, e) for s, (_, e) in zip(starts, ends, strict=True)]
 
 
@@ -56,12 +62,21 @@ def touches(point, boxes, circles):
         inside = x0 - 0.02 <= x <= x1 + 0.02 and y0 - 0.02 <= y <= y1 + 0.02
         if inside and min(abs(x - x0), abs(x - x1), abs(y - y0), abs(y - y1)) < 0.02:
             return name
-    return next((f"sum {i}" for i, (a, b) in enumerate(circles) if abs(np.hypot(x - a, y - b) - 0.09) < 0.02), "")
+    return next(
+        (
+            f"sum {i}"
+            for i, (a, b) in enumerate(circles)
+            if abs(np.hypot(x - a, y - b) - 0.09) < 0.02
+        ),
+        "",
+    )
 
 
 def test_every_arrow_of_the_loop_runs_from_one_block_to_the_next(blocks):
     found, circles = shapes(blocks)
-    joined = [(touches(a, found, circles), touches(b, found, circles)) for a, b in connections(blocks)]
+    joined = [
+        (touches(a, found, circles), touches(b, found, circles)) for a, b in connections(blocks)
+    ]
     assert joined == [
         ("", "sum 0"), ("sum 0", "controller"), ("controller", "valve"), ("valve", "sum 1"), ("sum 1", "process"),
         ("process", ""), ("disturbance", "sum 1"), ("", "sensor"), ("sensor", "sum 0"),
@@ -80,7 +95,9 @@ def test_blocks_stand_apart_within_the_picture_and_are_the_redder_the_larger_the
         assert blocks.get_ylim()[0] <= y0 < y1 <= blocks.get_ylim()[1]
         assert not any(x0 < c and a < x1 and y0 < d and b < y1 for a, b, c, d in extents[i + 1 :])
     boxes = [p for p in blocks.patches if isinstance(p, FancyBboxPatch)]
-    assert [p.get_facecolor()[3] for p in boxes] == pytest.approx([0.7 * s for s in SHARES.values()])
+    assert [p.get_facecolor()[3] for p in boxes] == pytest.approx(
+        [0.7 * s for s in SHARES.values()]
+    )
     assert boxes[0].get_facecolor()[0] > 1.5 * max(boxes[0].get_facecolor()[1:3])
 
 
@@ -94,7 +111,11 @@ def test_words_stand_in_their_block_or_just_above_their_line(blocks):
             assert y0 < y < y1
         assert at[name][1] > at[f"{100 * share:.0f} %"][1]
     edges = {n: (b[0], b[2]) for n, b in found.items()}
-    between = {"SP": (0.0, 0.35), "OP": (edges["controller"][1], edges["valve"][0]), "MV": (edges["valve"][1], 3.01)}
+    between = {
+        "SP": (0.0, 0.35),
+        "OP": (edges["controller"][1], edges["valve"][0]),
+        "MV": (edges["valve"][1], 3.01),
+    }
     for word, (left, right) in between.items():
         assert left < at[word][0] < right
         assert 0.0 < at[word][1] - (found["valve"][1] + found["valve"][3]) / 2 < 0.1
@@ -168,7 +189,12 @@ def test_bars_are_as_long_as_they_say_from_the_top_down():
 def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
     seen = {}
     monkeypatch.setattr(page, "_render", lambda template, **parts: seen.update(parts))
-    first = {"effect": "stiction", "block": "valve", "probability": 0.912, "parameters": {"S": 5.0, "J": 2.0}}
+    first = {
+        "effect": "stiction",
+        "block": "valve",
+        "probability": 0.912,
+        "parameters": {"S": 5.0, "J": 2.0},
+    }
     page._answer(SimpleNamespace(
         gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True), shrinkage={"value": value, "lo": lo, "hi": hi},
         effect="stiction", effects=(first,), named=["stiction"], sentence=lambda: "It sticks.",
@@ -196,10 +222,15 @@ def test_pictures_fit_on_a_phone_and_grow_with_their_panels(draw, few, many):
 
 def test_bars_take_as_much_room_as_they_need():
     assert draw_ranking(["a"], [1.0]).get_size_inches() == pytest.approx((4.6, 0.93))
-    assert draw_ranking(["a", "b", "c"], [0.7, 0.2, 0.1]).get_size_inches() == pytest.approx((4.6, 1.49))
+    assert draw_ranking(["a", "b", "c"], [0.7, 0.2, 0.1]).get_size_inches() == pytest.approx(
+        (4.6, 1.49)
+    )
     assert draw_gap({"before": 2.0, "floor": 1.0}).get_size_inches() == pytest.approx((4.6, 1.33))
     assert draw_blocks(SHARES).get_size_inches() == pytest.approx((4.6, 2.6))
-    for figure in (draw_ranking(["a", "b"], [0.7, 0.3]), draw_gap({"before": 2.0, "nearest effect": 1.5, "floor": 1.0})):
+    for figure in (
+        draw_ranking(["a", "b"], [0.7, 0.3]),
+        draw_gap({"before": 2.0, "nearest effect": 1.5, "floor": 1.0}),
+    ):
         (axes,) = figure.axes
         for bar, text, place in zip(axes.patches, axes.texts, axes.get_yticks()):
             # gaps between the bars are two thirds as wide as they, and the number stands at the end
@@ -207,7 +238,9 @@ def test_bars_take_as_much_room_as_they_need():
             assert bar.get_y() + bar.get_height() / 2 == pytest.approx(place)
             assert text.xy == pytest.approx((bar.get_width(), place))
             assert text.xyann == (4, 0)
-        assert [tick.tick1line.get_markersize() for tick in axes.yaxis.get_major_ticks()] == [0.0] * len(axes.patches)
+        assert [tick.tick1line.get_markersize() for tick in axes.yaxis.get_major_ticks()] == [
+            0.0
+        ] * len(axes.patches)
 
 
 @pytest.mark.parametrize("draw", list(DRAWN))
@@ -216,7 +249,9 @@ def test_every_line_is_thin_solid_enough_and_in_the_colour_of_its_loop(draw):
         for line in axes.lines:
             assert 0.6 <= line.get_linewidth() <= 2.0
             assert (line.get_alpha() or 1.0) >= 0.8
-            assert to_hex(line.get_color()).upper() in {colour for colour, _ in LOOK.values()} | {"#6E6E6E"}
+            assert to_hex(line.get_color()).upper() in {colour for colour, _ in LOOK.values()} | {
+                "#6E6E6E"
+            }
     # a law stands where the effect would, never beside it
     assert len({colour for colour, _ in LOOK.values()}) == len(LOOK) - 1 == 5
     assert LOOK["with the law"][0] == LOOK[FIXED][0]
@@ -239,7 +274,9 @@ def test_panels_say_whose_they_are_and_what_stands_upwards(signal, said):
     assert [a.get_ylabel() for a in axes] == [said] * 3
     assert [a.get_title(loc="left") for a in axes] == [RECORD, BASELINE, FIXED]
     if signal == "PV":
-        assert {(a.lines[0].get_linestyle(), a.lines[0].get_color()) for a in axes} == {(":", "#6E6E6E")}
+        assert {(a.lines[0].get_linestyle(), a.lines[0].get_color()) for a in axes} == {
+            (":", "#6E6E6E")
+        }
 
 
 @pytest.mark.parametrize(("runs", "shown", "named"), [
@@ -277,9 +314,11 @@ def test_the_colour_of_a_block_is_the_red_of_the_effect(blocks):
     box = next(p for p in blocks.patches if isinstance(p, FancyBboxPatch))
     assert box.get_facecolor()[:3] == pytest.approx(to_rgb(LOOK[FIXED][0]))
     assert {p.get_linewidth() for p in blocks.patches if isinstance(p, FancyBboxPatch)} == {1.0}
-    assert {(p.get_radius(), p.get_linewidth(), p.get_fill()) for p in blocks.patches if isinstance(p, Circle)} == {
-        (0.09, 0.9, False)
-    }
+    assert {
+        (p.get_radius(), p.get_linewidth(), p.get_fill())
+        for p in blocks.patches
+        if isinstance(p, Circle)
+    } == {(0.09, 0.9, False)}
     assert {line.get_linewidth() for line in blocks.lines} == {0.9}
 
 
@@ -295,7 +334,8 @@ def test_blocks_are_as_high_as_each_other_and_wide_enough_for_their_names(blocks
 
 
 @pytest.mark.parametrize(
-    ("n", "Ts", "lowest"), [(400, 1.0, 1 / 100), (400, 0.5, 1 / 50), (60, 1.0, 1 / 32), (9000, 1.0, 1 / 1024)]
+    ("n", "Ts", "lowest"),
+    [(400, 1.0, 1 / 100), (400, 0.5, 1 / 50), (60, 1.0, 1 / 32), (9000, 1.0, 1 / 1024)],
 )
 def test_a_spectrum_is_the_mean_of_seven_pieces_and_more(n, Ts, lowest):
     x = RNG.standard_normal(n)

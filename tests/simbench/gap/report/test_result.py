@@ -8,18 +8,42 @@ from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
 
 BEHIND = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
-STUCK = {"block": "valve", "effect": "stiction", "parameters": {"S": 6.04, "J": 3.0}, "probability": 0.914}
-COARSE = {"block": "sensor", "effect": "quantisation", "parameters": {"step": 0.3, "at": "record"}, "probability": 0.05}
+STUCK = {
+    "block": "valve",
+    "effect": "stiction",
+    "parameters": {"S": 6.04, "J": 3.0},
+    "probability": 0.914,
+}
+COARSE = {
+    "block": "sensor",
+    "effect": "quantisation",
+    "parameters": {"step": 0.3, "at": "record"},
+    "probability": 0.05,
+}
 RANKING = (
     Ranked("stiction", "valve", 0.914, 4.0, 1.25, {"S": 6.04, "J": 3.0}), Ranked("none", "none", 0.051, 4.0, 4.0, {}),
     *(Ranked(f"effect_{i}", "process", 0.007, None, None, {}) for i in range(5)),
 )  # fmt: skip
-SHARES = {"controller": 0.004, "valve": 0.914, "process": 0.006, "sensor": 0.07, "disturbance": 0.006}
+SHARES = {
+    "controller": 0.004,
+    "valve": 0.914,
+    "process": 0.006,
+    "sensor": 0.07,
+    "disturbance": 0.006,
+}
 
 CONCLUSION = Conclusion("stiction", 0.9, "stiction", "friction explains it", "confirm on the valve")
 
 
-def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5, 1.25, 0.8, True), value=0.859, **more):
+def report(
+    effect="stiction",
+    block="valve",
+    effects=(STUCK,),
+    *,
+    gap=(4.0, 3.5, 1.25, 0.8, True),
+    value=0.859,
+    **more,
+):
     shrinkage = None if value is None else {"value": value, "lo": value - 0.1, "hi": value + 0.05}
     given = {
         "group": ("stiction",),
@@ -39,9 +63,16 @@ def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes()
     assert report().sentence() == f"{lacks}; adding it closes 86 % of the gap."
     assert report(value=None).sentence() == f"{lacks}."
     assert report(value=0.0).sentence().endswith("adding it closes 0 % of the gap.")
-    assert report(value=-0.25).sentence().endswith("adding it does not close the gap but widens it, by 25 %.")
+    assert (
+        report(value=-0.25)
+        .sentence()
+        .endswith("adding it does not close the gap but widens it, by 25 %.")
+    )
     both = report(effects=(STUCK, COARSE)).sentence()
-    assert "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV units, at = record)," in both
+    assert (
+        "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV units, at = record),"
+        in both
+    )
 
 
 def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
@@ -57,7 +88,9 @@ def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
 ])  # fmt: skip
 def test_none_is_an_answer_and_a_gap_that_stays_is_said(recalibrated, resolvable, differs):
     nothing = {"block": "none", "effect": "none", "parameters": {}, "probability": 0.9}
-    said = report("none", "none", (nothing,), gap=(4.0, recalibrated, 1.2, 0.8, resolvable), value=None).sentence()
+    said = report(
+        "none", "none", (nothing,), gap=(4.0, recalibrated, 1.2, 0.8, resolvable), value=None
+    ).sentence()
     if differs:
         assert said == (
             "No known effect is called for, but the simulation still differs from the record: "
@@ -75,17 +108,26 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
         "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80", "shrinkage: 0.86 [0.76, 0.91]",
     ]  # fmt: skip
     assert lines[11] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
-    assert [line.split()[1] for line in lines[11:17]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
+    assert [line.split()[1] for line in lines[11:17]] == [
+        "stiction",
+        "none",
+        *(f"effect_{i}" for i in range(4)),
+    ]
     assert lines[17:] == ["", "next test: bump: bump it", "note: one", "note: two"]
 
 
 def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claimed():
     text = report(
-        group=("deadband", "stiction"), gap=(1.0, 1.0, 1.0, 0.8, False), value=None, blocks=dict.fromkeys(SHARES, 0.0)
+        group=("deadband", "stiction"),
+        gap=(1.0, 1.0, 1.0, 0.8, False),
+        value=None,
+        blocks=dict.fromkeys(SHARES, 0.0),
     )
     lines = text.as_text().splitlines()
     assert lines[7] == "cannot be told apart here: deadband, stiction"
-    assert lines[8] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
+    assert (
+        lines[8] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
+    )
     assert not [line for line in lines if line.startswith(("where", "shrinkage"))]
     assert report(group=("stiction",)).as_text().count("told apart") == 0
 
@@ -111,7 +153,10 @@ def test_a_table_and_a_picture_hold_the_ranking():
 
 
 def test_numbers_have_three_digits_and_words_no_underscores():
-    assert numbers("quantisation", {"step": 2.14159, "at": "record", "n": 3}) == ", step = 2.14 PV units, at = record, n = 3"
+    assert (
+        numbers("quantisation", {"step": 2.14159, "at": "record", "n": 3})
+        == ", step = 2.14 PV units, at = record, n = 3"
+    )
     assert numbers("stiction", {"S": 2.1, "J": 3.0}, "") == "S = 2.1, J = 3 % of travel"
     assert numbers("noise", {"factor": 2.0}) == ", factor = 2"
     assert numbers("none", {}) == numbers("none", {}, "with ") == ""

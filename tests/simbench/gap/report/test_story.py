@@ -16,14 +16,20 @@ def report(said, asked=None, notes=(), **p):
     ranking = [SimpleNamespace(effect=e, probability=x) for e, x in p.items()]
     found = SimpleNamespace(situation=SimpleNamespace(record=SimpleNamespace(tag="FIC <1>")))
     return SimpleNamespace(
-        ranking=ranking, next_test=asked, notes=notes, sentence=lambda: said, behind=SimpleNamespace(found=found)
+        ranking=ranking,
+        next_test=asked,
+        notes=notes,
+        sentence=lambda: said,
+        behind=SimpleNamespace(found=found),
     )
 
 
 @pytest.fixture(scope="module")
 def bump():
     rng = np.random.default_rng(0)
-    record = LoopRecord(op=50 + rng.standard_normal(80), pv=rng.standard_normal(80), Ts=1.0, sp=np.zeros(80))
+    record = LoopRecord(
+        op=50 + rng.standard_normal(80), pv=rng.standard_normal(80), Ts=1.0, sp=np.zeros(80)
+    )
     return SimpleNamespace(name="bump.csv", id="bump", record=record, manual=np.arange(80) > 30)
 
 
@@ -49,10 +55,27 @@ def test_the_story_says_what_was_believed_asked_run_and_changed(bump):
 
 
 def test_the_page_of_a_plan_shows_every_test_and_what_was_left_out(tmp_path):
-    trial = SimpleNamespace(says="move OP by 2 %", minutes=12.0, op_travel=2.0, id="bump", size=2.0, hold_s=9.0, settings={})
+    trial = SimpleNamespace(
+        says="move OP by 2 %",
+        minutes=12.0,
+        op_travel=2.0,
+        id="bump",
+        size=2.0,
+        hold_s=9.0,
+        settings={},
+    )
     one = Expected(trial, 3.0, 1.5, np.zeros((1, 2, 2)), 0.4, 0.875)
-    made = PlannedTests(("drift", "valve_lag"), np.array([0.4, 0.35]), (one,), (), 0.875, "", ("stairs: too long",))
+    made = PlannedTests(
+        ("drift", "valve_lag"), np.array([0.4, 0.35]), (one,), (), 0.875, "", ("stairs: too long",)
+    )
     write_plan_page(made, report("It may be drift."), tmp_path / "plan.html")
     html = (tmp_path / "plan.html").read_text(encoding="utf-8")
-    for words in ("It may be drift.", "valve lag", "move OP by 2 %", "0.875", "stairs: too long", "FIC &lt;1&gt;"):
+    for words in (
+        "It may be drift.",
+        "valve lag",
+        "move OP by 2 %",
+        "0.875",
+        "stairs: too long",
+        "FIC &lt;1&gt;",
+    ):
         assert words in html

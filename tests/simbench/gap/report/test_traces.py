@@ -9,7 +9,18 @@ from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.report import traces
 from simbench.gap.report.result import Ranked
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces, kick_of, nearest, recorded, simulated, window
+from simbench.gap.report.traces import (
+    BASELINE,
+    FIXED,
+    NEAREST,
+    TUNED,
+    Traces,
+    kick_of,
+    nearest,
+    recorded,
+    simulated,
+    window,
+)
 
 X = np.arange(100.0)
 
@@ -53,7 +64,11 @@ def test_the_record_is_shown_as_the_diagnosis_saw_it(mv):
     assert np.array_equal(found.sp, X + 2.0)
     assert (found.mv is not None, found.Ts) == (mv, 2.0)
     part = found.part(10, 13)
-    assert [part.op.tolist(), part.pv.tolist(), part.sp.tolist()] == [[10, 11, 12], [10, 11, 12], [12, 13, 14]]
+    assert [part.op.tolist(), part.pv.tolist(), part.sp.tolist()] == [
+        [10, 11, 12],
+        [10, 11, 12],
+        [12, 13, 14],
+    ]
     assert (part.mv is not None and part.mv.tolist() == [11, 12, 13]) == mv
 
 
@@ -87,7 +102,11 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
     monkeypatch.setattr(traces, "simulate", noted)
     found = simulated(report(effect, named), seed=3)
     assert list(found) == shown
-    expected = [(1.0, 3, 0.0), (1.1, 3, 0.0), {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1])]
+    expected = [
+        (1.0, 3, 0.0),
+        (1.1, 3, 0.0),
+        {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1]),
+    ]
     assert seen == expected[: len(shown)]
     for trace in found.values():
         assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
@@ -106,7 +125,9 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
     assert list(simulated(report())) == [FIXED]
 
 
-@pytest.mark.parametrize(("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)])
+@pytest.mark.parametrize(
+    ("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)]
+)
 def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
     assert window(report(n=n), most) == (first, n)
     assert window(report(n=10_000)) == (8800, 10_000)

@@ -30,9 +30,15 @@ def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_cou
     assert cells["B"] == ["stiction", "1", "0.95", "stiction"]
     assert cells["D"] == ["tuning", "1", "cannot", "tell"]
     assert set(cells) == set("ABCDE")
-    assert lines[-2] == "Conclusion by loop: stiction in 1 of 2 with stiction and in 0 of 2 without; 2 of 4 cannot tell."
+    assert (
+        lines[-2]
+        == "Conclusion by loop: stiction in 1 of 2 with stiction and in 0 of 2 without; 2 of 4 cannot tell."
+    )
     # log-odds of .99, .02 and .95: 4.60, -3.89 and 2.94, whose mean 1.22 is that of .77
-    assert lines[-1] == "Conclusion by unit: stiction in 1 of 1 with stiction and in 0 of 2 without; 1 of 3 cannot tell."
+    assert (
+        lines[-1]
+        == "Conclusion by unit: stiction in 1 of 1 with stiction and in 0 of 2 without; 1 of 3 cannot tell."
+    )
 
 
 def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, capsys):
@@ -40,7 +46,9 @@ def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, 
     for k in (2, 3, 4):
         shutil.copy(tmp_path / "r1.csv", tmp_path / f"r{k}.csv")
     labels = tmp_path.with_name(f"{tmp_path.name}-labels.csv")
-    labels.write_text("id,loop,label\nr1,A,stiction\nr2,A,stiction\nr3,B,stiction\nr4,C,no_stiction\n")
+    labels.write_text(
+        "id,loop,label\nr1,A,stiction\nr2,A,stiction\nr3,B,stiction\nr4,C,no_stiction\n"
+    )
     words = ["detect", str(tmp_path), "--labels", str(labels), "--method"]
     assert main([*words, "likelihood"]) == 0
     told = capsys.readouterr().out

@@ -22,7 +22,9 @@ SINE = {"type": "sine", "amplitude": 2.0, "period": 200.0, "at": "output"}
 
 
 def found(**more):
-    record = simulate(Loop.from_table(LOOP | more), 3, kick=5.0 if "valve" in more else 0.0).record.without_mv()
+    record = simulate(
+        Loop.from_table(LOOP | more), 3, kick=5.0 if "valve" in more else 0.0
+    ).record.without_mv()
     return find_causes(Prepared(record), candidate_loops(record))
 
 

@@ -34,7 +34,17 @@ REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
 EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"
 COUNT = int(os.environ.get("RECORDS", "40"))
 LONGEST = int(os.environ.get("SAMPLES", "600"))
-HEALTHY = ("none", "sensor_lag", "oscillation", "detuning", "noise", "load_steps", "valve_lag", "dead_time_mismatch", "drift")
+HEALTHY = (
+    "none",
+    "sensor_lag",
+    "oscillation",
+    "detuning",
+    "noise",
+    "load_steps",
+    "valve_lag",
+    "dead_time_mismatch",
+    "drift",
+)
 FRICTION = ("stiction", "deadband")
 SEED = 431
 
@@ -57,14 +67,19 @@ def contradictions(c):
 
 
 def printed(*words):
-    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()):
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
         code = main([str(w) for w in words])
     return out.getvalue() if code == 0 else None
 
 
 def of_text(text):
     """Return the conclusion that a verb printed for people, probability to two digits."""
-    word, p, cause = re.search(r"^(.*) \(probability of stiction (.*)\)\. Cause: (.*)\.$", text, re.MULTILINE).groups()
+    word, p, cause = re.search(
+        r"^(.*) \(probability of stiction (.*)\)\. Cause: (.*)\.$", text, re.MULTILINE
+    ).groups()
     verdict = {word: verdict for verdict, word in WORDS.items()}[word.lower()]
     step = re.search(r"^Next: (.*)\.$", text, re.MULTILINE).group(1)
     reason = re.search(r"^Reason: (.*)\.$", text, re.MULTILINE).group(1)
@@ -94,8 +109,14 @@ def alone(file):
 
 def with_loop(file, loop):
     """Return the conclusion of each verb that takes a loop file."""
-    both = (("gap diagnose", ("gap", "diagnose", file, "--baseline", loop)), ("trust", ("trust", file, "--loop", loop)))
-    out = {name: printed(*words, "--json", *(("--method", "he") if name == "trust" else ())) for name, words in both}
+    both = (
+        ("gap diagnose", ("gap", "diagnose", file, "--baseline", loop)),
+        ("trust", ("trust", file, "--loop", loop)),
+    )
+    out = {
+        name: printed(*words, "--json", *(("--method", "he") if name == "trust" else ()))
+        for name, words in both
+    }
     return {name: json.loads(text)["conclusion"] for name, text in out.items() if text is not None}
 
 
@@ -109,7 +130,11 @@ def differ(shown):
             c["probability"] is None or abs(c["probability"] - one["probability"]) < 0.006
         )
         # a report adds to the step what it knows of the loop
-        if not (same and near and (c["next"].startswith(one["next"]) or one["next"].startswith(c["next"]))):
+        if not (
+            same
+            and near
+            and (c["next"].startswith(one["next"]) or one["next"].startswith(c["next"]))
+        ):
             wrong.append(f"{verb} differs: {c} against {one}")
     return wrong
 
@@ -119,7 +144,11 @@ def drawn(place, number):
     effect = FRICTION[0] if number % 2 else HEALTHY[number // 2 % len(HEALTHY)]
     world = WORLD_NAMES[number // 2 % len(WORLD_NAMES)]
     strength = ("weak", "medium", "strong")[number // 6 % 3]
-    about = {"kind": "none"} if effect == "none" else {"kind": "single", "effect": effect, "strength": strength}
+    about = (
+        {"kind": "none"}
+        if effect == "none"
+        else {"kind": "single", "effect": effect, "strength": strength}
+    )
     item = WORLDS.load(world).draw(SEED, number, about | {"mv": False})
     (place / "drawn").mkdir(parents=True)
     record, loop = write_item(item, place / "drawn", "loop")
@@ -131,12 +160,16 @@ def drawn(place, number):
 
 def weights(**p):
     """Return probabilities of effects, `none` and `unknown`; what is not given has none."""
-    return Classified(dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | p, block_of(max(p, key=lambda e: p[e])))
+    return Classified(
+        dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | p, block_of(max(p, key=lambda e: p[e]))
+    )
 
 
 def assessed(chosen=(), **gains):
     nats = dict.fromkeys(EFFECTS, -5.0) | gains
-    return SimpleNamespace(log_likelihood_gains=nats, log_likelihood_gains_on_top=gains, chosen=list(chosen))
+    return SimpleNamespace(
+        log_likelihood_gains=nats, log_likelihood_gains_on_top=gains, chosen=list(chosen)
+    )
 
 
 def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effect_named():
@@ -176,9 +209,13 @@ def test_what_is_unknown_says_nothing_of_friction_and_in_the_valve_leaves_it_ope
     assert from_posterior(refuted, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
 
 
-@pytest.mark.parametrize(("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.3, NO_STICTION)])
+@pytest.mark.parametrize(
+    ("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.3, NO_STICTION)]
+)
 @pytest.mark.parametrize("effects", [(), ("stiction",)])
-def test_the_probability_decides_whether_the_loop_oscillates_or_not(monkeypatch, p, verdict, effects):
+def test_the_probability_decides_whether_the_loop_oscillates_or_not(
+    monkeypatch, p, verdict, effects
+):
     record = random_case(7, effects).record
     behind = candidate_loops(record)
     monkeypatch.setattr(CandidateLoops, "probability", p)
@@ -198,7 +235,10 @@ def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
 
 
 def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_beside_the_lag():
-    table = load_loop(EXAMPLE).to_table() | {"noise": {"std": 0.3}, "effect": [{"name": "sensor_lag", "tau": 6.0}]}
+    table = load_loop(EXAMPLE).to_table() | {
+        "noise": {"std": 0.3},
+        "effect": [{"name": "sensor_lag", "tau": 6.0}],
+    }
     record = simulate(Loop.from_table(table), 1).record.without_mv()
     alone, beside = conclude(record), conclude(record, load_loop(EXAMPLE))
     assert alone.verdict == beside.verdict == NO_STICTION
@@ -228,7 +268,10 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
         file, loop, effect = drawn(tmp_path / f"{number}", number)
         for shown in (alone(file), with_loop(file, loop)):
             wrong += [(number, effect, said) for said in differ(shown)] if shown else []
-            rows += [(effect, len(shown), c["verdict"], c["probability"]) for c in list(shown.values())[:1]]
+            rows += [
+                (effect, len(shown), c["verdict"], c["probability"])
+                for c in list(shown.values())[:1]
+            ]
     for source in real:
         (tmp_path / source.stem).mkdir()
         copy = tmp_path / source.stem / source.name

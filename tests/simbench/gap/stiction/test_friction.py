@@ -22,19 +22,36 @@ from simbench.gap.stiction.pace import at_its_pace
 from simbench.plant.trust.trust import trust
 
 
-@pytest.mark.parametrize(("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))])
+@pytest.mark.parametrize(
+    ("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))]
+)
 @pytest.mark.parametrize("known", [False, True])
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
-    alone, slow = friction(case.record, case.baseline if known else None).found, at_its_pace(case.record)
+    alone, slow = (
+        friction(case.record, case.baseline if known else None).found,
+        at_its_pace(case.record),
+    )
     whole = [diagnose(case.record, case.baseline if known else None).behind.found]
     if not known and slow is not case.record:
-        whole.append(plausible(assess(check(slow, identify(slow, controller=exact_controller(case.record)), trusted=False))))
+        whole.append(
+            plausible(
+                assess(
+                    check(
+                        slow,
+                        identify(slow, controller=exact_controller(case.record)),
+                        trusted=False,
+                    )
+                )
+            )
+        )
     best = max(whole, key=lambda found: found.log_likelihood_gains[FRICTION])
     # what is beyond doubt as sampled is not asked again
     if best.log_likelihood_gains[FRICTION] > ENOUGH:
         best = next(f for f in whole if f.log_likelihood_gains[FRICTION] > ENOUGH)
-    assert alone.log_likelihood_gains[FRICTION] == pytest.approx(best.log_likelihood_gains[FRICTION], abs=1e-6)
+    assert alone.log_likelihood_gains[FRICTION] == pytest.approx(
+        best.log_likelihood_gains[FRICTION], abs=1e-6
+    )
     assert alone.parameters.get(FRICTION) == pytest.approx(best.parameters.get(FRICTION))
 
 
@@ -58,7 +75,9 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
     def worse_at_pace(r, loop, given=()):
         asked.append(r.Ts)
         found = fitted(r, loop, given)
-        gains = found.log_likelihood_gains | ({FRICTION: share * ENOUGH} if r.Ts == slow.Ts else {FRICTION: 0.8 * ENOUGH})
+        gains = found.log_likelihood_gains | (
+            {FRICTION: share * ENOUGH} if r.Ts == slow.Ts else {FRICTION: 0.8 * ENOUGH}
+        )
         return replace(found, log_likelihood_gains=gains)
 
     monkeypatch.setattr(module, "_fitted", worse_at_pace)
@@ -66,13 +85,16 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
     assert asked == [record.Ts, slow.Ts]
 
 
-@pytest.mark.parametrize(("kind", "process"), [("foptd", "self-regulating"), ("integrating", "integrating")])
+@pytest.mark.parametrize(
+    ("kind", "process"), [("foptd", "self-regulating"), ("integrating", "integrating")]
+)
 def test_the_kind_of_an_unknown_plant_is_told_by_all_samples(monkeypatch, kind, process):
     """One loop has one plant: fewer samples do not make another of it."""
     record = replace(random_case(5, (FRICTION,)).record, process=None)
     plant = SimpleNamespace(integrating=kind == "integrating")
     whole = SimpleNamespace(
-        log_likelihood_gains={FRICTION: 0.0}, situation=SimpleNamespace(baseline=SimpleNamespace(plant=plant))
+        log_likelihood_gains={FRICTION: 0.0},
+        situation=SimpleNamespace(baseline=SimpleNamespace(plant=plant)),
     )
     asked = []
     monkeypatch.setattr(module, "_as_it_is", lambda record: whole)
@@ -99,7 +121,9 @@ def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb()
     rng, t = np.random.default_rng(0), np.arange(900.0)
     pv = np.sin(t / 60.0) + 0.002 * rng.standard_normal(900)
     kept = np.arange(0, 900, 8)
-    archived = LoopRecord(op=50.0 + np.cos(t / 60.0), pv=np.interp(t, t[kept], pv[kept]), Ts=1.0, op_span=(0.0, 100.0))
+    archived = LoopRecord(
+        op=50.0 + np.cos(t / 60.0), pv=np.interp(t, t[kept], pv[kept]), Ts=1.0, op_span=(0.0, 100.0)
+    )
     with pytest.raises(RecordError, match="samples of PV are its own"):
         friction(archived)
     found = diagnose(archived)

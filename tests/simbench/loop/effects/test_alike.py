@@ -59,10 +59,19 @@ def test_stiction_and_deadband_look_alike_when_op_jitters_by_more_than_j():
 
 
 def test_local_gain_needs_a_moving_set_point():
-    assert alike("deadzone", sp_moves=False) == {"deadzone", "valve_characteristic", "gain_mismatch"}
+    assert alike("deadzone", sp_moves=False) == {
+        "deadzone",
+        "valve_characteristic",
+        "gain_mismatch",
+    }
     assert alike("deadzone", sp_moves=False, mv=True) == {"deadzone"}
-    assert alike("time_constant_mismatch", sp_moves=False) == {"gain_mismatch", "time_constant_mismatch"}
-    assert alike("time_constant_mismatch", sp_moves=False, integrating=True) == {"time_constant_mismatch"}
+    assert alike("time_constant_mismatch", sp_moves=False) == {
+        "gain_mismatch",
+        "time_constant_mismatch",
+    }
+    assert alike("time_constant_mismatch", sp_moves=False, integrating=True) == {
+        "time_constant_mismatch"
+    }
     assert alike("gain_mismatch", sp_moves=False) >= {"deadzone", "time_constant_mismatch"}
     assert alike("gain_mismatch") == {"gain_mismatch"}
 
@@ -83,7 +92,9 @@ def test_circumstances_come_from_baseline_and_record():
     rng = np.random.default_rng(3)
     noise, walk = rng.standard_normal(4000), np.cumsum(rng.standard_normal(4000))
     flat, stepped = np.zeros(4000), np.repeat([0.0, 10.0], 2000)
-    here = circumstances(PLANT, 1.0, flat, 50 + 0.2 * noise, noise, None, "stiction", {"S": 3.0, "J": 0.1})
+    here = circumstances(
+        PLANT, 1.0, flat, 50 + 0.2 * noise, noise, None, "stiction", {"S": 3.0, "J": 0.1}
+    )
     assert here.noise_shows
     assert not here.sp_moves
     assert not here.mv
@@ -119,7 +130,9 @@ def test_a_set_point_moves_from_twice_the_noise(move, moves):
 @pytest.mark.parametrize("drift", [0.0, 0.3])
 def test_ops_jitter_is_the_robust_size_of_its_changes_about_their_median(drift):
     # changes of 1, 0 and -1 beside the drift: a median distance of 1
-    assert circumstances(PLANT, 0.1, None, OP + drift * np.arange(N), PV, None).op_jitter == pytest.approx(1.4826)
+    assert circumstances(
+        PLANT, 0.1, None, OP + drift * np.arange(N), PV, None
+    ).op_jitter == pytest.approx(1.4826)
 
 
 def test_ramps_of_any_size_at_either_end_of_a_self_regulating_plant_look_alike():
@@ -133,8 +146,13 @@ def test_ramps_of_any_size_at_either_end_of_a_self_regulating_plant_look_alike()
 
 @pytest.mark.parametrize(("walk", "ramp"), [(0.0, True), (1e-4, True), (1.0, False)])
 def test_a_ramp_is_one_as_long_as_its_walk_hides_in_the_noise(walk, ramp):
-    assert circumstances(PLANT, 0.1, None, OP, PV, None, "drift", {"rate": 5.0, "walk": walk}).ramp is ramp
-    assert not circumstances(PLANT, 0.1, None, OP, PV, None, "drift", {"rate": 0.0, "walk": walk}).ramp
+    assert (
+        circumstances(PLANT, 0.1, None, OP, PV, None, "drift", {"rate": 5.0, "walk": walk}).ramp
+        is ramp
+    )
+    assert not circumstances(
+        PLANT, 0.1, None, OP, PV, None, "drift", {"rate": 0.0, "walk": walk}
+    ).ramp
 
 
 @pytest.mark.parametrize(
@@ -162,7 +180,9 @@ def test_slow_means_hidden_in_the_noise_within_the_plants_time_scale(effect, par
     (0.001, 0.0105, "load_drift", False, False), (0.0039, 0.0, "drift", True, True), (0.0041, 0.0, "drift", False, True),
     (0.0, 0.0195, "drift", True, False), (0.0, 0.0205, "drift", False, False),
 ])  # fmt: skip
-def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(rate, walk, effect, slow, ramp):
+def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(
+    rate, walk, effect, slow, ramp
+):
     # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the noise of 0.1
     plant = PLANT | {"K": -2.0, "T": 20.0, "Td": 5.0}
     found = circumstances(plant, 0.1, None, OP, PV, None, effect, {"rate": rate, "walk": walk})
@@ -173,7 +193,9 @@ def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(rate, walk
 
 @pytest.mark.parametrize("effect", list(EFFECTS))
 def test_where_everything_shows_nothing_is_alike(effect):
-    assert indistinguishable(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {effect}
+    assert indistinguishable(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {
+        effect
+    }
 
 
 def test_none_unknown_and_what_is_no_effect_are_alone():

@@ -36,7 +36,12 @@ NUMBERS = {
 def ran(form=None, numbers=None, *, plain=False):
     setup = resolve_loop(LOOP, 1)
     if form is not None:
-        apply_law(form, setup, resolve(law_parameters(form), numbers or {}, form), np.random.default_rng(2))
+        apply_law(
+            form,
+            setup,
+            resolve(law_parameters(form), numbers or {}, form),
+            np.random.default_rng(2),
+        )
     return run_setup(setup, plain=plain).record
 
 
@@ -68,7 +73,12 @@ def test_op_stands_in_idle_spells_and_pv_in_held_ones():
 def test_laws_of_one_block_add_up():
     setup = resolve_loop(LOOP, 1)
     for form in ("derivative", "ramps"):
-        apply_law(form, setup, resolve(law_parameters(form), NUMBERS[form], form), np.random.default_rng(0))
+        apply_law(
+            form,
+            setup,
+            resolve(law_parameters(form), NUMBERS[form], form),
+            np.random.default_rng(0),
+        )
     du = np.diff(run_setup(setup).record.op)
     assert du.max() <= 1 / 3 + 1e-9
     assert du.min() >= -1 / 2 - 1e-9
@@ -83,4 +93,6 @@ def test_spells_fill_their_share():
     setup = SimpleNamespace(sp=np.zeros(200_000), Ts=2.0)
     drawn = spells(setup, SimpleNamespace(share=0.25, length=40.0), np.random.default_rng(0))
     assert abs(drawn.mean() - 0.25) < 0.03
-    assert spells(setup, SimpleNamespace(share=0.0, length=5.0), np.random.default_rng(0)).sum() == 0.0
+    assert (
+        spells(setup, SimpleNamespace(share=0.0, length=5.0), np.random.default_rng(0)).sum() == 0.0
+    )

@@ -19,7 +19,9 @@ PAIR = {
 }
 
 
-def test_inner_loop_leads_its_oscillation_though_the_outer_one_looks_as_sticky(tmp_path, monkeypatch):
+def test_inner_loop_leads_its_oscillation_though_the_outer_one_looks_as_sticky(
+    tmp_path, monkeypatch
+):
     run = simulate(Loop.from_table(PAIR), seed=1, kick=6.0)
     write_record(run.record, tmp_path / "FIC1.csv")
     write_record(run.outer, tmp_path / "TIC1.csv")

@@ -9,7 +9,15 @@ from scenarios.spec import Loop
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.report.cost import cost_of, cycle_share, reversals
-from simbench.plant.report.what_if import COMPENSATE, LEAVE, REPAIR, RETUNE, compare, retuned, what_if
+from simbench.plant.report.what_if import (
+    COMPENSATE,
+    LEAVE,
+    REPAIR,
+    RETUNE,
+    compare,
+    retuned,
+    what_if,
+)
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
@@ -39,7 +47,9 @@ def test_a_valve_s_travel_and_reversals_are_counted_per_day():
 
 def test_noise_is_no_reversal():
     rng = np.random.default_rng(0)
-    x = np.concatenate([np.linspace(0, 50, 500), np.linspace(50, 0, 500)]) + 0.3 * rng.standard_normal(1000)
+    x = np.concatenate(
+        [np.linspace(0, 50, 500), np.linspace(50, 0, 500)]
+    ) + 0.3 * rng.standard_normal(1000)
     assert reversals(x) == 1
 
 

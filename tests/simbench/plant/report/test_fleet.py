@@ -40,7 +40,12 @@ def victim(source):
 def records():
     source = resting(1, **STICKY)
     slower = {"controller": {"type": "PI", "Kc": 1.2, "Ti": 23.0}}
-    return {"other": resting(5, **STICKY, **slower), "quiet": resting(3), "source": source, "victim": victim(source)}
+    return {
+        "other": resting(5, **STICKY, **slower),
+        "quiet": resting(3),
+        "source": source,
+        "victim": victim(source),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +61,16 @@ def trust_once():
 
 
 def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):
-    assert shared_oscillations({n: Prepared(r) for n, r in records.items()}) == [["source", "victim"]]
+    assert shared_oscillations({n: Prepared(r) for n, r in records.items()}) == [
+        ["source", "victim"]
+    ]
 
 
 def test_records_of_different_lengths_share_nothing(records):
-    cut = {"source": Prepared(records["source"]), "victim": Prepared(records["victim"].window(0, 1400))}
+    cut = {
+        "source": Prepared(records["source"]),
+        "victim": Prepared(records["victim"].window(0, 1400)),
+    }
     assert shared_oscillations(cut) == []
 
 
@@ -76,7 +86,9 @@ def test_the_root_is_the_stickiest_then_the_least_like_a_sine():
     assert likely_root(["a", "b"], {"a": 0.31, "b": 0.29}, {"a": 1.0, "b": 3.0}) == ["b", "a"]
 
 
-def test_the_page_ranks_the_loops_and_stands_alone(records, trust_once, tmp_path, capsys, monkeypatch):
+def test_the_page_ranks_the_loops_and_stands_alone(
+    records, trust_once, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(fleet, "trust", trust_once)
     folder, page = tmp_path / "plant", tmp_path / "page.html"
     folder.mkdir()
@@ -96,16 +108,28 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, trust_once, tmp_path
     assert text.count("<article") == 3
     assert "src=" not in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "page.html.judged", "plant"]
+    assert sorted(f.name for f in tmp_path.iterdir()) == [
+        "page.csv",
+        "page.html",
+        "page.html.judged",
+        "plant",
+    ]
     if chromium.executable() is not None:
         with chromium.opened(page, 390) as shown:
-            assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+            assert (
+                shown.evaluate(
+                    "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+                )
+                <= 0
+            )
             assert shown.errors == []
             assert len(shown.requests) == 1
         assert chromium.lost_on_paper(page) == 0
 
 
-def test_loops_judged_before_a_kill_are_not_judged_again(records, trust_once, tmp_path, monkeypatch):
+def test_loops_judged_before_a_kill_are_not_judged_again(
+    records, trust_once, tmp_path, monkeypatch
+):
     folder = tmp_path / "plant"
     folder.mkdir()
     for name in ("quiet", "victim"):
@@ -133,13 +157,20 @@ def test_a_second_week_judges_only_what_changed(records, trust_once, tmp_path, m
         for loop, name in (("FIC101", source), ("LIC7", "quiet")):
             write_record(records[name], tmp_path / week / f"{loop}.csv")
     asked = []
-    monkeypatch.setattr(fleet, "trust", lambda record, **more: asked.append(record.tag) or trust_once(record, **more))
+    monkeypatch.setattr(
+        fleet,
+        "trust",
+        lambda record, **more: asked.append(record.tag) or trust_once(record, **more),
+    )
 
     def week(name, *more):
         asked.clear()
         place = tmp_path / f"report {len(list(tmp_path.iterdir()))}"
         place.mkdir()
-        assert main(["report", str(tmp_path / name), "-j", "1", "-o", str(place / "page.html"), *more]) == 0
+        assert (
+            main(["report", str(tmp_path / name), "-j", "1", "-o", str(place / "page.html"), *more])
+            == 0
+        )
         return place, sorted(asked)
 
     first, judged = week("week1")
@@ -151,11 +182,21 @@ def test_a_second_week_judges_only_what_changed(records, trust_once, tmp_path, m
     second, judged = week("week2", "--previous", str(first))
     assert judged == ["FIC101"]
     kept = sorted(file.name.split("-")[0] for file in (second / "page.html.judged").iterdir())
-    assert kept == ["_drawn", "_drawn", "_one", "_one"]  # pictures are drawn anew of a new record only
-    assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
+    assert kept == [
+        "_drawn",
+        "_drawn",
+        "_one",
+        "_one",
+    ]  # pictures are drawn anew of a new record only
+    assert week("week2", "--previous", str(second), "--process", "integrating")[1] == [
+        "FIC101",
+        "LIC7",
+    ]
 
 
-def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, trust_once, tmp_path, monkeypatch):
+def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(
+    records, trust_once, tmp_path, monkeypatch
+):
     monkeypatch.setattr(fleet, "trust", trust_once)
     (tmp_path / "plant").mkdir()
     write_record(records["quiet"], tmp_path / "plant" / "LIC7.csv")
@@ -170,12 +211,17 @@ def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, trust
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == page
 
 
-def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):
+def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(
+    tmp_path, monkeypatch
+):
     for name in ("before", "now"):
         (tmp_path / name).mkdir()
         monkeypatch.chdir(tmp_path / name)
         kept = Path("kept") if name == "now" else None
-        assert resumed(likely, [(0.2,), (0.8,)], jobs=2, keep=kept, what="numbers") == ["no_stiction", "stiction"]
+        assert resumed(likely, [(0.2,), (0.8,)], jobs=2, keep=kept, what="numbers") == [
+            "no_stiction",
+            "stiction",
+        ]
     assert not any((tmp_path / "before").iterdir())
     assert len(list((tmp_path / "now" / "kept").rglob("*.json"))) == 2
 

@@ -17,7 +17,10 @@ def weeks(tmp_path_factory):
     for name in ("one", "two"):
         (place / name).mkdir()
     asked = ["report", str(place / "week"), "-j", "1", "-o"]
-    assert main([*asked, str(place / "one" / "page.html"), "--orders", str(place / "orders.xlsx")]) == 0
+    assert (
+        main([*asked, str(place / "one" / "page.html"), "--orders", str(place / "orders.xlsx")])
+        == 0
+    )
     again = ["--previous", str(place / "one"), "--orders", str(place / "orders.csv")]
     assert main([*asked, str(place / "two" / "page.html"), *again]) == 0
     return place
@@ -45,5 +48,17 @@ def test_the_first_section_says_who_must_do_what(weeks):
 
 
 def test_a_folder_without_an_earlier_report_is_refused(weeks, capsys):
-    assert main(["report", str(weeks / "week"), "-o", str(weeks / "x.html"), "--previous", str(weeks / "week")]) == 2
+    assert (
+        main(
+            [
+                "report",
+                str(weeks / "week"),
+                "-o",
+                str(weeks / "x.html"),
+                "--previous",
+                str(weeks / "week"),
+            ]
+        )
+        == 2
+    )
     assert "no table of an earlier report" in capsys.readouterr().err

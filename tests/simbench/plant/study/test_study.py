@@ -20,7 +20,13 @@ from simbench.plant.study.loop_features import looks
 from simbench.plant.study.result import Contribution, Study
 from simbench.plant.study.strengths import Size, absolute, relative, scales, with_effect
 from simbench.plant.study.study import study
-from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
+from simbench.plant.study.two_sample import (
+    FeatureScaler,
+    classifier_test,
+    feature_tests,
+    mmd,
+    mmd_test,
+)
 from simbench.plant.study.written_grid import write_grid
 
 
@@ -76,7 +82,9 @@ def grid_loops():
 
 def test_looks_do_not_change_with_units(grid_loops):
     r = grid_loops[0].record
-    other = LoopRecord(op=r.op, pv=5.0 - 3.0 * r.pv, sp=5.0 - 3.0 * r.sp, Ts=60 * r.Ts, process=r.process)
+    other = LoopRecord(
+        op=r.op, pv=5.0 - 3.0 * r.pv, sp=5.0 - 3.0 * r.sp, Ts=60 * r.Ts, process=r.process
+    )
     plain = LoopRecord(op=r.op, pv=-r.pv, sp=-r.sp, Ts=r.Ts, process=r.process)
     a, b = looks(other), looks(plain)
     assert a.keys() == b.keys()
@@ -86,8 +94,12 @@ def test_looks_do_not_change_with_units(grid_loops):
 def test_a_strength_comes_back_from_where_it_was_taken(grid_loops):
     size, other = grid_loops[0].size, Size(3.0, 20.0, 50.0)
     found = {"step": 0.5, "at": "record"}
-    assert absolute("quantisation", relative("quantisation", found, size), size) == pytest.approx(found)
-    assert absolute("quantisation", relative("quantisation", found, size), other)["step"] == pytest.approx(0.5 * 3.0 / size.pv)
+    assert absolute("quantisation", relative("quantisation", found, size), size) == pytest.approx(
+        found
+    )
+    assert absolute("quantisation", relative("quantisation", found, size), other)[
+        "step"
+    ] == pytest.approx(0.5 * 3.0 / size.pv)
     assert scales("quantisation", found) == {"step": "pv"}
     assert scales("drift", {"rate": 1.0}) is None
 
@@ -142,7 +154,9 @@ def test_a_strength_is_that_of_a_loop_that_has_the_effect(grid_loops):
         effect, size = hit.loop.to_table()["effect"][-1], Size.of(hit.record)
         measured = effect["amplitude"] / size.op
         # one that resonates is given no more than twice what it would be by its own size
-        assert measured == pytest.approx(0.2, rel=0.1) or effect["amplitude"] == pytest.approx(0.4 * s.size.op)
+        assert measured == pytest.approx(0.2, rel=0.1) or effect["amplitude"] == pytest.approx(
+            0.4 * s.size.op
+        )
         assert effect["period"] == pytest.approx(s.size.period)
 
 
@@ -162,7 +176,13 @@ def test_an_effect_is_tried_wherever_it_may_act_and_in_more_loops_than_it_was_fo
 
 
 def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
-    e = Contribution("quantisation", 0.5, 0.1, {"he": -0.1}, ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}))
+    e = Contribution(
+        "quantisation",
+        0.5,
+        0.1,
+        {"he": -0.1},
+        ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}),
+    )
     nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
     found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {"he": 0.5}, {}, {"he": 0.4}, (), "plant")
     assert write_grid(found, tmp_path / "mine.toml") == []
@@ -195,9 +215,24 @@ def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
 
 
 def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
-    found = Study(8, 8, {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}, (0.7, 0.1), [], (), {}, {}, {}, ("one",), "plant")
+    found = Study(
+        8,
+        8,
+        {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01},
+        (0.7, 0.1),
+        [],
+        (),
+        {},
+        {},
+        {},
+        ("one",),
+        "plant",
+    )
     monkeypatch.setattr("simbench.plant.study.study.study", lambda *a, **k: found)
     (tmp_path / "plant").mkdir()
     said = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
-    assert said.notes == ("one", f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw")
+    assert said.notes == (
+        "one",
+        f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw",
+    )
     assert not (tmp_path / "mine.toml").exists()

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from detectors.verdict import Verdict
-from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
+from simbench.plant.trust.power import (
+    Cell,
+    Rule,
+    cells_of,
+    likelihood_ratio,
+    readings,
+    smallest_visible,
+)
 
 
 def line(found, ratio=1.0):
@@ -25,7 +32,12 @@ def test_the_smallest_visible_is_counted_without_loading_scikit_learn():
         "import sys; from simbench.plant.trust.power import Cell, smallest_visible\n"
         "smallest_visible([Cell(s, s, s / 2, 0.0, 1.0) for s in (1.0, 2.0)]); print('sklearn' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        == "False\n"
+    )
 
 
 def test_nothing_is_visible_where_nothing_is_found():
@@ -37,7 +49,10 @@ def test_a_lucky_small_cell_is_not_believed_against_the_larger_ones():
 
 
 def test_of_two_slip_jumps_the_one_that_shows_at_the_smaller_band_counts():
-    S, J = smallest_visible([*line([0.0, 0.0, 0.0, 0.9], 0.25), *line([0.0, 0.9, 1.0, 1.0])]) or (0.0, 0.0)
+    S, J = smallest_visible([*line([0.0, 0.0, 0.0, 0.9], 0.25), *line([0.0, 0.9, 1.0, 1.0])]) or (
+        0.0,
+        0.0,
+    )
     assert S < 2.0
     assert J == S
 
@@ -54,7 +69,10 @@ def test_a_threshold_is_advised_only_where_the_published_rule_is_worse():
     rng = np.random.default_rng(0)
     scores = rng.standard_normal(200) + 4.0 * sticky
     silent = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
-    fine = [Verdict("m", "stiction" if k else "no_stiction", score=float(s), reason="-") for k, s in zip(sticky, scores)]
+    fine = [
+        Verdict("m", "stiction" if k else "no_stiction", score=float(s), reason="-")
+        for k, s in zip(sticky, scores)
+    ]
     assert readings("m", silent, sticky)[0].cut is not None
     assert readings("m", silent, sticky)[0].right > 0.9
     assert readings("m", fine, sticky)[0].cut is None
@@ -73,7 +91,11 @@ def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
 
 def test_a_threshold_reads_nothing_out_of_a_missing_score():
     said = {s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))}
-    assert [Rule("m", 0.5, 0.9).says(v) for v in said.values()] == ["no_stiction", "stiction", "no_decision"]
+    assert [Rule("m", 0.5, 0.9).says(v) for v in said.values()] == [
+        "no_stiction",
+        "stiction",
+        "no_decision",
+    ]
     assert {Rule("m", None, 0.9).says(v) for v in said.values()} == {"no_decision"}
 
 

@@ -66,7 +66,9 @@ def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monk
 @pytest.mark.parametrize("odds", [-1.0, 0.5, 4.0])
 def test_sticky_twins_share_the_two_explanations_by_their_probability(behind, odds):
     weighed = replace(behind, log_odds=odds)
-    share = np.mean([twins._sticky_base(weighed, number) is weighed.sticky for number in range(200)])
+    share = np.mean(
+        [twins._sticky_base(weighed, number) is weighed.sticky for number in range(200)]
+    )
     assert share == pytest.approx(weighed.probability, abs=0.02)
 
 
@@ -80,7 +82,9 @@ def test_cells_span_small_and_large_friction(behind):
 def test_what_is_recorded_otherwise_is_recorded_otherwise(behind):
     n = behind.record.n
     assert draw_twins(behind, 6, 0, change=Change(longer=2.0))[0].record.n == 2 * n
-    assert draw_twins(behind, 6, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(behind.record.Ts / 3)
+    assert draw_twins(behind, 6, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(
+        behind.record.Ts / 3
+    )
     assert draw_twins(behind, 6, 0, change=Change(mv=True))[0].record.mv is not None
     stepped = draw_twins(behind, 6, 0, change=Change(step=7.0))[0].record
     assert stepped.sp is None or np.ptp(stepped.sp) >= 7.0

@@ -58,21 +58,31 @@ def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, mon
 
 def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
     """Ahead of the record the twins stand at the old set point, which is no motion of theirs."""
-    record = simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1).record.without_mv().window(0, 1500)
+    record = (
+        simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1)
+        .record.without_mv()
+        .window(0, 1500)
+    )
     answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
     assert answer.best is not None
     assert answer.power
 
 
-def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(sticky, monkeypatch):
+def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
+    sticky, monkeypatch
+):
     monkeypatch.setattr("simbench.plant.trust.trust.LONG_RECORD", 100)
     few = trust(sticky, methods=["procedure"], healthy=HEALTHY, each=EACH, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
     assert few.power
 
 
-def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(sticky, found, monkeypatch):
-    keenest = max((m for m in found.methods if m.verdict.applicable is not False), key=lambda m: m.rule.right)
+def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(
+    sticky, found, monkeypatch
+):
+    keenest = max(
+        (m for m in found.methods if m.verdict.applicable is not False), key=lambda m: m.rule.right
+    )
     assert keenest.power[-1].S == found.power[-1].S
     if keenest.rule.cut is None:
         assert found.power == keenest.power
@@ -80,8 +90,12 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
 
 
-@pytest.mark.parametrize(("probability", "answer"), [(0.8, STICTION), (0.6, NO_DECISION), (0.4, NO_STICTION)])
-def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
+@pytest.mark.parametrize(
+    ("probability", "answer"), [(0.8, STICTION), (0.6, NO_DECISION), (0.4, NO_STICTION)]
+)
+def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(
+    sticky, monkeypatch, probability, answer
+):
     monkeypatch.setattr(CandidateLoops, "probability", probability)
     found = trust(sticky, **FEW, help_wanted=False)
     assert found.smallest_visible is not None
@@ -95,13 +109,22 @@ def test_json_has_the_contracts_keys_and_finite_numbers(found):
     }  # fmt: skip
     assert answer["probability_of_stiction"] == answer["probability"]
     for row in answer["methods"]:
-        assert set(row) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
+        assert set(row) == {
+            "method",
+            "applicable",
+            "verdict",
+            "false_alarms",
+            "power",
+            "likelihood_ratio",
+        }
         assert all(set(c) == {"S", "J", "found", "lo", "hi"} for c in row["power"])
     assert answer["best"] == answer["methods"][0]["method"]
     assert set(answer["smallest_visible"]) == {"S", "J"}
 
 
-def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(found):
+def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(
+    found,
+):
     made = [m for m in found.methods if m.verdict.applicable is not False]
     agreeing = [m for m in made if m.says == STICTION]
     assert found.best.rule.right == max(m.rule.right for m in agreeing)
@@ -152,7 +175,12 @@ def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
     assert "http" not in text.replace("http://www.w3.org", "")
     assert "probability of stiction" in text
     assert main(["detect", str(record), "--method", "he", "--power"]) == 0
-    assert capsys.readouterr().out.strip().splitlines()[-1].startswith("power: this record would have shown")
+    assert (
+        capsys.readouterr()
+        .out.strip()
+        .splitlines()[-1]
+        .startswith("power: this record would have shown")
+    )
     assert main(["detect", str(record), "--method", "he", "--power", "--json"]) == 0
     out, err = capsys.readouterr()
     json.loads(out)
