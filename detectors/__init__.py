@@ -1,4 +1,6 @@
-"""What can be said about a control loop from its signals; usable alone by an engineer who has only plant data."""
+"""What can be said about a control loop from its signals; usable alone by an engineer who has only
+plant data.
+"""
 
 from detectors.errors import ParameterError, RecordError, UnknownName, UserError
 from detectors.record import LoopRecord

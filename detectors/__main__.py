@@ -1,4 +1,6 @@
-"""Judge records from the command line: `python -m detectors REC.csv --method all --kind flow --json`."""
+"""Judge records from the command line: `python -m detectors REC.csv --method all --kind flow
+--json`.
+"""
 
 from __future__ import annotations
 

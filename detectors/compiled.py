@@ -1,4 +1,6 @@
-"""Compiled kernels: plain Python functions that numba compiles when they are first asked for, cached on disk as a whole."""
+"""Compiled kernels: plain Python functions that numba compiles when they are first asked for,
+cached on disk as a whole.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,16 @@ LANES = 32
 
 
 def lanes():
-    """Return room for `LANES` numbers; compiled, they live in registers, and a loop over them becomes one instruction."""
+    """Return room for `LANES` numbers; compiled, they live in registers, and a loop over them
+    becomes one instruction.
+    """
     return np.empty(LANES)
 
 
 def rows(count):
-    """Return room for `count` rows of `LANES` numbers that begin with a cache line: a register is read from one, not two."""
+    """Return room for `count` rows of `LANES` numbers that begin with a cache line: a register is
+    read from one, not two.
+    """
     room = np.empty(count * LANES + 8)
     skip = -room.ctypes.data % 64 // 8
     return room[skip : skip + count * LANES]
@@ -41,12 +47,13 @@ def rows(count):
 
 @cache
 def compiled(function: FunctionType):
-    """Return a plain function compiled together with all plain functions it calls, from the disk cache when it is there.
+    """Return a plain function compiled together with all plain functions it calls, from the disk
+    cache when it is there.
 
-    Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's pairwise sums; division by
-    zero gives inf or NaN. numba's disk cache only watches the file a function stands in. So each kernel is written to a module
-    of its own whose name carries the hash of every source that takes part: an edited helper never meets an old kernel. Not for
-    closures.
+    Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's
+    pairwise sums; division by zero gives inf or NaN. numba's disk cache only watches the file a
+    function stands in. So each kernel is written to a module of its own whose name carries the hash
+    of every source that takes part: an edited helper never meets an old kernel. Not for closures.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(
@@ -57,9 +64,11 @@ def compiled(function: FunctionType):
 
 @cache
 def quick(function: FunctionType):
-    """Return a light kernel of a signal, its first argument: plain until so many samples were worked that numba pays.
+    """Return a light kernel of a signal, its first argument: plain until so many samples were
+    worked that numba pays.
 
-    Loading numba costs a second, more than a few records do. Both give the same bits; not for kernels with numpy's sums.
+    Loading numba costs a second, more than a few records do. Both give the same bits; not for
+    kernels with numpy's sums.
     """
     worked = 0
 
@@ -75,7 +84,9 @@ def quick(function: FunctionType):
 
 
 def njit_cached(function: FunctionType):
-    """Return a function compiled by numba and cached beside it or for its user; where neither can be written, not cached."""
+    """Return a function compiled by numba and cached beside it or for its user; where neither can
+    be written, not cached.
+    """
     from numba import njit
 
     try:
@@ -86,7 +97,9 @@ def njit_cached(function: FunctionType):
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out in another order."""
+    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out
+    in another order.
+    """
     from threadpoolctl import threadpool_limits
 
     try:
@@ -102,9 +115,11 @@ def one_thread() -> Iterator[None]:
 def cached_module(
     kind: str, parts: dict[str, Any], text: str, error_model: str = "python"
 ) -> ModuleType:
-    """Write `text` to a module, found again on disk, in which the names of `parts` are known, functions compiled; import it.
+    """Write `text` to a module, found again on disk, in which the names of `parts` are known,
+    functions compiled; import it.
 
-    A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
+    A division by zero in one of the parts raises under the `error_model` "python", and gives inf or
+    NaN under "numpy".
     """
     digest = hashlib.sha256(
         f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode()
@@ -136,7 +151,9 @@ def cached_module(
 
 
 def _with_checksum(value: Any) -> Any:
-    """Give the disk cache of a compiled function its checksum; anything else is returned as it is."""
+    """Give the disk cache of a compiled function its checksum; anything else is returned as it
+    is.
+    """
     kept = getattr(getattr(value, "_cache", None), "_cache_file", None)
     if kept is not None:
         kept.__class__ = _checked_cache()
@@ -145,7 +162,9 @@ def _with_checksum(value: Any) -> Any:
 
 @cache
 def _checked_cache() -> type:
-    """Return numba's files of machine code with a checksum in front: what is damaged is compiled anew, never executed."""
+    """Return numba's files of machine code with a checksum in front: what is damaged is compiled
+    anew, never executed.
+    """
     from numba.core.caching import IndexDataCacheFile
 
     class Checked(IndexDataCacheFile):
@@ -185,7 +204,9 @@ def _held(path: Path) -> str | None:
 
 
 def _write_whole(path: Path, text: str) -> None:
-    """Write a module that no other process ever sees half; its compiled kernels, of whatever text stood there, go."""
+    """Write a module that no other process ever sees half; its compiled kernels, of whatever text
+    stood there, go.
+    """
     for old in path.parent.glob(f"__pycache__/{path.stem}.*"):
         with contextlib.suppress(OSError):
             old.unlink()
@@ -226,7 +247,9 @@ def _jitted(function: FunctionType, error_model: str):
 
 @cache
 def _registers():
-    """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into registers."""
+    """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into
+    registers.
+    """
     import numba as nb
     from llvmlite import ir
     from numba import types
@@ -271,7 +294,9 @@ def reached(functions: list[FunctionType]) -> set[FunctionType]:
 
 
 def _described(parts: dict[str, Any]) -> list[str]:
-    """One line per part; the constants of functions count too, which may come from a file that is not hashed."""
+    """One line per part; the constants of functions count too, which may come from a file that is
+    not hashed.
+    """
     told = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):

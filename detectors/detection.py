@@ -76,10 +76,12 @@ def detect(
     Parameters
     ----------
     source : LoopRecord, run, DataFrame, mapping, str or Path
-        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a folder of them.
+        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a
+        folder of them.
     methods : str, function, object with `detect`, or iterable of them
-        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction), false, None, a verdict's
-        word, one of these with a score, or a Verdict; an object whose `detect` does, copied before every record.
+        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
+        false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
+        `detect` does, copied before every record.
     op, pv, sp, mv : array_like, shape (n,)
         In place of a source: OP (%, or as `op_span` says), PV, SP (PV units), valve position (%).
     Ts : float
@@ -93,7 +95,8 @@ def detect(
     thresholds : dict of method id to dict of str to float, optional
         Other thresholds than the methods' own.
     **about
-        What is known of the record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and labels.
+        What is known of the record: process, kind, op_span, pv_span, tag; for tables columns; for
+        files also loop and labels.
 
     Returns
     -------

@@ -1,4 +1,6 @@
-"""Errors a user can cause, each one sentence: what, where, the value, what is allowed, the nearest match."""
+"""Errors a user can cause, each one sentence: what, where, the value, what is allowed, the nearest
+match.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ class ParameterError(UserError, ValueError):
 
 
 class AnswerError(ParameterError):
-    """A detector that cannot be called with a record, or whose answer is no verdict; the sentence shows the right form."""
+    """A detector that cannot be called with a record, or whose answer is no verdict; the sentence
+    shows the right form.
+    """
 
 
 class UnknownName(UserError, LookupError):
@@ -59,7 +63,8 @@ class UnknownName(UserError, LookupError):
 
 @contextlib.contextmanager
 def naming(place: object) -> Iterator[None]:
-    """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet.
+    """Put the file (or whatever place) an error of a user's is in before its sentence, where that
+    does not name it yet.
 
     >>> with naming("loop.toml"):
     ...     raise ParameterError("S = -1; it must be >= 0")
@@ -89,7 +94,8 @@ def masked(text: object) -> str:
 
 
 def printable(text: object) -> str:
-    r"""Return a text with what would move a terminal's cursor, turn its direction or be no Unicode written as an escape.
+    r"""Return a text with what would move a terminal's cursor, turn its direction or be no Unicode
+    written as an escape.
 
     >>> printable("FIC\x1b[31m\u202e")
     'FIC\\x1b[31m\\u202e'

@@ -23,7 +23,9 @@ class Evidence:
     high: float
 
     def count(self, verdict: Verdict) -> float:
-        """Return the index, limited to its range, less its neutral value; 0 where the method did not give it."""
+        """Return the index, limited to its range, less its neutral value; 0 where the method did
+        not give it.
+        """
         value = verdict.score if self.index == "score" else verdict.indices.get(self.index, np.nan)
         return min(max(value, self.low), self.high) - self.neutral if np.isfinite(value) else 0.0
 
@@ -50,7 +52,8 @@ WITNESSES = {
     False: ("rossi_scali", "singhal_salsbury", "horch", "srinivasan", "yamashita"),
     True: ("he", "rossi_scali", "srinivasan"),
 }
-# Who votes where the procedure counts heads, as its source does: the detectors it names for either process type.
+# Who votes where the procedure counts heads, as its source does: the detectors it names for either
+# process type.
 VOTERS = {
     False: ("horch", "he", "rossi_scali", "singhal_salsbury"),
     True: ("horch_histogram", "he", "hammerstein"),

@@ -1,4 +1,6 @@
-"""A plain control loop with a sticky valve, one sample at a time: records to try a detector on without a simulator."""
+"""A plain control loop with a sticky valve, one sample at a time: records to try a detector on
+without a simulator.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ def example_loop(
 ) -> LoopRecord:
     """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
 
-    For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
+    For trying detectors; `simbench` simulates every other loop, faster and with everything a plant
+    has.
     """
     random = np.random.default_rng(seed).standard_normal(n) * noise
     load = np.zeros(n) if load is None else load

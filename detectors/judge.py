@@ -1,4 +1,6 @@
-"""Judge one record by one or several methods: does it apply, is the record fit, does it oscillate, then the method."""
+"""Judge one record by one or several methods: does it apply, is the record fit, does it oscillate,
+then the method.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ _HIDES = 0.5  # of S, from which what the archive leaves out is as large as what
 _LONGEST = 300  # characters of an error's text
 FAILED = "failed: "  # begins the reason of a method that gave no verdict
 
-# Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted share of errors.
+# Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted
+# share of errors.
 _CUTS = ("stiction_above", "no_stiction_below")
 
 
@@ -122,7 +125,9 @@ def _judge_there(
 
 
 def _taken(name: str, verdict: Verdict) -> Verdict:
-    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where it is none."""
+    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where
+    it is none.
+    """
     for wrong in wrong_types(verdict):
         raise PluginError(wrong)
     ends = {key: getattr(verdict, key) for key in "SJ"}
@@ -140,7 +145,8 @@ def _taken(name: str, verdict: Verdict) -> Verdict:
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:
-    """Ask each method that is not built in about one plain record; AnswerError where what it answers is no verdict.
+    """Ask each method that is not built in about one plain record; AnswerError where what it
+    answers is no verdict.
 
     Once per plug-in. What else it does wrong there, the records will show.
     """
@@ -184,7 +190,9 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
 def judge_one(
     name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]
 ) -> Verdict:
-    """Judge a prepared record by one method, with everything that comes before the method itself."""
+    """Judge a prepared record by one method, with everything that comes before the method
+    itself.
+    """
     method: Method = module.METHOD
     record = prepared.record
     cuts = {key: thresholds[key] for key in _CUTS if key in thresholds}
@@ -221,7 +229,10 @@ def judge_one(
             )
         )
     if record.n * prepared.step < method.min_samples:
-        reason = f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are needed"
+        reason = (
+            f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are"
+            " needed"
+        )
         return finished(answer(NO_DECISION, reason))
     for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:
@@ -254,7 +265,9 @@ def judge_one(
 
 
 def _valid(name: str, answer: Any) -> Verdict:
-    """Return a detector's answer where it is a verdict; AnswerError for another type, ValueError for wrong contents."""
+    """Return a detector's answer where it is a verdict; AnswerError for another type, ValueError
+    for wrong contents.
+    """
     if not isinstance(answer, Verdict):
         form = f'return Verdict("{name}", "stiction", score=0.7, reason="why")'
         raise AnswerError(
@@ -266,7 +279,9 @@ def _valid(name: str, answer: Any) -> Verdict:
 
 
 def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
-    """Return a verdict whose S and J are as wide as the archive leaves them, or not stated where it hides them."""
+    """Return a verdict whose S and J are as wide as the archive leaves them, or not stated where it
+    hides them.
+    """
     if verdict.S is None and verdict.J is None:
         return verdict
     record = prepared.record
@@ -294,7 +309,10 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         hides = key == "S" and band > _HIDES * hi
         changes[key] = None if hides else (max(float(lo - band), 0.0), float(hi + band))
         if hides:
-            said = f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides {key}"
+            said = (
+                f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides"
+                f" {key}"
+            )
     if said:
         changes = {"S": None, "J": None}
     return verdict.but(**changes, reason=f"{verdict.reason}; {said}" if said else verdict.reason)
@@ -302,7 +320,10 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
 
 def _unknown_unit(record: LoopRecord) -> str:
     if record.op_share:
-        return "OP lies within 0..1, a share or %: give op_span (--op-span 0 1 or --op-span 0 100), S and J in OP units"
+        return (
+            "OP lies within 0..1, a share or %: give op_span (--op-span 0 1 or --op-span 0 100), S"
+            " and J in OP units"
+        )
     return "unit of OP unknown, S and J in OP units"
 
 
@@ -317,7 +338,10 @@ def _cut(
         if verdict.score <= low
         else NO_DECISION
     )
-    reason = f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and {stiction_above:.3g}"
+    reason = (
+        f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and"
+        f" {stiction_above:.3g}"
+    )
     return verdict.but(verdict=said, reason=reason)
 
 

@@ -37,7 +37,8 @@ class Method:
     needs_mv: bool = (
         False  # whether it judges OP against the valve position (MV, or PV of a flow loop)
     )
-    # {"stiction", "nonlinearity", "quantification"}: nonlinearity tests are left out of the stiction ranking
+    # {"stiction", "nonlinearity", "quantification"}: nonlinearity tests are left out of the
+    # stiction ranking
     role: str = "stiction"
     budget: str = "fast"  # {"fast", "full"}: whether it belongs to the quick set of methods
     min_samples: int = 60  # fewer samples than this: no decision
@@ -45,8 +46,11 @@ class Method:
     front_end: bool = True  # false for a method that brings its own oscillation test
     reversible: bool = False  # whether its verdict is the same for the record read backwards
     cannot_cope: tuple[str, ...] = ()  # data-quality flags under which the method abstains
-    whole: bool = False  # given the whole record as it came, neither the half that oscillates nor every so many-th sample
-    takes_mv: bool = False  # given MV where it was recorded, but judges without it too; in a ranking it gets none
+    # given the whole record as it came, neither the half that oscillates nor every so many-th
+    # sample
+    whole: bool = False
+    # given MV where it was recorded, but judges without it too; in a ranking it gets none
+    takes_mv: bool = False
     # keyword arguments of `detect` that a user or a calibration may set
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     # cases of the contract test that do not apply to the method, each with the reason
@@ -54,11 +58,11 @@ class Method:
     fitted_on: tuple[
         str, ...
     ] = ()  # grids whose loops, of other seeds, the method's constants were fitted to
-    # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any other interval is what fits
-    # the record, without a level
+    # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any
+    # other interval is what fits the record, without a level
     stated: tuple[str, ...] = ()
-    # thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source gives
-    # no numbers. `NAME@published` is the method with these.
+    # thresholds at which the method is its source and nothing else; empty when its defaults are
+    # that, or when the source gives no numbers. `NAME@published` is the method with these.
     published: dict[str, float] = field(default_factory=dict)
     # the same where Jelali's chapter differs from the method's source; `NAME@chapter`
     chapter: dict[str, float] = field(default_factory=dict)
@@ -70,7 +74,8 @@ class Method:
     def as_published(self, chapter: bool = False) -> Method:
         """Return the method with the thresholds of its source, or of the chapter, as defaults.
 
-        As published it is given the whole record, as anyone would give it who implements the source.
+        As published it is given the whole record, as anyone would give it who implements the
+        source.
         """
         its = self.published | (self.chapter if chapter else {})
         at = {k: replace(t, default=its.get(k, t.default)) for k, t in self.thresholds.items()}
@@ -99,7 +104,9 @@ def wrong_fields(method: Any) -> Iterator[str]:
 
 
 def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
-    """Raise AnswerError, with the right form, where a detector cannot be called with a record and its thresholds by keyword."""
+    """Raise AnswerError, with the right form, where a detector cannot be called with a record and
+    its thresholds by keyword.
+    """
     try:
         inspect.signature(function).bind(None, **method.defaults())
     except TypeError:

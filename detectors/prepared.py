@@ -1,4 +1,6 @@
-"""Prepared: a record with what several methods need of it, each piece computed once, when first asked for."""
+"""Prepared: a record with what several methods need of it, each piece computed once, when first
+asked for.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,11 @@ from detectors.signal.standstill import steady_valve
 
 _STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
-# samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
+# samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until
+# it has no more
 DENSEST = 250.0
-_COARSEST = 64.0  # samples per period at which a half is still searched for an oscillation that it hides more densely
+# samples per period at which a half is still searched for an oscillation that it hides more densely
+_COARSEST = 64.0
 
 
 @dataclass
@@ -42,7 +46,8 @@ class Prepared:
     )
     # intermediate results that methods on the same record share, by name; `share` fills it
     shared: dict = field(default_factory=dict)
-    # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them
+    # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare`
+    # finds them
     part: tuple[int, int] | None = None
     step: int = 1  # samples of the record that was given to one of `record`
     views: dict = field(
@@ -65,13 +70,17 @@ class Prepared:
 
     @property
     def integrating(self) -> bool:
-        """Whether the loop is judged as integrating; an unknown process counts as self-regulating."""
+        """Whether the loop is judged as integrating; an unknown process counts as
+        self-regulating.
+        """
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal that stands for MV, turned to rise with the valve's opening, or None; whether it may; and why.
+        """Return the signal that stands for MV, turned to rise with the valve's opening, or None;
+        whether it may; and why.
 
-        MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown kind.
+        MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown
+        kind.
         """
         record = self.record
         if record.mv is not None:
@@ -80,7 +89,10 @@ class Prepared:
             return (
                 None,
                 False,
-                "no MV recorded, and PV of an integrating process is no measure of the valve's position",
+                (
+                    "no MV recorded, and PV of an integrating process is no measure of the valve's"
+                    " position"
+                ),
             )
         if record.kind == "flow":
             return self._turned_pv(), True, "PV of a flow loop as MV"
@@ -94,7 +106,9 @@ class Prepared:
         )
 
     def clean(self, name: str) -> np.ndarray:
-        """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""
+        """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise
+        beyond its clear harmonics.
+        """
         return self.share(
             f"clean {name}", lambda: self.band(name, self.period / self.clear_harmonics(name))
         )
@@ -116,9 +130,10 @@ class Prepared:
     def searchable(self, name: str) -> np.ndarray:
         """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,).
 
-        Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals are
-        set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned so
-        that OP leaves the middle half of its range upward first.
+        Searches meet candidates that are equally good. Which one wins shall not depend on how a
+        unit rounds: both signals are set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor
+        shall it depend on which way is up: both are turned so that OP leaves the middle half of its
+        range upward first.
         """
         turn = self.share("searchable turn", lambda: _first_way(self.record.op))
         if name == "pv":
@@ -136,13 +151,17 @@ class Prepared:
         )
 
     def clear_harmonics(self, name: str) -> float:
-        """Return up to which harmonic a signal stands above its noise, see `detectors.signal.conditioning`."""
+        """Return up to which harmonic a signal stands above its noise, see
+        `detectors.signal.conditioning`.
+        """
         return self.share(
             f"harmonics {name}", lambda: clear_harmonics(self.signal(name), self.period)
         )
 
     def band(self, name: str, shortest: float) -> np.ndarray:
-        """Return the oscillation in a signal, shape (n,), without drift and without periods below `shortest` samples."""
+        """Return the oscillation in a signal, shape (n,), without drift and without periods below
+        `shortest` samples.
+        """
         if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
             name = "op"  # the same numbers
         level = self.share(f"level {name}", lambda: self._level(name))
@@ -178,10 +197,11 @@ class Prepared:
         )
 
     def half_cycles(self, name: str, cleaned: bool = True) -> np.ndarray:
-        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
+        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m,
+        points).
 
-        Those in the first and last half period are left out: drift is only guessed there. Not cleaned: between the zero
-        crossings of the signal less its mean, as the sources have it.
+        Those in the first and last half period are left out: drift is only guessed there. Not
+        cleaned: between the zero crossings of the signal less its mean, as the sources have it.
         """
         period = self.period
         if not cleaned:
@@ -194,14 +214,17 @@ class Prepared:
         )
 
     def with_mv(self, record: LoopRecord) -> Prepared:
-        """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
+        """Return the same for the same record, all of it, with MV; what was found without MV is
+        kept.
+        """
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
         other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
     def seen_by(self, method: Method, record: LoopRecord) -> Prepared:
-        """Return what a method is given: `record` is the one that was prepared, with MV where the method may see it.
+        """Return what a method is given: `record` is the one that was prepared, with MV where the
+        method may see it.
 
         What the front end says of the oscillation holds for every view of a record.
         """
@@ -248,7 +271,9 @@ def thinned(record: LoopRecord, step: int) -> LoopRecord:
 
 
 def _pace(op: np.ndarray) -> float:
-    """Return the period (samples) of an OP that need not oscillate: four times the lag at which its ACF first vanishes."""
+    """Return the period (samples) of an OP that need not oscillate: four times the lag at which its
+    ACF first vanishes.
+    """
     flat = detrend(op)
     return 4.0 * float(np.argmax(acf(flat) < 0.0)) if flat.any() else 0.0
 
@@ -256,9 +281,10 @@ def _pace(op: np.ndarray) -> float:
 def _at_density(
     record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0
 ) -> Prepared:
-    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of those
-    a factor of two apart, makes no difference. Where it does not oscillate it is looked at more coarsely, down to `_COARSEST`
-    samples of a period `pace`."""
+    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the
+    density it came at, of those a factor of two apart, makes no difference. Where it does not
+    oscillate it is looked at more coarsely, down to `_COARSEST` samples of a period `pace`.
+    """
     dense = Prepared(record, front_end, part=part)
     found, coarse = dense.oscillation, 1
     while not found.sustained and pace > _COARSEST * coarse:
@@ -286,12 +312,13 @@ def _at_density(
 
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
-    """Prepare a record for judging: all of it, or the first of its last, middle and first half that oscillates where the whole
-    does not.
+    """Prepare a record for judging: all of it, or the first of its last, middle and first half that
+    oscillates where the whole does not.
 
-    Step 3 of Choudhury, Shah, Thornhill and Shook (2006), Control Engineering Practice 14, 1395. A move of the set point or a
-    valve that rests for a while breaks the regularity of a whole record, not of each half. In a half an amplitude may fall as
-    fast as in a whole record, and no faster. Every second, fourth, ... sample where a period has more than 250.
+    Step 3 of Choudhury, Shah, Thornhill and Shook (2006), Control Engineering Practice 14, 1395. A
+    move of the set point or a valve that rests for a while breaks the regularity of a whole record,
+    not of each half. In a half an amplitude may fall as fast as in a whole record, and no faster.
+    Every second, fourth, ... sample where a period has more than 250.
     """
     whole = _at_density(record, front_end)
     if (
@@ -301,7 +328,8 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     pace, step = _pace(record.op), 1
     while pace > _COARSEST * step:
         step *= 2
-    # starts and ends that every density has: half a swing earlier or later a half may seem to oscillate or not
+    # starts and ends that every density has: half a swing earlier or later a half may seem to
+    # oscillate or not
     quarter, middle = (-(-record.n // (k * step)) * step for k in (4, 2))
     for part in ((middle, record.n), (quarter, quarter + middle), (0, middle)):
         if part[1] - part[0] < 3:

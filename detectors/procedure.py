@@ -1,7 +1,8 @@
-"""The chapter's diagnosis procedure on one record: question after question, each answer with its evidence and reason.
+"""The chapter's diagnosis procedure on one record: question after question, each answer with its
+evidence and reason.
 
-FLOW is the procedure: which question comes first and where every answer leads. `diagnose` walks it, Figure 11.27
-draws it, so that picture and program cannot differ.
+FLOW is the procedure: which question comes first and where every answer leads. `diagnose` walks it,
+Figure 11.27 draws it, so that picture and program cannot differ.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
-# log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of the
-# loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and .93 (integrating)
+# log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of
+# the loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and
+# .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
 FOLLOW_MIN = (
     0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
@@ -72,16 +74,24 @@ CONCLUSIONS: dict[str, tuple[str, str]] = {
     ),
     "linear": (
         NO_STICTION,
-        "controller-gain change: an oscillation that keeps its period comes from outside; one that dies out was tuning",
+        (
+            "controller-gain change: an oscillation that keeps its period comes from outside; one"
+            " that dies out was tuning"
+        ),
     ),
     "open": (
         NO_DECISION,
-        "controller-gain change of 30 to 50 %: the period moves by more than 10 % if the valve sticks",
+        (
+            "controller-gain change of 30 to 50 %: the period moves by more than 10 % if the valve"
+            " sticks"
+        ),
     ),
     "sticky": (
         STICTION,
-        "controller-gain change of 30 to 50 % (the period should move by more than 10 %), then valve travel test in "
-        "small steps both ways, then maintenance",
+        (
+            "controller-gain change of 30 to 50 % (the period should move by more than 10 %), then"
+            " valve travel test in small steps both ways, then maintenance"
+        ),
     ),
     "slight": (STICTION, "none now; watch whether S grows"),
 }
@@ -187,9 +197,10 @@ def diagnose(
 ) -> Diagnosis:
     """Take a record through the whole procedure.
 
-    Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are weighted by what they were worth
-    on simulated loops, and a method that abstains adds nothing. A nonlinearity that is not seen rules nothing out: symmetric
-    cycles hide theirs from the bicoherence. A loop that does not oscillate is judged where its valve can be seen, through MV or
+    Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are
+    weighted by what they were worth on simulated loops, and a method that abstains adds nothing. A
+    nonlinearity that is not seen rules nothing out: symmetric cycles hide theirs from the
+    bicoherence. A loop that does not oscillate is judged where its valve can be seen, through MV or
     a flow.
     """
     return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
@@ -285,7 +296,10 @@ class _Course:
         found: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = found.score
         self.score = max(_PER_FOLLOW * (found.score - self.rules.follow_min), _QUIET)
-        numbers = f"{note}: dead band explains {1 - found.error:.0%}, straight valve {1 - found.error_linear:.0%}"
+        numbers = (
+            f"{note}: dead band explains {1 - found.error:.0%}, straight valve"
+            f" {1 - found.error_linear:.0%}"
+        )
         numbers += f", {found.reversals} reversals"
         if found.score < self.rules.follow_min:
             return "no", numbers, "The valve follows OP, or OP gave it too little to do."
@@ -313,7 +327,10 @@ class _Course:
                 "Go on: the detectors look at the waves themselves.",
             )
         self.indices |= {"ngi": found.ngi, "nli": found.nli}
-        numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its bound)"
+        numbers = (
+            f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its"
+            " bound)"
+        )
         if found.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
         if self.rules.veto:
@@ -352,7 +369,10 @@ class _Course:
                 told.append(f"{e.method} {e.index} {counted:+.1f}")
         self.score = self.indices["log_odds"] = float(odds)
         votes = [v.verdict for v in self.verdicts.values()]
-        count = f"{votes.count(STICTION)} for, {votes.count(NO_STICTION)} against, {votes.count(NO_DECISION)} undecided"
+        count = (
+            f"{votes.count(STICTION)} for, {votes.count(NO_STICTION)} against,"
+            f" {votes.count(NO_DECISION)} undecided"
+        )
         numbers = f"log-odds {odds:+.1f} from {', '.join(told) or 'nothing'} (votes: {count})"
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."

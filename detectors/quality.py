@@ -1,4 +1,6 @@
-"""Data quality: is the record fit to be judged, and what in it would mislead a method? Flags with their evidence."""
+"""Data quality: is the record fit to be judged, and what in it would mislead a method? Flags with
+their evidence.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,8 @@ class Flag:
 def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[str, Flag]:
     """Return the flags that a record raises, by name.
 
-    Own rules; their limits stand at the head of the file. What a flag is worth depends on the method: `detectors.judge.UNFIT`
-    names those under which all methods abstain.
+    Own rules; their limits stand at the head of the file. What a flag is worth depends on the
+    method: `detectors.judge.UNFIT` names those under which all methods abstain.
     """
     oscillation = (
         find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
@@ -79,7 +81,8 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
         step = np.abs(np.diff(record.pv))
         same = (step == 0.0) & (np.diff(record.op) == 0.0)
         often = np.count_nonzero(same[1:] & ~same[:-1]) > n / 50.0
-        # a loop that comes to rest creeps by its last digit; a historian that stores changes only moves by visible ones
+        # a loop that comes to rest creeps by its last digit; a historian that stores changes only
+        # moves by visible ones
         if same.mean() > _HELD and often and np.median(step[step > 0.0]) > 0.01 * record.pv.std():
             yield Flag(
                 "held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples"
@@ -112,7 +115,8 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         if record.op[start : start + longest].std() > 0.1 * record.op.std():
             yield Flag(
                 "frozen",
-                f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at most",
+                f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at"
+                " most",
             )
     if record.sp is not None:
         changed = int(np.count_nonzero(np.diff(record.sp)))
@@ -148,7 +152,8 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
 
 
 def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, float]:
-    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps.
+    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation
+    of exceptions, or steps.
 
     >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
     >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
@@ -159,7 +164,8 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
         x = getattr(record, name)
         if any(note.startswith(f"archive: {name.upper()} holds") for note in record.notes):
             changes = np.abs(np.diff(x))
-            # what is stored has moved by more than the deviation: the smallest changes come nearest to it
+            # what is stored has moved by more than the deviation: the smallest changes come nearest
+            # to it
             hidden[name] = (
                 float(np.quantile(changes[changes > 0.0], 0.1)) if np.any(changes > 0.0) else 0.0
             )
@@ -173,9 +179,10 @@ def saturation(
 ) -> tuple[float, float]:
     """Return how much of the time OP stands at a limit, and at which.
 
-    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three times as
-    long as anywhere else (the crest of a coarsely quantised triangle is no limit), twice or for a quarter of the record, while
-    PV moves on (at rest there is no limit either).
+    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at
+    a time, over three times as long as anywhere else (the crest of a coarsely quantised triangle is
+    no limit), twice or for a quarter of the record, while PV moves on (at rest there is no limit
+    either).
     """
     best = (0.0, float("nan"))
     length = holds(op)

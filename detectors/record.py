@@ -27,8 +27,11 @@ KIND_ALIASES = {
 # Beyond these a power of four, as statistics use it, leaves the range of double numbers.
 LARGEST, _SMALLEST = 1e60, 1e-60
 _FASTEST, _SLOWEST = 1e-12, 1e12  # s between samples
-_OVER_RANGE = 0.1  # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or 21
-MOST_OUTSIDE = 0.05  # share of the samples that may lie further out, before the span is taken for another signal's
+# of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or
+# 21
+_OVER_RANGE = 0.1
+# share of the samples that may lie further out, before the span is taken for another signal's
+MOST_OUTSIDE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +66,8 @@ class LoopRecord:
     Raises
     ------
     RecordError
-        When a signal is not one-dimensional, not finite, of another length than PV, shorter than 3 samples, or of a size
-        that no transmitter sends, or when the sampling period is none.
+        When a signal is not one-dimensional, not finite, of another length than PV, shorter than 3
+        samples, or of a size that no transmitter sends, or when the sampling period is none.
 
     Notes
     -----
@@ -132,12 +135,16 @@ class LoopRecord:
 
     @property
     def e(self) -> np.ndarray:
-        """Control error SP - PV, shape (n,); the mean of PV stands in for a set point that was not recorded."""
+        """Control error SP - PV, shape (n,); the mean of PV stands in for a set point that was not
+        recorded.
+        """
         return (self.pv.mean() if self.sp is None else self.sp) - self.pv
 
     @cached_property
     def op_percent(self) -> np.ndarray | None:
-        """OP in % of valve travel, shape (n,), or None when neither the span nor the values tell the unit."""
+        """OP in % of valve travel, shape (n,), or None when neither the span nor the values tell
+        the unit.
+        """
         if self.op_span is not None:
             lo, hi = self.op_span
             percent = (self.op - lo) * (100.0 / (hi - lo))
@@ -149,7 +156,9 @@ class LoopRecord:
 
     @cached_property
     def op_share(self) -> bool:
-        """Whether OP moves within 0..1 and no span tells its unit: a share of 1 judged as % would be wrong by a factor 100."""
+        """Whether OP moves within 0..1 and no span tells its unit: a share of 1 judged as % would
+        be wrong by a factor 100.
+        """
         lo, hi = float(self.op.min()), float(self.op.max())
         return self.op_span is None and 0.0 <= lo < hi <= 1.0
 
@@ -277,7 +286,8 @@ class LoopRecord:
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, Ts: float | None = None, **about: Any) -> LoopRecord:
-        """Build a record from a table with columns op, pv and optionally sp, mv, t or t_s (any case).
+        """Build a record from a table with columns op, pv and optionally sp, mv, t or t_s (any
+        case).
 
         Parameters
         ----------

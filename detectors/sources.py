@@ -1,4 +1,6 @@
-"""What counts in Python as a record, and as a detector: arrays, tables and runs; functions and objects with `detect`."""
+"""What counts in Python as a record, and as a detector: arrays, tables and runs; functions and
+objects with `detect`.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ Answer = Verdict | str | bool | None | tuple[str | bool | None, float]
 
 
 class Judging(Protocol):
-    """A detector as an object: parameters in its constructor, no state; it is copied before every record."""
+    """A detector as an object: parameters in its constructor, no state; it is copied before every
+    record.
+    """
 
     def detect(self, record: LoopRecord, /) -> Answer:
         """Judge one record."""
@@ -76,7 +80,9 @@ class AboutFile(About, total=False):
 
 
 class RecordSignals(About, total=False):
-    """The signals of a record in place of a source, and what is known of it; Ts (s) is also a source's, in place of its own."""
+    """The signals of a record in place of a source, and what is known of it; Ts (s) is also a
+    source's, in place of its own.
+    """
 
     op: ArrayLike
     pv: ArrayLike
@@ -104,7 +110,8 @@ def as_record(
         return LoopRecord(Ts=Ts, **signals, **about)
     if signals:
         raise RecordError(
-            f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed, {_HINT}"
+            f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed,"
+            f" {_HINT}"
         )
     if isinstance(source, (str, Path)):
         return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
@@ -113,7 +120,8 @@ def as_record(
     record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
     if not isinstance(record, LoopRecord):
         raise RecordError(
-            f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is needed, {_HINT}"
+            f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is"
+            f" needed, {_HINT}"
         )
     changes = about if Ts is None else {**about, "Ts": Ts}
     return replace(record, **changes) if changes else record
@@ -157,7 +165,9 @@ def _of_table(
 
 
 def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
-    """Return the ids of methods, and by their ids those that are functions or objects of the caller."""
+    """Return the ids of methods, and by their ids those that are functions or objects of the
+    caller.
+    """
     single = isinstance(methods, str) or callable(methods) or hasattr(methods, "detect")
     names: list[str] = []
     own: dict[str, Any] = {}
@@ -168,7 +178,8 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
         name = _name_of(method)
         if name in own:
             raise ParameterError(
-                f"two detectors are called {name!r}; a name of its own is needed for each (attribute `name`)"
+                f"two detectors are called {name!r}; a name of its own is needed for each"
+                " (attribute `name`)"
             )
         own[name] = method
         names.append(name)
@@ -181,14 +192,16 @@ def _name_of(detector: Any) -> str:
     ):
         form = "a method id, a function of a record, or an object with detect(record) is needed"
         raise ParameterError(
-            f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch', my_function])"
+            f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch',"
+            " my_function])"
         )
     name = str(
         getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)
     ).lower()
     if not name.isidentifier():
         raise ParameterError(
-            f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function, no lambda"
+            f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function,"
+            " no lambda"
         )
     return name
 
@@ -209,7 +222,9 @@ def as_plugin(name: str, detector: Any) -> ModuleType:
 
 
 def _fresh(detector: Any) -> Callable[..., Any]:
-    """Return the function, or the `detect` of a copy of the object: nothing it learns of one record is known at the next."""
+    """Return the function, or the `detect` of a copy of the object: nothing it learns of one record
+    is known at the next.
+    """
     if not hasattr(detector, "detect"):
         return detector
     if hasattr(detector, "get_params"):  # as scikit-learn's clone
@@ -228,7 +243,10 @@ def _verdict(name: str, answer: Any) -> Verdict:
     word = bool(word) if isinstance(word, np.bool_) else word
     said = _WORDS.get(word) if word is None or isinstance(word, bool) else word
     if said not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
-        form = f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a score, is needed"
+        form = (
+            f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a"
+            " score, is needed"
+        )
         raise AnswerError(
             f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5"
         )

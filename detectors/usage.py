@@ -1,4 +1,6 @@
-"""What every command line here does with an error: one sentence on stderr and an exit code, never a traceback."""
+"""What every command line here does with an error: one sentence on stderr and an exit code, never a
+traceback.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,11 @@ from pathlib import Path
 from detectors.errors import UserError, masked, printable
 from detectors.records.roles import column_pairs
 
-LOG = (
-    "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+LOG = (  # begins the name of a fault's log, in the system's folder of temporary files
+    "simbench-fault-"
 )
-RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
+# set where tests run: a fault of the program is a traceback there, no sentence
+RAISED = "SIMBENCH_RAISE"
 LOGS = 20  # kept there, the newest
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
@@ -29,7 +32,9 @@ _LONGEST = 950  # characters of a sentence; of a longer one its beginning and it
 def exit_code(
     work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()
 ) -> int:
-    """Run a command and return its exit code; a refusal that options would help ends with the command that has them."""
+    """Run a command and return its exit code; a refusal that options would help ends with the
+    command that has them.
+    """
     # a daemon may have closed them
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
@@ -113,14 +118,17 @@ def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
     said = printable(masked(" ".join(sentence.split())))
     print(
-        f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}",
+        "error:"
+        f" {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}",
         file=sys.stderr,
     )
     return 2
 
 
 def _fault(error: Exception) -> str:
-    """Write the traceback of an error nobody foresaw to a log file, and return the sentence that names it."""
+    """Write the traceback of an error nobody foresaw to a log file, and return the sentence that
+    names it.
+    """
     if os.environ.get(RAISED):
         raise error
     said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
@@ -131,7 +139,10 @@ def _fault(error: Exception) -> str:
         _drop_old_logs(Path(log).parent)
     except OSError:
         log = "no log file, as none could be written"
-    return f"this input met a fault of the program itself ({said}); nothing it printed holds; the traceback is in {log}"
+    return (
+        f"this input met a fault of the program itself ({said}); nothing it printed holds; the"
+        f" traceback is in {log}"
+    )
 
 
 def _drop_old_logs(folder: Path) -> None:

@@ -71,7 +71,8 @@ class Verdict:
             raise ValueError(f"{self.method}: a verdict without a reason")
 
     def but(self, **changes: Any) -> Verdict:
-        """Return the same with some fields changed, unchecked: as fast as the judging of thousands of records needs.
+        """Return the same with some fields changed, unchecked: as fast as the judging of thousands
+        of records needs.
 
         Parameters
         ----------
@@ -92,7 +93,8 @@ class Verdict:
         Returns
         -------
         dict
-            Every field, and the probability of stiction where the method gives one; NaN and infinities become null.
+            Every field, and the probability of stiction where the method gives one; NaN and
+            infinities become null.
         """
         own = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
         return _plain(asdict(self) | own)

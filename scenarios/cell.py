@@ -1,4 +1,6 @@
-"""One cell of a ruled grid: settings without dimension become a sticky loop, its siblings, and the rules left to settle."""
+"""One cell of a ruled grid: settings without dimension become a sticky loop, its siblings, and the
+rules left to settle.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,13 @@ SETTINGS = {
 }
 # settings that are words; all others are numbers
 TAG_WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
-# closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
+# closed-loop time constant over dead time (foptd), gain over that of double poles (integrating),
+# share of the ultimate gain (P)
 FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
 _INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}
 _P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
-# of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled loop
+# of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled
+# loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
 BY_TUNING = "tuning"  # of a healthy loop's oscillation: by the controller itself
@@ -76,7 +80,9 @@ class Rules:
 
 @dataclass(frozen=True)
 class Scaled:
-    """A valve or effect whose parameters wait for the cell's scale: "S", "J", "period" or "pv" by name; others stand."""
+    """A valve or effect whose parameters wait for the cell's scale: "S", "J", "period" or "pv" by
+    name; others stand.
+    """
 
     name: str
     parameters: dict[str, Value] = field(default_factory=dict)
@@ -85,7 +91,9 @@ class Scaled:
 
 @dataclass(frozen=True)
 class CycleScale:
-    """S, PV and time of a member over those of the sticky twin: in these units its loop is the twin's."""
+    """S, PV and time of a member over those of the sticky twin: in these units its loop is the
+    twin's.
+    """
 
     S: float = 1.0
     pv: float = 1.0
@@ -94,7 +102,9 @@ class CycleScale:
 
 @dataclass(frozen=True)
 class WantedOscillation:
-    """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or its own tuning."""
+    """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or
+    its own tuning.
+    """
 
     period: float  # over that of the cycle that a sticky valve would cause in this loop
     load: dict[str, Any] | None = (
@@ -153,7 +163,8 @@ def cell_group(
         tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(
-                f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
+                f"{where}: tuning {tuning!r} is unknown,"
+                f" {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
             )
         mine = {**settings, **own, "tuning": settings["tuning"]}
         valve, swing, own_rules = (
@@ -249,11 +260,13 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
             raise SpecError(f"{where}: {key} is needed, as axis or draw ({SETTINGS[key]})")
     if s["tuning"] not in FOPTD_LAG:
         raise SpecError(
-            f"{where}: tuning {s['tuning']!r} of the sticky twin, {suggestion(str(s['tuning']), FOPTD_LAG)}"
+            f"{where}: tuning {s['tuning']!r} of the sticky twin,"
+            f" {suggestion(str(s['tuning']), FOPTD_LAG)}"
         )
     if s["excitation"] not in EXCITATIONS:
         raise SpecError(
-            f"{where}: excitation {s['excitation']!r}, {suggestion(str(s['excitation']), EXCITATIONS)}"
+            f"{where}: excitation {s['excitation']!r},"
+            f" {suggestion(str(s['excitation']), EXCITATIONS)}"
         )
     K, T, speed, rest = (
         float(s["K"]),
@@ -277,7 +290,8 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         size = s["S"] / Kc
     else:
         raise SpecError(
-            f"{where}: process {s['process']!r}, {suggestion(str(s['process']), ('foptd', 'integrating'))}"
+            f"{where}: process {s['process']!r},"
+            f" {suggestion(str(s['process']), ('foptd', 'integrating'))}"
         )
     controller = {"type": s["controller"], "Kc": Kc} | (
         {"Ti": Ti} if s["controller"] == "PI" else {}

@@ -1,4 +1,6 @@
-"""Grids: a TOML file becomes groups of scenario drafts, one group at a time; what needs a simulation stays a rule."""
+"""Grids: a TOML file becomes groups of scenario drafts, one group at a time; what needs a
+simulation stays a rule.
+"""
 
 from __future__ import annotations
 
@@ -35,16 +37,18 @@ _GRID_KEYS = ("seed", "repeats")
 _UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
-# How unsteadily a load makes a healthy loop oscillate, by the other loads of the loop: std of the slow load that comes with it,
-# over the oscillation's in OP, and std (rad) of the walk of its phase over one period. Sticky loops wander so. Where no other
-# load changes, noise alone makes them, and these are multiples of powers of the noise ratio: of the cycling loops of grids
-# own-ground and ci, 10 to 90 % have means of OP that walk .03 to .1 of its std at .02, .08 to .25 at .1 and .16 to .41 at .3,
-# and a phase that walks .04 to .18, .16 to .98 and .5 to 1.6
+# How unsteadily a load makes a healthy loop oscillate, by the other loads of the loop: std of the
+# slow load that comes with it, over the oscillation's in OP, and std (rad) of the walk of its phase
+# over one period. Sticky loops wander so. Where no other load changes, noise alone makes them, and
+# these are multiples of powers of the noise ratio: of the cycling loops of grids own-ground and ci,
+# 10 to 90 % have means of OP that walk .03 to .1 of its std at .02, .08 to .25 at .1 and .16 to .41
+# at .3, and a phase that walks .04 to .18, .16 to .98 and .5 to 1.6
 _WANDER = {"none": (0.24, 1.2), "periodic": (0.12, 1.2), "changing": (0.15, 0.6)}
 _JITTER = {"none": (2.2, 11.0), "periodic": (0.8, 8.0), "changing": (1.0, 3.0)}
 _WANDER_POWER = 0.6  # of the noise ratio
 _FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardly less steady
-# settings of each member by itself where healthy loops are matched with sticky ones; K and T are its units of PV and time
+# settings of each member by itself where healthy loops are matched with sticky ones; K and T are
+# its units of PV and time
 _OF_A_MEMBER = (
     "K",
     "T",
@@ -64,8 +68,9 @@ _PERIODIC, _BEAT = (
 _NOISE_SCATTER = (
     0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
 )
-# Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky loops swing wider
-# under much noise, and kinks of their waves pass for noise where there is little: of a ratio of .02 .023 is seen, of .3 .26.
+# Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky
+# loops swing wider under much noise, and kinks of their waves pass for noise where there is little:
+# of a ratio of .02 .023 is seen, of .3 .26.
 _SAME_NOISE, _NOISE_POWER = 0.06, -0.12
 _PERIOD_SCATTER = (
     0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
@@ -73,7 +78,9 @@ _PERIOD_SCATTER = (
 
 
 class Disturbance(_Table):
-    """A load by its size against the sticky twin: amplitude in its PV std (at "input": its S), times in its periods."""
+    """A load by its size against the sticky twin: amplitude in its PV std (at "input": its S),
+    times in its periods.
+    """
 
     type: str
     at: str = "output"
@@ -83,9 +90,11 @@ class Disturbance(_Table):
 
 
 class More(_Table):
-    """Parameters of a valve or an effect beyond the cell's (S, J): drawn, then multiplied by what `scale` names.
+    """Parameters of a valve or an effect beyond the cell's (S, J): drawn, then multiplied by what
+    `scale` names.
 
-    S, J: of the cell (% of travel); period, pv: of the sticky twin's cycle (s), PV std of it (PV units).
+    S, J: of the cell (% of travel); period, pv: of the sticky twin's cycle (s), PV std of it (PV
+    units).
     """
 
     name: str | None = None
@@ -97,7 +106,8 @@ class More(_Table):
         for key in self.scale:
             if key not in self.parameters:
                 raise ValueError(
-                    f"scale asks for {key!r}, which is none of the parameters, {suggestion(key, self.parameters)}"
+                    f"scale asks for {key!r}, which is none of the parameters,"
+                    f" {suggestion(key, self.parameters)}"
                 )
         return self
 
@@ -108,12 +118,14 @@ class More(_Table):
 
 
 class Member(_Table):
-    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings.
+    """One of the scenarios that share a cell: a valve, and what else sets it apart from its
+    siblings.
 
-    `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do not tell them apart: by
-    "tuning" (a dead time at which it is at its limit of stability), by a load named in [disturbances], or "none" (it stays
-    quiet). Its OP has the std that the cycle of a valve with another S would have, its period is near the cycle's; the load's
-    own amplitude and period are not used. A loop that cannot be matched is left out and counted.
+    `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do
+    not tell them apart: by "tuning" (a dead time at which it is at its limit of stability), by a
+    load named in [disturbances], or "none" (it stays quiet). Its OP has the std that the cycle of a
+    valve with another S would have, its period is near the cycle's; the load's own amplitude and
+    period are not used. A loop that cannot be matched is left out and counted.
     """
 
     name: str
@@ -182,8 +194,9 @@ class GridFile(_Table):
 class Group:
     """The scenarios of one cell and one repeat.
 
-    They share plant, sampling, noise, set point and seed. In a grid that matches healthy loops with sticky ones each has units,
-    sampling, noise, set point and seed of its own, so that nothing but the cell's settings makes them alike.
+    They share plant, sampling, noise, set point and seed. In a grid that matches healthy loops with
+    sticky ones each has units, sampling, noise, set point and seed of its own, so that nothing but
+    the cell's settings makes them alike.
     """
 
     index: int  # place in the grid
@@ -254,7 +267,8 @@ class Grid:
     def _members(self) -> int:
         if not self.content.block:
             return self.cells
-        # by counting what each member takes of each axis: a grid of a million cells is not listed for it
+        # by counting what each member takes of each axis: a grid of a million cells is not listed
+        # for it
         return sum(
             math.prod(
                 sum(v in member.where.get(key, values) for v in values)
@@ -273,7 +287,9 @@ class Grid:
         return self._members * self.content.repeats
 
     def samples(self, most: int = 200) -> list[int]:
-        """Return a few groups that show every kind of cell: the first of each block, or most cells of a single loop."""
+        """Return a few groups that show every kind of cell: the first of each block, or most cells
+        of a single loop.
+        """
         return (
             [first for first, _ in self._cells]
             if self.content.block
@@ -290,7 +306,9 @@ class Grid:
         return self._sizes[index % len(self._sizes)]
 
     def cell(self, number: int) -> tuple[str, dict[str, Value], tuple[str, ...]]:
-        """Return a cell's block, its value of each axis and the names of its members, without building it."""
+        """Return a cell's block, its value of each axis and the names of its members, without
+        building it.
+        """
         block, values = self._place(number)
         name = self.content.block[block].name if self.content.block else "loop"
         return name, values, tuple(m.name for m in self._present(block, values))
@@ -299,7 +317,8 @@ class Grid:
         """Build one group."""
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
-        # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
+        # cells that differ in the disturbance alone share the plant: no setting of it tells them
+        # apart
         shared = np.random.default_rng(
             [self.content.seed, repeat, number, *self._without(number, values, "disturbance")]
         )
@@ -314,21 +333,25 @@ class Grid:
         block = self.content.block[number]
         settings: dict[str, Any] = {"process": block.process, "controller": block.controller}
         ranges = {**self.content.draw, **block.draw}
-        # every setting is drawn, also those an axis replaces: one axis more must not shift the other draws
+        # every setting is drawn, also those an axis replaces: one axis more must not shift the
+        # other draws
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
-        # the record's own numbers cell by cell: shared, they would let a classifier know cells again
+        # the record's own numbers cell by cell: shared, they would let a classifier know cells
+        # again
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
         settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (
             1.0 if shared.random() < 0.5 else -1.0
         )
-        # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
+        # what stands in the record beside valve and load is shared as well: it must not tell
+        # siblings apart
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
         settings["sp_moves"] = _moves(settings, shared)
         settings["seed"] = int(rng.integers(2**63))
         free = {key: ranges[key] for key in sorted(ranges) if key not in values}
-        # a plant or valve set as a whole is the same in all; S is one for all sticky members, and not in another cell
+        # a plant or valve set as a whole is the same in all; S is one for all sticky members, and
+        # not in another cell
         whole = any(
             key.startswith(("plant", "controller.", "valve"))
             for key in (*settings, *self.overrides)
@@ -363,7 +386,8 @@ class Grid:
                     own["S"] = draw(ranges.get("S", S), rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
-        # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside
+        # keys of the loop file, as axis or draw: they have the last word, but for what was set from
+        # outside
         keys = {key: settings.pop(key) for key in list(settings) if _of_loop(key)}
         overrides = {**keys, **self.overrides}
         tags.update({key: _told(value) for key, value in keys.items()})
@@ -383,9 +407,12 @@ class Grid:
     def _apart(
         self, settings: Mapping[str, Any], free: Mapping[str, Any], rng: np.random.Generator
     ) -> dict[str, Any]:
-        """Draw what one member has of its own, so that no number in a record tells which others are of its cell."""
+        """Draw what one member has of its own, so that no number in a record tells which others are
+        of its cell.
+        """
         own = {key: draw(free[key], rng) for key in _OF_A_MEMBER if key in free}
-        # two or three levels of noise, met exactly, would tell how much of PV is noise and how much a load's answer
+        # two or three levels of noise, met exactly, would tell how much of PV is noise and how much
+        # a load's answer
         own.update(
             seed=int(rng.integers(2**63)),
             noise_scatter=float(np.exp(_NOISE_SCATTER * rng.standard_normal())),
@@ -464,7 +491,8 @@ class Grid:
     def _named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
         if name not in parts:
             raise SpecError(
-                f"{self.name}: {kind} {name!r} is unknown, {suggestion(str(name), ('none', *parts))}"
+                f"{self.name}: {kind} {name!r} is unknown,"
+                f" {suggestion(str(name), ('none', *parts))}"
             )
         return parts[str(name)]
 
@@ -495,7 +523,9 @@ class Grid:
 
 
 def draw(allowed: _Range | _Names, rng: np.random.Generator) -> float | str:
-    """Return a fixed value as it is, one of several names, or a value drawn evenly in logarithm from (lo, hi)."""
+    """Return a fixed value as it is, one of several names, or a value drawn evenly in logarithm
+    from (lo, hi).
+    """
     if not isinstance(allowed, tuple):
         return allowed
     if isinstance(allowed[0], str):
@@ -510,12 +540,16 @@ def _pick(names: _Names, rng: np.random.Generator) -> str:
 
 
 def _of_loop(key: str) -> bool:
-    """Return whether an axis is a key of the loop file, or one of its sections whole, and none of a cell's settings."""
+    """Return whether an axis is a key of the loop file, or one of its sections whole, and none of a
+    cell's settings.
+    """
     return key not in SETTINGS and ("." in key or key in Loop.model_fields)
 
 
 def _told(value: Any) -> float | int | str:
-    """Return an axis value as a tag: a table by the name of its part, or written out like a list."""
+    """Return an axis value as a tag: a table by the name of its part, or written out like a
+    list.
+    """
     if not isinstance(value, (dict, list, tuple)):
         return value
     names = [
@@ -532,7 +566,9 @@ def _told(value: Any) -> float | int | str:
 def _moves(
     settings: Mapping[str, Any], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    """Draw (time in periods, level in PV std) of the set-point steps, spread evenly over the record."""
+    """Draw (time in periods, level in PV std) of the set-point steps, spread evenly over the
+    record.
+    """
     count = round(float(settings.get("moves", 0.0)))
     if count == 0:
         return ()
@@ -580,12 +616,13 @@ def load_grid(
 
 
 SMALLEST_LOOP = (
-    'loop = { plant = { type = "foptd", K = 1, T = 10 }, controller = { type = "PI", Kc = 1, Ti = 10 }, '
-    'valve = { model = "choudhury", S = 5, J = 2 }, sampling = { Ts = 1 } }'
+    'loop = { plant = { type = "foptd", K = 1, T = 10 }, controller = { type = "PI", Kc = 1, Ti ='
+    ' 10 }, valve = { model = "choudhury", S = 5, J = 2 }, sampling = { Ts = 1 } }'
 )
 SMALLEST_BLOCK = (
-    'block = [{ name = "own", draw = { K = 1, T = 10, S = 5, samples_per_period = 30, periods = 20 }, '
-    'axes = { Td_over_T = [0.2], S_over_2J = [1.0] }, member = [{ name = "sticky", valve = "choudhury" }] }]'
+    'block = [{ name = "own", draw = { K = 1, T = 10, S = 5, samples_per_period = 30, periods = 20'
+    ' }, axes = { Td_over_T = [0.2], S_over_2J = [1.0] }, member = [{ name = "sticky", valve ='
+    ' "choudhury" }] }]'
 )
 
 
@@ -600,7 +637,9 @@ def make_grid(
     axes: Mapping[str, Sequence[Value]] | None = None,
     most_cells: int = MOST_CELLS,
 ) -> Grid:
-    """Build a grid from the table that its TOML file would give; arguments and errors as `load_grid`."""
+    """Build a grid from the table that its TOML file would give; arguments and errors as
+    `load_grid`.
+    """
     table = dict(table)
     overrides: dict[str, Value] = {}
     changed: dict[str, tuple[Value, ...]] = {
@@ -622,7 +661,8 @@ def make_grid(
         for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
             if isinstance(values, list) and len(values) > _MOST_VALUES:
                 raise SpecError(
-                    f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed"
+                    f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are"
+                    " allowed"
                 )
     content = checked(GridFile, table, name)
     # an axis replaced from outside may leave a member no value; a file that allows none is mistaken
@@ -630,7 +670,8 @@ def make_grid(
         (b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v
     ]:
         raise SpecError(
-            f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one is needed"
+            f"{name}: block {block.name!r}: member {member.name!r}: where {key} has no value; one"
+            " is needed"
         )
     if changed:
         content = _with_axes(content, changed, name)
@@ -668,7 +709,8 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     known = {key for block in content.block for key in (*block.axes, *block.draw, *content.draw)}
     blocks = []
     for block in content.block:
-        # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs its own of the two
+        # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs
+        # its own of the two
         processes = axes.get("process", block.axes.get("process", (block.process,)))
         needed = {
             "Td_over_Ti" if process == "integrating" else "Td_over_T" for process in processes
@@ -696,8 +738,11 @@ def _narrowed(
 
 
 def chunks(grid: Grid) -> Iterator[tuple[int, int]]:
-    """Yield (first group, last group + 1) of pieces of up to 80 scenarios, 1000 of a large grid; they depend on it alone."""
-    # a small grid is cut finer, so that several workers find work; a large one coarser: every piece costs whoever hands it out
+    """Yield (first group, last group + 1) of pieces of up to 80 scenarios, 1000 of a large grid;
+    they depend on it alone.
+    """
+    # a small grid is cut finer, so that several workers find work; a large one coarser: every piece
+    # costs whoever hands it out
     most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 125, 1000)
     start, held = 0, 0
     for index in range(grid.group_count):

@@ -1,4 +1,6 @@
-"""What a grid file must not say: every mistake that needs no simulation, found at once and before the first one."""
+"""What a grid file must not say: every mistake that needs no simulation, found at once and before
+the first one.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,23 @@ _MOST_BUILT = 2000  # cells that are built to see whether they make a loop
 _SHOWN = 12  # mistakes in one sentence
 # what a setting may be; 0 is allowed where the first number is
 SETTING_LIMITS = {
-    "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
-    "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
-    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "warm_up": (0.0, 1e3), "op_rest": (0.0, 100.0),
-    "moves": (0.0, 1e4), "move": (0.0, 1e3),
-}  # fmt: skip
+    "Td_over_T": (0.0, 1e3),
+    "Td_over_Ti": (0.0, 1e3),
+    "S_over_2J": (1e-6, math.inf),
+    "noise_ratio": (0.0, 1e3),
+    "samples_per_period": (4.0, 1e4),
+    "periods": (2.0, 1e4),
+    "T": (1e-9, 1e9),
+    "S": (1e-9, 100.0),
+    "step": (0.0, 1e3),
+    "speed": (1e-3, 1e3),
+    "w_Ti": (1e-6, 1e6),
+    "mv_noise": (0.0, 1e3),
+    "warm_up": (0.0, 1e3),
+    "op_rest": (0.0, 100.0),
+    "moves": (0.0, 1e4),
+    "move": (0.0, 1e3),
+}
 _PLACE = re.compile(
     r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)"
 )  # of a grid, in a mistake's sentence
@@ -35,7 +49,9 @@ def refuse_mistakes(grid: Any, most_cells: int = MOST_CELLS) -> None:
 
 
 def say(name: str, mistakes: list[str]) -> None:
-    """Raise SpecError with all mistakes in one sentence, if there are any; one made in many places is told once."""
+    """Raise SpecError with all mistakes in one sentence, if there are any; one made in many places
+    is told once.
+    """
     places: dict[str, list[str]] = {}
     for mistake in mistakes:
         places.setdefault(_PLACE.sub("", mistake), []).append(mistake)
@@ -180,7 +196,10 @@ def _range(where: str, value: Any) -> Iterator[str]:
         return
     lo, hi = value
     if not (0.0 < lo <= hi < math.inf):
-        yield f"{where} = [{lo:g}, {hi:g}]; 0 < lo <= hi is needed, as it is drawn evenly in logarithm"
+        yield (
+            f"{where} = [{lo:g}, {hi:g}]; 0 < lo <= hi is needed, as it is drawn evenly in"
+            " logarithm"
+        )
 
 
 def _names(where: str, value: Any, known: tuple | None) -> Iterator[str]:
@@ -199,7 +218,9 @@ def _word(where: str, value: str, known: tuple) -> Iterator[str]:
 
 
 def _no_loops(grid: Any) -> list[str]:
-    """Build cells evenly over the grid, a few thousand at most; what they complain of, each complaint once."""
+    """Build cells evenly over the grid, a few thousand at most; what they complain of, each
+    complaint once.
+    """
     found: dict[str, None] = {}
     for cell in range(0, grid.cells, max(1, grid.cells // _MOST_BUILT)):
         try:

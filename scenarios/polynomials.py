@@ -11,11 +11,14 @@ _MOST_ORDER = 20
 
 
 def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return both as arrays without leading zeros, or raise ValueError that says why they are no plant."""
+    """Return both as arrays without leading zeros, or raise ValueError that says why they are no
+    plant.
+    """
     num, den = (_numbers(name, values) for name, values in (("num", num), ("den", den)))
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError(
-            "num has no constant term: the valve has no lasting effect on PV; a last number besides 0 is needed"
+            "num has no constant term: the valve has no lasting effect on PV; a last number besides"
+            " 0 is needed"
         )
     if den.size < 2 or den.size > _MOST_ORDER + 1:
         raise ValueError(
@@ -23,7 +26,8 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
         )
     if num.size >= den.size:
         raise ValueError(
-            "it acts without any lag (not strictly proper); add the valve's or the sensor's time constant"
+            "it acts without any lag (not strictly proper); add the valve's or the sensor's time"
+            " constant"
         )
     poles = np.roots(den)
     at_zero = np.abs(poles) < 1e-9 * max(1.0, float(np.abs(poles).max()))
@@ -31,7 +35,8 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     if unstable.size or at_zero.sum() > 1:
         worst = unstable[np.argmax(unstable.real)] if unstable.size else 0.0
         raise ValueError(
-            f"unstable: pole at {worst:.4g}; only stable plants, or with one integrator, are simulated"
+            f"unstable: pole at {worst:.4g}; only stable plants, or with one integrator, are"
+            " simulated"
         )
     if at_zero.any() and den[-1] != 0.0:
         den[-1] = 0.0  # an integrator but for rounding

@@ -31,7 +31,9 @@ class _Stratum(NamedTuple):
         return math.prod(map(len, self.allowed)) * self.repeats
 
     def group(self, place: int) -> tuple[int, int]:
-        """Return cell and repeat of one of these scenarios; repeats vary fastest, the first axis slowest."""
+        """Return cell and repeat of one of these scenarios; repeats vary fastest, the first axis
+        slowest.
+        """
         place, repeat = divmod(place, self.repeats)
         cell, stride = self.first, 1
         for size, allowed in zip(reversed(self.sizes), reversed(self.allowed), strict=True):
@@ -44,20 +46,24 @@ class _Stratum(NamedTuple):
 class Sample(Grid):
     """`points` scenarios of a grid, each of its scenarios as likely as any other.
 
-    The list of all scenarios, by block, member, cell and repeat, is cut into `points` parts of equal
-    size, and about one scenario is drawn from each: the sample is spread evenly over the axes. It is a
-    function of the grid, its seed and `points` alone, and its scenarios are those that the whole grid
-    has, with the same ids and seeds. Memory grows with `points`, not with the grid.
+    The list of all scenarios, by block, member, cell and repeat, is cut into `points` parts of
+    equal size, and about one scenario is drawn from each: the sample is spread evenly over the
+    axes. It is a function of the grid, its seed and `points` alone, and its scenarios are those
+    that the whole grid has, with the same ids and seeds. Memory grows with `points`, not with the
+    grid.
     """
 
     points: int = 1
 
     @classmethod
     def of(cls, grid: Grid, points: int) -> Sample:
-        """Return a sample of a grid; SpecError where it has fewer scenarios, or less than one is asked for."""
+        """Return a sample of a grid; SpecError where it has fewer scenarios, or less than one is
+        asked for.
+        """
         if not 1 <= points <= len(grid):
             raise SpecError(
-                f"{grid.name}: {points} points; 1 to {len(grid)} are allowed, as it has so many scenarios"
+                f"{grid.name}: {points} points; 1 to {len(grid)} are allowed, as it has so many"
+                " scenarios"
             )
         return cls(grid.name, grid.content, grid.overrides, points)
 
@@ -101,11 +107,15 @@ class Sample(Grid):
         return len(self.drawn)
 
     def size(self, index: int) -> int:
-        """Return the number of scenarios drawn from the group that stands at a place of the sample."""
+        """Return the number of scenarios drawn from the group that stands at a place of the
+        sample.
+        """
         return len(self.drawn[self._numbers[index]])
 
     def samples(self, most: int = 200) -> list[int]:
-        """Return a few places of the sample: the first of each block, or the first ones of a single loop."""
+        """Return a few places of the sample: the first of each block, or the first ones of a single
+        loop.
+        """
         if not self.content.block:
             return list(range(min(self.group_count, most)))
         cells = np.array(self._numbers) % self.cells
@@ -115,7 +125,9 @@ class Sample(Grid):
         ].tolist()
 
     def group(self, index: int) -> Group:
-        """Build the group that stands at a place of the sample, with the members that were drawn."""
+        """Build the group that stands at a place of the sample, with the members that were
+        drawn.
+        """
         number = self._numbers[index]
         group = self.whole.group(number)
         kept = tuple(d for d in group.drafts if d.tags["member"] in self.drawn[number])
@@ -134,7 +146,9 @@ class Sample(Grid):
                 yield _Stratum(member, first, sizes, allowed, self.content.repeats)
 
     def _places(self, total: int) -> Iterator[int]:
-        """Yield increasing places in the list of all scenarios, each place with probability points/total."""
+        """Yield increasing places in the list of all scenarios, each place with probability
+        points/total.
+        """
         rng = np.random.default_rng([self.content.seed, self.points])
         start = rng.random()
         for part in range(self.points):

@@ -1,4 +1,6 @@
-"""The schema of one loop and of one labelled scenario: pure numbers and names, checked when read."""
+"""The schema of one loop and of one labelled scenario: pure numbers and names, checked when
+read.
+"""
 
 from __future__ import annotations
 
@@ -49,10 +51,12 @@ class _Table(BaseModel):
 
 
 class Plant(_Table):
-    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), K e^(-Td s)/s, num(s)/den(s) e^(-Td s), or a plug-in's.
+    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), K e^(-Td s)/s, num(s)/den(s) e^(-Td s), or
+    a plug-in's.
 
-    K in PV units per % (integrating: per % and s), T and Td in s; `num` and `den` in falling powers of s. Of a "tf" plant K
-    follows, and T where it is of first order; `parameters` are those of a plug-in, whose K and T count where it has them.
+    K in PV units per % (integrating: per % and s), T and Td in s; `num` and `den` in falling powers
+    of s. Of a "tf" plant K follows, and T where it is of first order; `parameters` are those of a
+    plug-in, whose K and T count where it has them.
     """
 
     type: str
@@ -82,7 +86,8 @@ class Plant(_Table):
         for name in ("num", "den"):
             if self.type in ("foptd", "integrating") and getattr(self, name) is not None:
                 raise ValueError(
-                    f"{name} belongs to a plant of type 'tf'; {self.type} needs K{', T' * (self.type == 'foptd')}"
+                    f"{name} belongs to a plant of type 'tf'; {self.type} needs"
+                    f" K{', T' * (self.type == 'foptd')}"
                 )
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
@@ -111,10 +116,12 @@ class Plant(_Table):
 
 
 class Controller(_Table):
-    """PI, P or PID: Kc in % per PV unit, times in s; "reverse" raises OP when PV falls. Other types are plug-ins.
+    """PI, P or PID: Kc in % per PV unit, times in s; "reverse" raises OP when PV falls. Other types
+    are plug-ins.
 
-    PID: Td of the derivative, filtered with Td/N; weights b and c of SP in its P and D part; `form`; `anti_windup` with its
-    tracking time Tt; `schedule` = [[value, factor on Kc], ...] over `schedule_on`, straight between.
+    PID: Td of the derivative, filtered with Td/N; weights b and c of SP in its P and D part;
+    `form`; `anti_windup` with its tracking time Tt; `schedule` = [[value, factor on Kc], ...] over
+    `schedule_on`, straight between.
     """
 
     type: str
@@ -155,14 +162,16 @@ class Controller(_Table):
         for name in _OF_PID if self.type in ("P", "PI") else ():
             if getattr(self, name) is not None:
                 raise ValueError(
-                    f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID' is needed"
+                    f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID'"
+                    " is needed"
                 )
         points = [x for x, _ in self.schedule or ()]
         if self.schedule is not None and (not points or points != sorted(set(points))):
             raise ValueError("schedule needs [[value, factor], ...] with rising values")
         if self.schedule_on is not None and self.schedule is None:
             raise ValueError(
-                f"schedule_on = {self.schedule_on!r} without a schedule; [[value, factor], ...] is needed"
+                f"schedule_on = {self.schedule_on!r} without a schedule; [[value, factor], ...] is"
+                " needed"
             )
         return self
 
@@ -181,14 +190,18 @@ _OF_PID = ("Td", "N", "form", "b", "c", "anti_windup", "Tt", "schedule", "schedu
 
 
 def _refuse_misspelt(word: str, known: tuple[str, ...]) -> None:
-    """Refuse the letters of a built-in type in another order or case: no plug-in's name, but a slip."""
+    """Refuse the letters of a built-in type in another order or case: no plug-in's name, but a
+    slip.
+    """
     near = [k for k in known if sorted(k.lower()) == sorted(word.lower())]
     if near:
         raise ValueError(f"type = {word!r} is unknown; did you mean {near[0]!r}?")
 
 
 def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
-    """Return a table of num and den with the K, and of a first-order plant the T, that follow from them."""
+    """Return a table of num and den with the K, and of a first-order plant the T, that follow from
+    them.
+    """
     given = [name for name in ("K", "T") if table.get(name) is not None]
     if given:
         raise ValueError(
@@ -197,7 +210,8 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     for name in ("num", "den"):
         if table.get(name) is None:
             raise ValueError(
-                f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling powers of s"
+                f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling"
+                " powers of s"
             )
     num, den = checked_polynomials(table["num"], table["den"])
     order, integrating = den.size - 1, den[-1] == 0.0
@@ -209,7 +223,9 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
 def _read_plugin(
     table: dict[str, Any], common: tuple[str, ...], default: dict[str, float]
 ) -> dict[str, Any]:
-    """Return the table of a plug-in with its own parameters apart; what they share with the built-in parts counts as theirs."""
+    """Return the table of a plug-in with its own parameters apart; what they share with the
+    built-in parts counts as theirs.
+    """
     own = {k: v for k, v in table.items() if k not in (*common, "parameters")}
     own.update(table.get("parameters") or {})
     wanted = ("K", "T") if "K" in default else ("Kc", "Ti")
@@ -222,13 +238,17 @@ def _read_plugin(
 
 
 def _flat(table: dict[str, Any], follow: tuple[str, ...]) -> dict[str, Any]:
-    """Return a part's table as a file writes it: without what follows, a plug-in's parameters among the rest."""
+    """Return a part's table as a file writes it: without what follows, a plug-in's parameters among
+    the rest.
+    """
     own = table.pop("parameters", None) or {}
     return {**{k: v for k, v in table.items() if k not in follow and v is not None}, **own}
 
 
 class _OperatingPoint(_Table):
-    """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start value)."""
+    """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start
+    value).
+    """
 
     op0: Annotated[Real, Field(ge=0, le=100, allow_inf_nan=False)] = 50.0
     pv0: _Finite | None = None
@@ -237,7 +257,8 @@ class _OperatingPoint(_Table):
 class Sampling(_Table):
     """Ts in s; n samples of the record; `warm_up` samples are simulated before it and dropped.
 
-    The run starts in equilibrium, at the first sample of the warm-up: times of loads and set-point steps count from there.
+    The run starts in equilibrium, at the first sample of the warm-up: times of loads and set-point
+    steps count from there.
     """
 
     Ts: _Positive
@@ -246,7 +267,9 @@ class Sampling(_Table):
 
 
 class Noise(_Table):
-    """White measurement noise: std on PV (PV units), which the controller sees, mv_std on the recorded MV alone (%)."""
+    """White measurement noise: std on PV (PV units), which the controller sees, mv_std on the
+    recorded MV alone (%).
+    """
 
     std: _NonNegative = 0.0
     mv_std: _NonNegative | None = None
@@ -260,7 +283,8 @@ class SetPoint(_Table):
 
 
 class Outer(_Table):
-    """The outer loop of a cascade: its OP, 0..100 % over `sp_span`, is the set point of the loop that has the valve.
+    """The outer loop of a cascade: its OP, 0..100 % over `sp_span`, is the set point of the loop
+    that has the valve.
 
     Its plant leads from that loop's PV to its own; both are sampled together.
     """
@@ -282,13 +306,16 @@ class Outer(_Table):
             )
         if self.controller.sign * self.plant.K < 0:
             raise ValueError(
-                f"positive feedback: outer plant K = {self.plant.K} under direction {self.controller.direction!r}"
+                f"positive feedback: outer plant K = {self.plant.K} under direction"
+                f" {self.controller.direction!r}"
             )
         return self
 
 
 class Part(BaseModel):
-    """A plug-in (valve, disturbance, effect) as its name and its table of numbers; its own file checks the numbers."""
+    """A plug-in (valve, disturbance, effect) as its name and its table of numbers; its own file
+    checks the numbers.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: str
@@ -343,12 +370,14 @@ class Loop(_Table):
             return self
         if self.setpoint.steps:
             raise ValueError(
-                "setpoint.steps: the set point of an inner loop is the outer OP; steps belong to [outer.setpoint]"
+                "setpoint.steps: the set point of an inner loop is the outer OP; steps belong to"
+                " [outer.setpoint]"
             )
         lo, hi = self.outer.sp_span
         if not lo <= self.pv0 <= hi:
             raise ValueError(
-                f"PV rests at {self.pv0:g}, which the outer OP cannot ask for: sp_span = [{lo:g}, {hi:g}]"
+                f"PV rests at {self.pv0:g}, which the outer OP cannot ask for: sp_span = [{lo:g},"
+                f" {hi:g}]"
             )
         return self
 
@@ -356,8 +385,9 @@ class Loop(_Table):
     def _negative_feedback(self) -> Self:
         if self.plant.known_gain and self.controller.sign * self.plant.K < 0:
             raise ValueError(
-                f"positive feedback: plant K = {self.plant.K} needs controller direction "
-                f"{'direct' if self.plant.K < 0 else 'reverse'!r}, not {self.controller.direction!r}"
+                f"positive feedback: plant K = {self.plant.K} needs controller direction"
+                f" {'direct' if self.plant.K < 0 else 'reverse'!r}, not"
+                f" {self.controller.direction!r}"
             )
         return self
 
@@ -366,7 +396,8 @@ class Loop(_Table):
         Td, Ts = self.plant.Td, self.sampling.Ts
         if Td > MAX_SAMPLES * Ts:
             raise ValueError(
-                f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES} are simulated"
+                f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES}"
+                " are simulated"
             )
         return self
 
@@ -457,7 +488,8 @@ class Loop(_Table):
         return self.with_all({key: value})
 
     def with_all(self, changes: Mapping[str, Any]) -> Self:
-        """Return the loop with several keys changed at once: dotted ones, and sections as a whole, which come first.
+        """Return the loop with several keys changed at once: dotted ones, and sections as a whole,
+        which come first.
 
         Parameters
         ----------
@@ -485,14 +517,16 @@ class Loop(_Table):
             ):
                 known = suggestion(section, Loop.model_fields)
                 raise SpecError(
-                    f"key {key!r} is not section.name, nor a section with a table for its value: {known}"
+                    f"key {key!r} is not section.name, nor a section with a table for its value:"
+                    f" {known}"
                 )
             if not name:
                 table[section] = value
                 continue
             if isinstance(table.get(section), list):
                 raise SpecError(
-                    f"key {key!r}: [[{section}]] is a list and cannot be set by name; {section} = [...] sets it whole"
+                    f"key {key!r}: [[{section}]] is a list and cannot be set by name; {section} ="
+                    " [...] sets it whole"
                 )
             table[section] = {**table.get(section, {}), name: value}
         return type(self).from_table(
@@ -569,7 +603,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         ) from None
     except ValueError:  # Python's own limit on whole numbers
         raise SpecError(
-            f"{path} cannot be read: it holds a number of more than 4300 digits; shorter ones are needed"
+            f"{path} cannot be read: it holds a number of more than 4300 digits; shorter ones are"
+            " needed"
         ) from None
 
 
@@ -645,7 +680,8 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
             for step in key:
                 value = value[step]
             clauses.append(
-                f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are needed"
+                f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are"
+                " needed"
             )
     return "; ".join(clauses[:_MOST_CLAUSES]) + (
         "; and more" if len(clauses) > _MOST_CLAUSES else ""
@@ -653,7 +689,9 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
 
 
 def _key(loc: tuple, table: Any, missing: bool) -> tuple:
-    """The part of an error's place that stands in the table; what follows names the form that did not fit."""
+    """The part of an error's place that stands in the table; what follows names the form that did
+    not fit.
+    """
     key = []
     for step in loc:
         try:

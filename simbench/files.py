@@ -35,7 +35,9 @@ URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
 def _host() -> str:
-    """Return what tells this machine, and on it this container and space of process numbers, from others."""
+    """Return what tells this machine, and on it this container and space of process numbers, from
+    others.
+    """
     space = ""
     with contextlib.suppress(OSError):  # other systems, or processes that may not look, have none
         space = os.readlink("/proc/self/ns/pid")
@@ -108,7 +110,8 @@ def _local(path: str | Path) -> Path:
     url = URL.match(str(path))
     if url is not None:
         raise FileError(
-            f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine"
+            f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this"
+            " machine"
         )
     return Path(path)
 
@@ -124,7 +127,9 @@ def picture_kind(path: str | Path) -> str:
 def refuse_own_input(
     outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]
 ) -> None:
-    """Refuse, before any work, to write over what is read, two things into one file, or where nothing can stand."""
+    """Refuse, before any work, to write over what is read, two things into one file, or where
+    nothing can stand.
+    """
     wanted = [Path(p) for p in outputs if p is not None]
     if not wanted:
         return
@@ -141,7 +146,8 @@ def refuse_own_input(
             )
         if path.is_symlink() and _real(path).is_symlink():
             raise FileError(
-                f"{path} cannot be written: it is a link that leads back to itself; name another file"
+                f"{path} cannot be written: it is a link that leads back to itself; name another"
+                " file"
             )
         if [_real(p) for p in wanted].count(_real(path)) > 1 and (
             path.is_file() or not path.exists()
@@ -177,21 +183,27 @@ def folder(path: str | Path) -> Path:
 
 
 def write_record(record: LoopRecord, path: str | Path) -> None:
-    """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same bits."""
+    """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same
+    bits.
+    """
     refuse_kind(path)
     with whole_file(path) as f:
         f.write(record_text(record))
 
 
 def refuse_kind(path: str | Path) -> None:
-    """Refuse a name that says another kind of table than the CSV that is written: nobody could read it back."""
+    """Refuse a name that says another kind of table than the CSV that is written: nobody could read
+    it back.
+    """
     suffix = Path(path).suffix.lower()
     if suffix in _READ and suffix not in (".csv", ".txt"):
         raise FileError(f"{path}: what is written is CSV; a name that ends in .csv is needed")
 
 
 def plain_cell(value: Any) -> Any:
-    """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula gets an apostrophe."""
+    """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula
+    gets an apostrophe.
+    """
     text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
     return _FORMULA.sub(lambda m: f"{m[1]}'{m[2]}", text) if isinstance(text, str) else text
 

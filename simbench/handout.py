@@ -1,7 +1,8 @@
-"""Records handed out without their truth: the key kept elsewhere, the commitment that binds it, and how answers are asked for.
+"""Records handed out without their truth: the key kept elsewhere, the commitment that binds it, and
+how answers are asked for.
 
-`gap withheld` and `exam` share these steps. Whoever answers holds no key; whoever opens shows by the commitment that the key
-was fixed before anybody answered.
+`gap withheld` and `exam` share these steps. Whoever answers holds no key; whoever opens shows by
+the commitment that the key was fixed before anybody answered.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ def matches(content: bytes, commitment: str) -> bool:
 
 
 def refuse_key_inside(what: str, key: Path, place: Path) -> None:
-    """Raise ParameterError when a key would be handed out with the folder that it opens; `what` begins the sentence."""
+    """Raise ParameterError when a key would be handed out with the folder that it opens; `what`
+    begins the sentence.
+    """
     if place.resolve() in (key.resolve(), *key.resolve().parents):
         raise ParameterError(
             f"{what}: the key {key} would lie inside {place}; another folder is needed"
@@ -80,8 +83,8 @@ def ask_in_processes(
 ) -> Iterator[tuple[str, Any]]:
     """Yield the name of each question with what `ask` returns, in the order in which answers come.
 
-    The processes are fresh and inherit nothing of this one, which may know more; each first calls `begin` with what is given.
-    Without `begin`, one job is done in this process.
+    The processes are fresh and inherit nothing of this one, which may know more; each first calls
+    `begin` with what is given. Without `begin`, one job is done in this process.
     """
     if jobs == 1 and begin is None:
         yield from ((name, ask(*question)) for name, question in questions.items())
@@ -110,7 +113,9 @@ def _begin(begin: Callable[..., None] | None, given: tuple) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process once the one that asks was killed: nobody else would tell it that no question comes."""
+    """End this process once the one that asks was killed: nobody else would tell it that no
+    question comes.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

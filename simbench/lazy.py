@@ -1,4 +1,6 @@
-"""Names of a package that are loaded when first asked for; the package's stub (.pyi) is the one list of them."""
+"""Names of a package that are loaded when first asked for; the package's stub (.pyi) is the one
+list of them.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from typing import Any
 def attach(
     package: str, file: str
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub."""
+    """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its
+    stub.
+    """
     # A wrong name raises AttributeError that says the nearest right one.
     lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
     homes = {

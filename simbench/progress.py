@@ -1,4 +1,6 @@
-"""Progress of long work on stderr: a bar on a terminal, elsewhere (a log file, cron) at most one line a minute."""
+"""Progress of long work on stderr: a bar on a terminal, elsewhere (a log file, cron) at most one
+line a minute.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ BETWEEN_LINES = 60.0  # s, between two lines in a log
 
 
 class Progress(tqdm):
-    """A tqdm bar that writes whole lines where stderr is no terminal, unless a `bar` is asked for."""
+    """A tqdm bar that writes whole lines where stderr is no terminal, unless a `bar` is asked
+    for.
+    """
 
     def __init__(self, *given: Any, bar: bool = False, delay: float = 0.0, **more: Any) -> None:
         self._lines = not (bar or sys.stderr.isatty())

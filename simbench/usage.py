@@ -1,4 +1,6 @@
-"""What every command line here does with an error: one sentence on stderr and an exit code, never a traceback."""
+"""What every command line here does with an error: one sentence on stderr and an exit code, never a
+traceback.
+"""
 
 from __future__ import annotations
 
@@ -9,5 +11,7 @@ from scenarios.errors import SpecError
 
 
 def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> int:
-    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too."""
+    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop
+    files are known too.
+    """
     return of_detectors(work, SpecError, command=command)

@@ -1,4 +1,6 @@
-"""What a notebook calls: a loop that simulates itself, and runs with the command line's defaults."""
+"""What a notebook calls: a loop that simulates itself, and runs with the command line's
+defaults.
+"""
 
 from __future__ import annotations
 
@@ -79,11 +81,13 @@ class Loop(spec.Loop):
     Parameters
     ----------
     plant : mapping or control.TransferFunction or control.StateSpace
-        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s); type "tf", num and den (falling
-        powers of s), Td; or a plug-in's name and its parameters. A system of python-control is a "tf" without dead time.
+        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s); type
+        "tf", num and den (falling powers of s), Td; or a plug-in's name and its parameters. A
+        system of python-control is a "tf" without dead time.
     controller : mapping
-        type "PI", "P" or "PID", Kc (% per PV unit), Ti (s), direction "reverse" or "direct"; PID: Td (s), N, form, b, c,
-        anti_windup, Tt (s), schedule, schedule_on; or a plug-in's name and its parameters.
+        type "PI", "P" or "PID", Kc (% per PV unit), Ti (s), direction "reverse" or "direct"; PID:
+        Td (s), N, form, b, c, anti_windup, Tt (s), schedule, schedule_on; or a plug-in's name and
+        its parameters.
     sampling : mapping
         Ts (s), n.
     operating_point : mapping, optional
@@ -97,7 +101,8 @@ class Loop(spec.Loop):
     disturbance, effect : sequence of mappings, optional
         type or name, and its parameters.
     outer : mapping, optional
-        Outer loop of a cascade, whose OP is this loop's set point: plant, controller, setpoint, noise, sp_span.
+        Outer loop of a cascade, whose OP is this loop's set point: plant, controller, setpoint,
+        noise, sp_span.
 
     Raises
     ------
@@ -243,9 +248,9 @@ def run(
     jobs : int
         Worker processes; -1 = all cores.
     **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes, thresholds, plugins, valve_plugins,
-        effect_plugins, plant_plugins, controller_plugins, time_limit, until_width, keep, front_end, fresh_seeds, progress,
-        large, backend, address.
+        Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes,
+        thresholds, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins,
+        time_limit, until_width, keep, front_end, fresh_seeds, progress, large, backend, address.
 
     Returns
     -------

@@ -1,4 +1,6 @@
-"""The rules of the house, executed: whose modules these are, what imports cost, what docstrings say."""
+"""The rules of the house, executed: whose modules these are, what imports cost, what docstrings
+say.
+"""
 
 from __future__ import annotations
 
@@ -150,5 +152,6 @@ def test_what_is_known_of_an_effect_stands_in_its_own_files():
             found += [
                 f"{name}: {n.value}" for n in tree if isinstance(n, ast.Constant) and n.value in ids
             ]
-    # most of these are a detector's verdict, a section of the loop file or a valve model of the same name
+    # most of these are a detector's verdict, a section of the loop file or a valve model of the
+    # same name
     assert len(found) <= 70, found

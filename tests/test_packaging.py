@@ -1,4 +1,6 @@
-"""What a package needs around its code: one version, a citation, typed markers, and every file in the wheel."""
+"""What a package needs around its code: one version, a citation, typed markers, and every file in
+the wheel.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The public names: loaded late, typed, completed, described, and a wrong one answered with the right one."""
+"""The public names: loaded late, typed, completed, described, and a wrong one answered with the
+right one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What the README shows works as written: every command, the Python blocks, the plug-ins, the CI recipe, the table."""
+"""What the README shows works as written: every command, the Python blocks, the plug-ins, the CI
+recipe, the table.
+"""
 
 from __future__ import annotations
 
@@ -124,7 +126,9 @@ def place(tmp_path, monkeypatch, own):
 
 
 def steps(text):
-    """Yield what a reader does with each block of the page in its order: a file to write, or a program with its words."""
+    """Yield what a reader does with each block of the page in its order: a file to write, or a
+    program with its words.
+    """
     for language, body in re.findall(r"^```(\w*)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
         plugin = re.match(r'"""(\w+)', body)
         if language == "python" and plugin:

@@ -1,4 +1,6 @@
-"""The site builds without a warning, its tutorials run; every public name, key and method is there; it asks nothing outside."""
+"""The site builds without a warning, its tutorials run; every public name, key and method is there;
+it asks nothing outside.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The walls of the house are not paint: each kind of forbidden arrow, drawn into the import graph, breaks a contract."""
+"""The walls of the house are not paint: each kind of forbidden arrow, drawn into the import graph,
+breaks a contract.
+"""
 
 from __future__ import annotations
 
@@ -106,15 +108,23 @@ def test_a_module_without_a_place_breaks_the_order_of_rooms(house, module):
 
 
 PLUGINS = (
-    "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.loop.plants", "simbench.loop.controllers",
-    "simbench.gap.effects", "simbench.figures", "simbench.blind.worlds",
-)  # fmt: skip
+    "detectors.methods",
+    "simbench.loop.valves",
+    "simbench.loop.effects",
+    "simbench.loop.plants",
+    "simbench.loop.controllers",
+    "simbench.gap.effects",
+    "simbench.figures",
+    "simbench.blind.worlds",
+)
 HOSTS = ("detectors.__main__", "detectors.plugins.process", *methods._above.values())
 ROOT = Path(__file__).parents[1]
 
 
 def doors(graph):
-    """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host process runs."""
+    """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host
+    process runs.
+    """
     found = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
     for folder in PLUGINS:
         found |= {
@@ -128,7 +138,9 @@ def doors(graph):
 
 
 def unreached(graph):
-    """Return the modules of the wheel that no way from a door leads to; a package is reached with what it holds."""
+    """Return the modules of the wheel that no way from a door leads to; a package is reached with
+    what it holds.
+    """
     reached, ahead = set(), list(doors(graph))
     while ahead:
         module = ahead.pop()

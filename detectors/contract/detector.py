@@ -1,4 +1,6 @@
-"""The contract every detector keeps: what it says of itself, and how it behaves on plain, on rescaled and on dead records."""
+"""The contract every detector keeps: what it says of itself, and how it behaves on plain, on
+rescaled and on dead records.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +53,12 @@ class Contract:
     def as_json(self) -> dict[str, Any]:
         """Return the findings as JSON types."""
         return {
-            "kind": self.kind, "name": self.name, "kept": self.kept, "broken": list(self.broken), "notes": list(self.notes)
-        }  # fmt: skip
+            "kind": self.kind,
+            "name": self.name,
+            "kept": self.kept,
+            "broken": list(self.broken),
+            "notes": list(self.notes),
+        }
 
     def as_text(self) -> str:
         """Return the findings, one line each."""
@@ -76,12 +82,13 @@ def check_detector(name: str) -> Contract:
 
     Notes
     -----
-    Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
-    follow the unit of PV, of OP or of time, nor the sign of both, nor how densely a record is sampled, nor, where the method
-    claims it, the direction of time, nor change the second time, nor follow what was asked before, nor a noise of 1e-6. A
-    detector asked directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the
-    period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the contract may
-    still be wrong everywhere else.
+    Six plain records for every process type the method is made for, judged as `detectors.judge`
+    does; the verdict must not follow the unit of PV, of OP or of time, nor the sign of both, nor
+    how densely a record is sampled, nor, where the method claims it, the direction of time, nor
+    change the second time, nor follow what was asked before, nor a noise of 1e-6. A detector asked
+    directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it
+    only as the period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a
+    detector that keeps the contract may still be wrong everywhere else.
 
     Examples
     --------
@@ -131,8 +138,12 @@ def _description(module: ModuleType) -> Iterator[str]:
     for word in ("title", "source"):
         if not str(getattr(method, word)).strip():
             yield f"METHOD.{word} is empty"
-    for words, allowed, of in ((method.process, PROCESSES, "process"), ((method.role,), _ROLES, "role"),
-                               ((method.budget,), _BUDGETS, "budget"), (method.exempt, CASES, "exempt")):  # fmt: skip
+    for words, allowed, of in (
+        (method.process, PROCESSES, "process"),
+        ((method.role,), _ROLES, "role"),
+        ((method.budget,), _BUDGETS, "budget"),
+        (method.exempt, CASES, "exempt"),
+    ):
         if (
             isinstance(words, str)
             or any(w not in allowed for w in words)
@@ -146,18 +157,24 @@ def _description(module: ModuleType) -> Iterator[str]:
     keywords = [p.name for p in parameters if p.kind is p.KEYWORD_ONLY]
     if len(parameters) - len(keywords) != 1 or sorted(keywords) != sorted(method.thresholds):
         yield (
-            f"detect{inspect.signature(module.detect)} must take the prepared record and, by keyword, "
-            f"the thresholds of METHOD: {', '.join(sorted(method.thresholds)) or 'none'}"
+            f"detect{inspect.signature(module.detect)} must take the prepared record and, by"
+            f" keyword, the thresholds of METHOD: {', '.join(sorted(method.thresholds)) or 'none'}"
         )
 
 
 def _thresholds(module: ModuleType) -> Iterator[str]:
     for key, rule in module.METHOD.thresholds.items():
         if not isinstance(rule, Threshold):
-            yield f"threshold {key} is a {type(rule).__name__}, a detectors.method.Threshold is needed"
+            yield (
+                f"threshold {key} is a {type(rule).__name__}, a detectors.method.Threshold is"
+                " needed"
+            )
             continue
         if not rule.low <= rule.default <= rule.high:
-            yield f"threshold {key}: its default {rule.default} lies outside its range {rule.low} to {rule.high}"
+            yield (
+                f"threshold {key}: its default {rule.default} lies outside its range {rule.low} to"
+                f" {rule.high}"
+            )
         for word in ("unit", "source", "says"):
             if not str(getattr(rule, word)).strip():
                 yield f"threshold {key}: {word} is empty"
@@ -186,14 +203,22 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
         elif verdict.verdict != NO_DECISION and case in _DEAD:
             yield f"says {verdict.verdict!r} on {on}, of which nothing can be said"
         elif verdict.score >= best:
-            yield f"scores {verdict.score:.3g} on {on} and {best:.3g} where the valve sticks; a larger score must mean stickier"
+            yield (
+                f"scores {verdict.score:.3g} on {on} and {best:.3g} where the valve sticks; a"
+                " larger score must mean stickier"
+            )
     again = _judged(name, module, example_record("stiction", process))
     if _plain(first) != _plain(again):
-        yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
+        yield (
+            f"is not deterministic: asked twice about one record ({process}), it gives two"
+            f" answers{_difference(first, again)}"
+        )
 
 
 def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
-    """Ask about siblings at two set points, then in another order and twice running: a memory answers otherwise."""
+    """Ask about siblings at two set points, then in another order and twice running: a memory
+    answers otherwise.
+    """
     records = []
     for level in _LEVELS:
         for case in ("stiction", "healthy"):
@@ -202,7 +227,10 @@ def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
     first = [_plain(_judged(name, module, record)) for record in records]
     for k in (3, 3, 2, 1, 0, 0):
         if _plain(_judged(name, module, records[k])) != first[k]:
-            yield f"depends on what was asked before: the same record ({process}) gets another answer after another one"
+            yield (
+                f"depends on what was asked before: the same record ({process}) gets another answer"
+                " after another one"
+            )
             return
 
 
@@ -222,7 +250,9 @@ def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
 
 
 def turned(record: LoopRecord) -> LoopRecord:
-    """Return the loop of a valve that closes under OP and a transmitter of the other sign: OP spans 0..100."""
+    """Return the loop of a valve that closes under OP and a transmitter of the other sign: OP spans
+    0..100.
+    """
     flipped = {k: None if getattr(record, k) is None else sign - getattr(record, k)
                for k, sign in (("op", 100.0), ("mv", 100.0), ("pv", 0.0), ("sp", 0.0))}  # fmt: skip
     return replace(record, **flipped, pv_span=None)
@@ -235,7 +265,9 @@ def backwards(record: LoopRecord) -> LoopRecord:
 
 
 def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
-    """Judge records with the sign, the time or the sampling changed; a dense one is the plain loop, eight times as often."""
+    """Judge records with the sign, the time or the sampling changed; a dense one is the plain loop,
+    eight times as often.
+    """
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
         asked = _word(_judged(name, module, record))
@@ -248,13 +280,19 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
         for what, other in others.items():
             moved = _word(_judged(name, module, other))
             if moved != asked:
-                yield f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r} ({process})"
+                yield (
+                    f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r}"
+                    f" ({process})"
+                )
     dense = example_record("dense", process)
     asked = _word(_judged(name, module, dense))
     for step in THINNED:
         moved = _word(_judged(name, module, thinned(dense, step)))
         if moved != asked:
-            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}), of {step} samples one"
+            yield (
+                f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}),"
+                f" of {step} samples one"
+            )
 
 
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
@@ -266,7 +304,10 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
         for a, b in _UNITS:
             moved = _word(_judged(name, module, replace(record, pv=a * record.pv + b)))
             if moved != asked:
-                yield f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} PV + {b:g}"
+                yield (
+                    f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r}"
+                    f" ({process}) with {a:g} PV + {b:g}"
+                )
                 break
         for a, b in _OP_UNITS if record.mv is None else ():
             moved = _word(
@@ -275,7 +316,10 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
                 )
             )
             if moved != asked:
-                yield f"follows OP's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} OP + {b:g}"
+                yield (
+                    f"follows OP's unit: {asked!r} becomes {moved!r} on the record {case!r}"
+                    f" ({process}) with {a:g} OP + {b:g}"
+                )
                 break
 
 

@@ -1,4 +1,6 @@
-"""Watch: a plug-in's function called, and what it did besides answering: raise, warn, print, write into its input."""
+"""Watch: a plug-in's function called, and what it did besides answering: raise, warn, print, write
+into its input.
+"""
 
 from __future__ import annotations
 

@@ -1,22 +1,24 @@
-"""Choudhury 2006, the whole Procedure 11.3: first a nonlinearity in the control error, then an ellipse of PV over OP.
+"""Choudhury 2006, the whole Procedure 11.3: first a nonlinearity in the control error, then an
+ellipse of PV over OP.
 
-Needs: PV and OP (SP where it moves), either process type, 12 cycles; with `surrogate` each of at least 7 samples.
-All steps see a record resampled to 21 samples a cycle, where it has more: a segment of 64 samples, the authors', then holds
-three cycles. Their records have some thousand samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the
-bound of NGI rises, and less is seen.
-Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`, `nli_low` as in bicoherence;
-`fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2.
-Indices: ngi, nli (or npi), fitness, S_apparent.
-Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation); step 2, zero-phase band-pass around
-the bicoherence peak; step 3, the most regular of the stretches of 1000 samples gives the period, the most
-regular one of four periods is taken; step 4, an ellipse with fitness >= 0.6: stiction, and the
-chord along OP is the apparent stiction; else another valve problem. OP moving over more than 25 % of its span is said: the
-valve's characteristic may then be the nonlinearity.
-Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
-Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412;
-Jelali (2013), Procedure 11.3, with its surrogate branch. The boundaries, max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05)
-per sample about the peak of the bicoherence, often need tuning by hand (Manum 2006), which its authors did as well. Samples
-are those of the resampled record.
+Needs: PV and OP (SP where it moves), either process type, 12 cycles; with `surrogate` each of at
+least 7 samples. All steps see a record resampled to 21 samples a cycle, where it has more: a
+segment of 64 samples, the authors', then holds three cycles. Their records have some thousand
+samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the bound of NGI
+rises, and less is seen. Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the
+bicoherence; `ngi_low`, `nli_low` as in bicoherence; `fitness_low` (-); `low`, `high` (cycles per
+sample): boundaries of the filter chosen by hand, 0 for those of step 2. Indices: ngi, nli (or npi),
+fitness, S_apparent. Rule: step 1, the error is linear: no stiction (tuning or an outside
+oscillation); step 2, zero-phase band-pass around the bicoherence peak; step 3, the most regular of
+the stretches of 1000 samples gives the period, the most regular one of four periods is taken; step
+4, an ellipse with fitness >= 0.6: stiction, and the chord along OP is the apparent stiction; else
+another valve problem. OP moving over more than 25 % of its span is said: the valve's characteristic
+may then be the nonlinearity. Not for: symmetric cycles, which step 1 does not see, neither by
+bicoherence nor by surrogates. Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook
+(2006), Control Engineering Practice 14, 1395-1412; Jelali (2013), Procedure 11.3, with its
+surrogate branch. The boundaries, max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05) per sample
+about the peak of the bicoherence, often need tuning by hand (Manum 2006), which its authors did as
+well. Samples are those of the resampled record.
 """
 
 from __future__ import annotations
@@ -77,7 +79,9 @@ METHOD = Method(
 
 
 def _most_regular(op: np.ndarray) -> tuple[int, int]:
-    """Return the stretch of step 3: the period of the most regular 1000 samples, then the most regular four periods."""
+    """Return the stretch of step 3: the period of the most regular 1000 samples, then the most
+    regular four periods.
+    """
     length = min(1000, op.size)
     for again in (True, False):
         stretches = op[: op.size // length * length].reshape(-1, length)
@@ -117,7 +121,8 @@ def detect(
     Returns
     -------
     Verdict
-        `score` is the fitness times how clear the nonlinearity is (at most 1); S is the apparent stiction.
+        `score` is the fitness times how clear the nonlinearity is (at most 1); S is the apparent
+        stiction.
 
     Examples
     --------
@@ -176,9 +181,15 @@ def detect(
         reason = f"no nonlinearity seen ({told}): tuning or an outside oscillation"
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     if fitness < fitness_low:
-        reason = f"nonlinear ({told}), but no ellipse ({fitness:.0%} of the points): another valve problem"
+        reason = (
+            f"nonlinear ({told}), but no ellipse ({fitness:.0%} of the points): another valve"
+            " problem"
+        )
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     reason = f"nonlinear ({told}) and {fitness:.0%} of the points on an ellipse"
     if record.op_percent is not None and np.ptp(record.op_percent) > _WIDE:
-        reason += f"; OP moves over {np.ptp(record.op_percent):.0f} %, so look at the valve's characteristic as well"
+        reason += (
+            f"; OP moves over {np.ptp(record.op_percent):.0f} %, so look at the valve's"
+            " characteristic as well"
+        )
     return Verdict("choudhury", STICTION, score, indices, S=S, reason=reason)

@@ -1,13 +1,15 @@
-"""Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points scatter or lie on a line.
+"""Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points
+scatter or lie on a line.
 
-Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise removed.
-Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in the source: the filter of Procedure
-11.3, step 2, about the peak of the bicoherence.
-Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre along OP).
-Rule: fitness >= 0.6: stiction; else none.
-Not for: deciding alone. Any oscillation with a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks
-for a nonlinearity first (method choudhury). S is the apparent stiction: a mark of the loop more than the valve's S.
-Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412; Eq 11.15.
+Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise
+removed. Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in
+the source: the filter of Procedure 11.3, step 2, about the peak of the bicoherence. Indices:
+fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre
+along OP). Rule: fitness >= 0.6: stiction; else none. Not for: deciding alone. Any oscillation with
+a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks for a nonlinearity
+first (method choudhury). S is the apparent stiction: a mark of the loop more than the valve's S.
+Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering
+Practice 14, 1395-1412; Eq 11.15.
 """
 
 from __future__ import annotations
@@ -55,7 +57,8 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     fitness_low : float
         Least share of points near the ellipse (-).
     harmonics : float
-        Kept of OP and PV, the fundamental and what makes its corners; 0: the filter of Procedure 11.3 (-).
+        Kept of OP and PV, the fundamental and what makes its corners; 0: the filter of Procedure
+        11.3 (-).
 
     Returns
     -------
@@ -98,7 +101,10 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     S = found.apparent_stiction
     indices = {"fitness": fitness, "S_apparent": S}
     if fitness >= fitness_low:
-        reason = f"{fitness:.0%} of the points lie on an ellipse; apparent stiction {S:.2g} {record.S_unit}"
+        reason = (
+            f"{fitness:.0%} of the points lie on an ellipse; apparent stiction {S:.2g}"
+            f" {record.S_unit}"
+        )
         return Verdict("ellipse", STICTION, fitness, indices, S=S, reason=reason)
     return Verdict(
         "ellipse",

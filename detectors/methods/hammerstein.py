@@ -1,18 +1,21 @@
-"""Hammerstein: the sticky valve and the linear plant that best turn OP into PV; without stiction a straight valve does as well.
+"""Hammerstein: the sticky valve and the linear plant that best turn OP into PV; without stiction a
+straight valve does as well.
 
-Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S and J in % of travel.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the source: there S alone decides; `S_low` (% of
-travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the source, a linear part fitted by one-step errors.
-Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
-the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
-Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an
-interval around what both maps say, which holds in nine loops of ten; J a number where the record fixes it, else all values that
-fit as well, without a level.
-The valve is Choudhury's map or one that stops within every sample (He's), whichever explains PV better.
-Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
-valve only toggles between two positions: J and the gain of the plant then trade off.
-Source: R. Srinivasan, R. Rengaswamy, S. Narasimhan, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728; M. Jelali (2008), J.
-Process Control 18, 632-642. Own: an output-error linear part, and the two ratios that make a verdict of the fit.
+Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S
+and J in % of travel. Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the
+source: there S alone decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0),
+own: 0, as in the source, a linear part fitted by one-step errors. Indices: gain (error a sticky
+valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of the
+valve's own swings by no more than about S + J), error (unexplained share of the variance of PV),
+S_hat, J_hat, T_s, Td_s. Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below
+it: none. S is an interval around what both maps say, which holds in nine loops of ten; J a number
+where the record fixes it, else all values that fit as well, without a level. The valve is
+Choudhury's map or one that stops within every sample (He's), whichever explains PV better. Not for:
+loops whose PV is moved from outside more than by the valve (error above one half: no decision); J,
+wherever the valve only toggles between two positions: J and the gain of the plant then trade off.
+Source: R. Srinivasan, R. Rengaswamy, S. Narasimhan, R. Miller (2005), Ind. Eng. Chem. Res. 44,
+6719-6728; M. Jelali (2008), J. Process Control 18, 632-642. Own: an output-error linear part, and
+the two ratios that make a verdict of the fit.
 """
 
 from __future__ import annotations
@@ -31,7 +34,8 @@ _SHARES, _JUMPS = (
     np.arange(1, 11) / 10.0,
     np.arange(7) / 4.0,
 )  # of S in OP's swing and of J in S, tried by it
-_BEYOND = 1.3  # times what fits S is looked for, so that it holds in nine of ten loops (`results/families.txt`)
+# times what fits S is looked for, so that it holds in nine of ten loops (`results/families.txt`)
+_BEYOND = 1.3
 
 METHOD = Method(
     title="sticky valve and linear plant fitted to OP and PV",
@@ -75,7 +79,9 @@ def interval(best: float, span: tuple[float, float], width: float) -> Level:
 def _one_step(
     op: np.ndarray, pv: np.ndarray, period: float, usual: float
 ) -> tuple[dict[str, float], str]:
-    """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b v(k-1-nd) + c, on a grid."""
+    """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b
+    v(k-1-nd) + c, on a grid.
+    """
     q = max(1, int(period / _SAMPLES))
     n = op.size // q
     u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
@@ -179,7 +185,10 @@ def detect(
             f"valve and plant explain only {1 - found.error:.0%} of PV: it is moved from outside"
         )
         return Verdict("hammerstein", NO_DECISION, score, indices, reason=reason)
-    fit = f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of OP's swing"
+    fit = (
+        f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of"
+        " OP's swing"
+    )
     if record.op_percent is not None and found.S < S_low:
         return Verdict(
             "hammerstein",

@@ -1,17 +1,17 @@
-"""Horch 2006: behind a sticky valve the slope of a level jumps and rests, behind a sine it swings as a sine does; its
-histogram tells.
+"""Horch 2006: behind a sticky valve the slope of a level jumps and rests, behind a sine it swings
+as a sine does; its histogram tells.
 
-Needs: PV, three periods of a sustained oscillation; made for integrating processes (second difference of PV), works
-on self-regulating ones (first difference) in the author's own extension.
-Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of the data), own, 0 in the
-source: the smallest A of a camel.
-Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
-Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central peak: stiction)
-and by the density of
-A cos(phi) plus Gaussian noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). With A = 0 the
-camel is a Gaussian and a free fit ties. The source names no cut-off; here it is the highest harmonic that noise leaves clear.
-Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's cut-off then decides.
-Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
+Needs: PV, three periods of a sustained oscillation; made for integrating processes (second
+difference of PV), works on self-regulating ones (first difference) in the author's own extension.
+Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of
+the data), own, 0 in the source: the smallest A of a camel. Indices: mse_camel, mse_gauss >= 0,
+errors of the two fitted densities. Rule: the histogram of the filtered difference is fitted by a
+Gaussian (kinks in PV leave a central peak: stiction) and by the density of A cos(phi) plus Gaussian
+noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). With A = 0 the camel is a
+Gaussian and a free fit ties. The source names no cut-off; here it is the highest harmonic that
+noise leaves clear. Not for: noisy PV of a fast process: twice differenced noise is Gaussian too,
+and the filter's cut-off then decides. Source: A. Horch (2006), Control Engineering Practice 14;
+Jelali (2013), Sect 11.5.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ BINS = np.linspace(-3.5, 3.5, 31)  # in std of the data
 
 
 def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
-    """Return the mean squared errors of the best bounded camel and the best Gaussian density of `d`, in units of its std."""
+    """Return the mean squared errors of the best bounded camel and the best Gaussian density of
+    `d`, in units of its std.
+    """
     z = (d - d.mean()) / d.std()
     found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities(least_A)
@@ -82,7 +84,8 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     pv = prepared.record.pv
     period = prepared.period
     order = 2 if prepared.integrating else 1
-    # the highest harmonic at which differenced noise still is a tenth of what a differenced sine has
+    # the highest harmonic at which differenced noise still is a tenth of what a differenced sine
+    # has
     power = 2 * order + 1
     clear = 0.05 * power * period * float(pv.var()) / max(noise_variance(pv), 1e-300)
     d = np.diff(
@@ -105,7 +108,9 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
 
 @lru_cache(maxsize=4)
 def _densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gaussians of std 0.15..1.5 and camels of A `least_A`..1.6, std 0.1..1, as mean densities of the bins."""
+    """Gaussians of std 0.15..1.5 and camels of A `least_A`..1.6, std 0.1..1, as mean densities of
+    the bins.
+    """
     # steps so small that the better family is not the one that a template happens to fall on
     edge = BINS[None]
     width = BINS[1] - BINS[0]

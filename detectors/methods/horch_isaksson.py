@@ -1,15 +1,17 @@
-"""Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows OP; which explains PV?
+"""Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows
+OP; which explains PV?
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier model decides, 0.5.
-Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood the two models together
-gain on the following valve alone, per sample).
-Rule: score = stuck_share; >= score_high stiction, <= score_low none.
-A bank of two Kalman filters (standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
-sample as an interacting multiple model. The paper has a known plant; here it comes from the Hammerstein fit.
-Not for: records from which no plant can be identified; PV moved from outside, which the filter takes for the valve.
-Source: A. Horch, A.J. Isaksson (1998), IFAC Workshop on On-line Fault Detection and Supervision, Lyon; mixing by Blom &
-Bar-Shalom (1988), IEEE Trans. Automatic Control 33, 780-783.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier
+model decides, 0.5. Indices: stuck_share (mean probability that the valve stands still, 0..1),
+evidence (log-likelihood the two models together gain on the following valve alone, per sample).
+Rule: score = stuck_share; >= score_high stiction, <= score_low none. A bank of two Kalman filters
+(standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
+sample as an interacting multiple model. The paper has a known plant; here it comes from the
+Hammerstein fit. Not for: records from which no plant can be identified; PV moved from outside,
+which the filter takes for the valve. Source: A. Horch, A.J. Isaksson (1998), IFAC Workshop on
+On-line Fault Detection and Supervision, Lyon; mixing by Blom & Bar-Shalom (1988), IEEE Trans.
+Automatic Control 33, 780-783.
 """
 
 from __future__ import annotations
@@ -55,11 +57,11 @@ METHOD = Method(
 def two_models(
     u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY
 ) -> tuple[np.ndarray, float]:
-    """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1) = a z(k) + b v(k) measured
-    as `y`.
+    """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1)
+    = a z(k) + b v(k) measured as `y`.
 
-    `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability of keeping the mode: 1 with
-    a start in "following" is a plain Kalman filter.
+    `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability
+    of keeping the mode: 1 with a start in "following" is a plain Kalman filter.
     """
     standing = np.empty(u.size)
     total = compiled(_filtered)(
@@ -69,7 +71,9 @@ def two_models(
 
 
 def _filtered(u, y, a, b, noise, stay, standing):
-    """Fill `standing` with the probability of the standing valve; return the log-likelihood of the record."""
+    """Fill `standing` with the probability of the standing valve; return the log-likelihood of the
+    record.
+    """
     q, r = LOOSE**2, noise**2
     # each filter: z, v and the covariances zz, zv, vv; the standing one, then the following one
     one = (y[0], u[0], r, 0.0, 1.0)
@@ -168,7 +172,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y - moving_mean(y, half)
     y = y / max(float(y.std()), 1e-300)
     a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
-    # the fit gives the dead time to within a sample, and whose half it is shall not hang on the unit of time
+    # the fit gives the dead time to within a sample, and whose half it is shall not hang on the
+    # unit of time
     late = round(round(plant.Td_s / record.Ts / q, 6))
     _, b, u = min(
         (_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)),
@@ -179,7 +184,10 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     following = two_models(u, y, a, b, noise, 1.0)[1]
     evidence = (both - following) / n
     share = float(standing.mean())
-    reason = f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample on a following valve"
+    reason = (
+        f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample"
+        " on a following valve"
+    )
     verdict = (
         STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
     )
@@ -195,7 +203,9 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 def _aligned(
     u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float
 ) -> tuple[float, float, np.ndarray]:
-    """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain, and u."""
+    """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain,
+    and u.
+    """
     x = np.empty(u.size)
     compiled(_lagged)(u, a, x)
     x -= moving_mean(x, half)

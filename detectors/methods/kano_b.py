@@ -1,19 +1,17 @@
-"""Kano 2004, method B: plotted against its command a sticky valve runs round a parallelogram, whose long sides lie
-apart by the friction.
+"""Kano 2004, method B: plotted against its command a sticky valve runs round a parallelogram, whose
+long sides lie apart by the friction.
 
-Needs: OP with the valve position, or with PV of a flow loop; three periods of a sustained oscillation.
-Parameters: `width_min` (-), least distance of the sides as a share of OP's swing; `still_min` (-), least share of
-time on the flat sides.
-The paper has process-specific values and gives no universal ones; these are own.
-Indices: width, distance of the two sides along OP over the swing of OP, 0..1; still, share of time in which the valve
-does not move, 0..1.
-Rule: lines through the samples in which the valve moves up and those in which it moves down, with one slope; their
-distance along OP is
-S - J. Stiction when width > width_min and still > still_min: a lag alone draws an ellipse, which is wide but has no
-flat sides.
-Not for: J near S, whose parallelogram has no width (no decision when the valve stands still all the same); noisy valve
-positions; PV of a slow process in their place.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds own.
+Needs: OP with the valve position, or with PV of a flow loop; three periods of a sustained
+oscillation. Parameters: `width_min` (-), least distance of the sides as a share of OP's swing;
+`still_min` (-), least share of time on the flat sides. The paper has process-specific values and
+gives no universal ones; these are own. Indices: width, distance of the two sides along OP over the
+swing of OP, 0..1; still, share of time in which the valve does not move, 0..1. Rule: lines through
+the samples in which the valve moves up and those in which it moves down, with one slope; their
+distance along OP is S - J. Stiction when width > width_min and still > still_min: a lag alone draws
+an ellipse, which is wide but has no flat sides. Not for: J near S, whose parallelogram has no width
+(no decision when the valve stands still all the same); noisy valve positions; PV of a slow process
+in their place. Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B;
+bounds own.
 """
 
 from __future__ import annotations
@@ -42,9 +40,11 @@ METHOD = Method(
 
 
 def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
-    """Return S - J in units of OP, the distance of the lines of upward and downward movement; NaN for one direction only.
+    """Return S - J in units of OP, the distance of the lines of upward and downward movement; NaN
+    for one direction only.
 
-    The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression within both groups.
+    The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression
+    within both groups.
     """
     step = np.diff(mv, prepend=mv[0])
     least = 1e-9 * float(np.ptp(mv))  # a valve at rest must not move by rounding
@@ -74,7 +74,8 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     Returns
     -------
     Verdict
-        `score` is the width times the share of time on flat sides, root taken; S is S - J, the jump being neglected.
+        `score` is the width times the share of time on flat sides, root taken; S is S - J, the jump
+        being neglected.
 
     Examples
     --------
@@ -114,5 +115,8 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
         verdict, said = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
     else:
         verdict, said = NO_STICTION, "no flat sides"
-    reason = f"valve position over OP has {said}: width {width:.2f} of the swing, still in {flat:.0%} ({note})"
+    reason = (
+        f"valve position over OP has {said}: width {width:.2f} of the swing, still in {flat:.0%}"
+        f" ({note})"
+    )
     return Verdict("kano_b", verdict, score, indices, S=S, reason=reason)

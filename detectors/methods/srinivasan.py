@@ -1,16 +1,17 @@
-"""Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a sine; the pair decides.
+"""Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a
+sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2 counts. The label that
-most cycles carry wins.
-Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1), under the keys op_square,
-op_triangle, op_sawtooth, op_sine, pv_...
-Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision. Shapes of the chapter's table:
-triangle-square and square-square (flow), triangle-sine (pressure, temperature), triangle-triangle and parabola-triangle
-(level; a parabola is labelled sine). Saw-teeth count as triangles: J > 0 tilts them.
-Not for: fewer than 8 samples per cycle; noise of the size of the cycle, which makes every label a sine.
-Source: R. Srinivasan, R. Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Forsman (2000), Table 11.2. Dynamic
-time warping by dtaidistance, band a tenth of the cycle.
+Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2
+counts. The label that most cycles carry wins. Indices: triangle_op, square_pv ... share of the
+cycles of either signal with each label (0..1), under the keys op_square, op_triangle, op_sawtooth,
+op_sine, pv_... Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair:
+no decision. Shapes of the chapter's table: triangle-square and square-square (flow), triangle-sine
+(pressure, temperature), triangle-triangle and parabola-triangle (level; a parabola is labelled
+sine). Saw-teeth count as triangles: J > 0 tilts them. Not for: fewer than 8 samples per cycle;
+noise of the size of the cycle, which makes every label a sine. Source: R. Srinivasan, R.
+Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Forsman (2000), Table 11.2.
+Dynamic time warping by dtaidistance, band a tenth of the cycle.
 """
 
 from __future__ import annotations
@@ -48,10 +49,11 @@ METHOD = Method(
 
 
 def cycles(x: np.ndarray, period: float) -> np.ndarray:
-    """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing on, turned to begin upward.
+    """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing
+    on, turned to begin upward.
 
-    The same for `x` and `-x`, so that the sign of the plant's gain tells nothing; at most `_CYCLES`, those shorter than half or
-    longer than one and a half periods left out.
+    The same for `x` and `-x`, so that the sign of the plant's gain tells nothing; at most
+    `_CYCLES`, those shorter than half or longer than one and a half periods left out.
     """
     at = zero_crossings(x, _GUARD * float(x.std()))
     way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]
@@ -67,7 +69,9 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def templates() -> tuple[np.ndarray, np.ndarray]:
-    """Return the templates, shape (5, POINTS), mean 0 and std 1, and the index of each one's label in LABELS."""
+    """Return the templates, shape (5, POINTS), mean 0 and std 1, and the index of each one's label
+    in LABELS.
+    """
     t = (np.arange(CYCLE_POINTS) + 0.5) / CYCLE_POINTS
     triangle = np.interp(t, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
     rising = np.interp(t, [0, 0.5, 0.5001, 1], [0, 1, -1, 0])

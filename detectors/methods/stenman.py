@@ -1,14 +1,17 @@
-"""Stenman 2003: the valve either keeps its place or jumps to where OP is; find the jumps that explain PV best.
+"""Stenman 2003: the valve either keeps its place or jumps to where OP is; find the jumps that
+explain PV best.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; the paper judges the jumps by eye.
-Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for, 0..1), stuck_share (share of
-samples without a jump, 0..1), jumps_per_period.
-Rule: score = gain stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 - d(k)) x(k-1) + d(k) u(k)
-with d = 0 or 1, the plant y(k) = a y(k-1) + b x(k-1-nd) + c; plant and jumps are estimated in turn, the jumps of each turn
-exactly, by dynamic programming, with the penalty s^2 ln(n) / 2 per jump in place of the paper's prior and pruned search.
-Not for: valves that slide for long, whose every sample costs a jump; noise on PV beyond a fifth of it; PV moved from outside.
-Source: A. Stenman, F. Gustafsson, K. Forsman (2003), Int. J. Adaptive Control and Signal Processing 17, 625-634.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; the paper judges the jumps by
+eye. Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for,
+0..1), stuck_share (share of samples without a jump, 0..1), jumps_per_period. Rule: score = gain
+stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 - d(k)) x(k-1) + d(k)
+u(k) with d = 0 or 1, the plant y(k) = a y(k-1) + b x(k-1-nd) + c; plant and jumps are estimated in
+turn, the jumps of each turn exactly, by dynamic programming, with the penalty s^2 ln(n) / 2 per
+jump in place of the paper's prior and pruned search. Not for: valves that slide for long, whose
+every sample costs a jump; noise on PV beyond a fifth of it; PV moved from outside. Source: A.
+Stenman, F. Gustafsson, K. Forsman (2003), Int. J. Adaptive Control and Signal Processing 17,
+625-634.
 """
 
 from __future__ import annotations
@@ -48,15 +51,18 @@ METHOD = Method(
 
 
 def best_jumps(u: np.ndarray, r: np.ndarray, penalty: float) -> np.ndarray:
-    """Return the x that minimises sum (r - x)^2 + penalty jumps, exactly, where x(k) = x(k-1) or u(k): keep the place or jump
-    to OP."""
+    """Return the x that minimises sum (r - x)^2 + penalty jumps, exactly, where x(k) = x(k-1) or
+    u(k): keep the place or jump to OP.
+    """
     x = np.empty(u.size)
     compiled(_jumps)(np.ascontiguousarray(u), np.ascontiguousarray(r), float(penalty), x)
     return x
 
 
 def _jumps(u, r, penalty, x):
-    """Fill `x` with the best course; places are compared `LANES` at a time, of equal ones the first wins."""
+    """Fill `x` with the best course; places are compared `LANES` at a time, of equal ones the first
+    wins.
+    """
     n = u.size
     room = (n + LANES - 1) // LANES * LANES
     base, twice, square = np.full(room, np.inf), np.zeros(room), np.zeros(room)
@@ -65,7 +71,8 @@ def _jumps(u, r, penalty, x):
     cheapest, last = 0.0, 0
     R1 = R2 = 0.0
     for j in range(n):
-        # cheapest course with a jump at j, without the samples from j on; kept less what j's line adds
+        # cheapest course with a jump at j, without the samples from j on; kept less what j's line
+        # adds
         base[j] = cheapest - R2 + 2.0 * u[j] * R1 - j * (u[j] * u[j])
         twice[j], square[j] = 2.0 * u[j], u[j] * u[j]
         origin[j] = last
@@ -155,7 +162,10 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     stuck = 1.0 - jumps / (n - 1)
     score = gain * stuck
     indices = {"gain": gain, "stuck_share": stuck, "jumps_per_period": jumps * period / n}
-    reason = f"{jumps} jumps in {n / period:.0f} periods take {gain:.0%} off the error; the valve rests {stuck:.0%} of the time"
+    reason = (
+        f"{jumps} jumps in {n / period:.0f} periods take {gain:.0%} off the error; the valve rests"
+        f" {stuck:.0%} of the time"
+    )
     if score >= score_high:
         return Verdict("stenman", STICTION, score, indices, reason=reason)
     return Verdict(

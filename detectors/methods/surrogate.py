@@ -1,12 +1,13 @@
-"""Surrogate test: a nonlinear cycle predicts itself better than signals with its spectrum but random phases do.
+"""Surrogate test: a nonlinear cycle predicts itself better than signals with its spectrum but
+random phases do.
 
 Needs: the control error, 12 cycles of at least 7 samples.
 Parameters: `npi_low` (-), published.
 Indices: npi, (mean surrogate error - error) / (3 std); above 1 nonlinear.
-Rule: npi > 1: nonlinear, written as "stiction" although the test does not say which element it is; else linear.
-Not for: strict cycles, whose harmonics every surrogate keeps: squares and triangles reach 0.2 to 0.6 here. A verdict
-"linear" rules nothing out.
-Source: N.F. Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; surrogates by Schreiber & Schmitz (1996).
+Rule: npi > 1: nonlinear, written as "stiction" although the test does not say which element it is;
+else linear. Not for: strict cycles, whose harmonics every surrogate keeps: squares and triangles
+reach 0.2 to 0.6 here. A verdict "linear" rules nothing out. Source: N.F. Thornhill (2005), IEEE
+Trans. Control Systems Technology 13, 434-443; surrogates by Schreiber & Schmitz (1996).
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ METHOD = Method(
     min_periods=12.0,
     thresholds={"npi_low": Threshold(1.0, "-", -5.0, 20.0, "Thornhill 2005", "above: nonlinear")},
     exempt={
-        "stiction": "every surrogate of a strict cycle keeps its harmonics and with them its predictability"
+        "stiction": (
+            "every surrogate of a strict cycle keeps its harmonics and with them its predictability"
+        )
     },
 )
 

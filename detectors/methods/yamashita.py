@@ -1,16 +1,15 @@
 """Yamashita 2006: a sticky valve stands still while OP moves, and then catches up.
 
 Needs: OP with the valve position, or with PV of a flow loop; three periods.
-Parameters: `step` (samples) over which a movement is counted, 1 as published, more for records sampled much faster
-than the process;
-`rho3_min` (-), published.
-Indices: rho1 in 0..1 (share of movements with OP moving and the valve not), rho2 and rho3 in 0..1 (the same, only
-where the valve follows afterwards, and without what has nothing to do with stiction).
-Rule: stiction when rho3 > 0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 = 0.41, rho3 = 0.13.
-Not for: PV in place of the valve position behind a slow process; noise or sampling so fast that differences are
-noise; a valve that never stands still.
-Source: Y. Yamashita (2006), Control Engineering Practice 14, 503-510; Jelali (2013), Eqs 11.3 to 11.5 with the
-denominator tau_total - tau_SS, which alone reproduces the printed values of loop PAP2.
+Parameters: `step` (samples) over which a movement is counted, 1 as published, more for records
+sampled much faster than the process; `rho3_min` (-), published. Indices: rho1 in 0..1 (share of
+movements with OP moving and the valve not), rho2 and rho3 in 0..1 (the same, only where the valve
+follows afterwards, and without what has nothing to do with stiction). Rule: stiction when rho3 >
+0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 = 0.41, rho3 = 0.13. Not for:
+PV in place of the valve position behind a slow process; noise or sampling so fast that differences
+are noise; a valve that never stands still. Source: Y. Yamashita (2006), Control Engineering
+Practice 14, 503-510; Jelali (2013), Eqs 11.3 to 11.5 with the denominator tau_total - tau_SS, which
+alone reproduces the printed values of loop PAP2.
 """
 
 from __future__ import annotations
@@ -36,7 +35,8 @@ METHOD = Method(
 
 # a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
 IS, DS, SS = 7, 1, 4
-# which runs count for Eqs 11.3 to 11.5, by their pair and the pair after them; the last column stands for none
+# which runs count for Eqs 11.3 to 11.5, by their pair and the pair after them; the last column
+# stands for none
 _COUNTS = np.zeros((3, 9, 10), dtype=bool)
 _COUNTS[0, [IS, DS]] = True
 _COUNTS[1, IS, [8, 5]] = _COUNTS[1, DS, [0, 3]] = True  # II, SI and DD, SD: the valve catches up
@@ -46,12 +46,16 @@ _COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = (
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
-    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, differences taken over `step` samples; NaN when nothing moves."""
+    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, differences taken over `step` samples; NaN
+    when nothing moves.
+    """
     return pattern_indices(3 * _symbols(op, step) + _symbols(mv, step))
 
 
 def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
-    """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2 increasing); NaN when all are SS."""
+    """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2
+    increasing); NaN when all are SS.
+    """
     pair = pair[pair != SS]
     if pair.size == 0:
         return float("nan"), float("nan"), float("nan")

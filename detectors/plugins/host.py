@@ -1,7 +1,9 @@
-"""The worker process of a third-party plug-in, seen from the run: it is asked, timed, restarted and, at the end, stopped.
+"""The worker process of a third-party plug-in, seen from the run: it is asked, timed, restarted
+and, at the end, stopped.
 
-A plug-in is trusted code with the user's privileges. Its worker protects the other results against mistakes (an exception, a
-crash, a hang, memory, output, an answer that cannot be used), not against intent; see SECURITY.md.
+A plug-in is trusted code with the user's privileges. Its worker protects the other results against
+mistakes (an exception, a crash, a hang, memory, output, an answer that cannot be used), not against
+intent; see SECURITY.md.
 """
 
 from __future__ import annotations
@@ -47,8 +49,9 @@ class PluginError(UserError):
 class Host:
     """The worker process of one plug-in, or of the few parts of one loop.
 
-    `sources` are kind and file, or published name, of each; `describe(sources)` imports them in the worker and returns what
-    they say of themselves; an answer may take `seconds`. A lost worker is replaced when it is asked again.
+    `sources` are kind and file, or published name, of each; `describe(sources)` imports them in the
+    worker and returns what they say of themselves; an answer may take `seconds`. A lost worker is
+    replaced when it is asked again.
     """
 
     def __init__(
@@ -69,7 +72,9 @@ class Host:
         return self._description
 
     def call(self, function: Callable, *arguments: Any, seconds: float = 0.0) -> Any:
-        """Return what a module's function gives in the worker; PluginError where it gives nothing of use."""
+        """Return what a module's function gives in the worker; PluginError where it gives nothing
+        of use.
+        """
         with self._lock:
             self._start()
             return self._ask((function, arguments), seconds or self.seconds)
@@ -116,16 +121,30 @@ class Host:
             *os.environ.get("PYTHONPATH", "").split(os.pathsep),
         ]
         own = {
-            **dict.fromkeys(_TEMPORARY, self._folder), **dict.fromkeys(_CACHES, str(kernels)),
-            "PYTHONPATH": os.pathsep.join(os.path.abspath(p) for p in paths if p), "PYTHONUSERBASE": site.getuserbase(),
-            "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
-        }  # fmt: skip
+            **dict.fromkeys(_TEMPORARY, self._folder),
+            **dict.fromkeys(_CACHES, str(kernels)),
+            "PYTHONPATH": os.pathsep.join(os.path.abspath(p) for p in paths if p),
+            "PYTHONUSERBASE": site.getuserbase(),
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        }
         most = MESSAGE if self.sources[0][0] == "detector" else BYTES
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "detectors.plugins.process", str(BYTES), str(most), self._folder],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
-            cwd=self._folder, env=os.environ | own,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "detectors.plugins.process",
+                str(BYTES),
+                str(most),
+                self._folder,
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            cwd=self._folder,
+            env=os.environ | own,
+        )
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
         _tell_unlimited()
         try:
@@ -174,7 +193,9 @@ class Host:
             time.sleep(_LOOK)
 
     def _named(self, text: str) -> str:
-        """Put which plug-in it is before a sentence that does not say so; of detectors the verdict says it."""
+        """Put which plug-in it is before a sentence that does not say so; of detectors the verdict
+        says it.
+        """
         names = [(kind, Path(source).stem) for kind, source in self.sources if kind != "detector"]
         known = not names or any(repr(name) in text for _, name in names)
         return (

@@ -1,4 +1,6 @@
-"""What runs in a plug-in's worker process: `python -m detectors.plugins.process BYTES MESSAGE FOLDER`, started by `Host`."""
+"""What runs in a plug-in's worker process: `python -m detectors.plugins.process BYTES MESSAGE
+FOLDER`, started by `Host`.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ def _watch(parent: int, folder: str) -> None:
 
 
 def _answer(question: bytes, most: int) -> bytes:
-    """Return a pickled pair: the kind of error, empty where there is none, and its text or the answer."""
+    """Return a pickled pair: the kind of error, empty where there is none, and its text or the
+    answer.
+    """
     try:
         function, arguments = pickle.loads(question)
         answer = pickle.dumps(("", function(*arguments)))

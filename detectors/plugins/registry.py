@@ -1,4 +1,6 @@
-"""Plug-ins by name: the files of a folder, entry points of other distributions, and single files a user points at."""
+"""Plug-ins by name: the files of a folder, entry points of other distributions, and single files a
+user points at.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,9 @@ from detectors.plugins.host import SECONDS, Host
 class PluginFolder:
     """The plug-ins of one kind; a plug-in is a module, its name is its file name.
 
-    `package` holds the built-in ones, `group` is the entry-point group by which other distributions add theirs, `required` are
-    the attributes each must have, `reserved` names that mean something else where plug-ins are named.
+    `package` holds the built-in ones, `group` is the entry-point group by which other distributions
+    add theirs, `required` are the attributes each must have, `reserved` names that mean something
+    else where plug-ins are named.
     """
 
     def __init__(
@@ -40,9 +43,11 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
-        # (kind, file or published name) of plug-ins -> the attributes of each, asked in their worker
+        # (kind, file or published name) of plug-ins -> the attributes of each, asked in their
+        # worker
         self.describe: Callable[[list[tuple[str, str]]], list[dict[str, Any]]] | None = None
-        self.host_entries = False  # whether what another distribution publishes lives in a worker; else it is imported here
+        # whether what another distribution publishes lives in a worker; else it is imported here
+        self.host_entries = False
         self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
         self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
@@ -53,7 +58,9 @@ class PluginFolder:
         return sorted(self._own | set(self._entry_points) | set(self._files))
 
     def lend(self, name: str, module: str) -> None:
-        """Make a plug-in of the house known that needs more than this package; it is asked for by name alone, in no set."""
+        """Make a plug-in of the house known that needs more than this package; it is asked for by
+        name alone, in no set.
+        """
         if importlib.util.find_spec(module.partition(".")[0]) is not None:
             self._above[name] = module
 
@@ -63,12 +70,15 @@ class PluginFolder:
         return sorted(self._above)
 
     def built_in(self, name: str) -> bool:
-        """Return whether a plug-in, or the one of which this is a variant, comes with this project."""
+        """Return whether a plug-in, or the one of which this is a variant, comes with this
+        project.
+        """
         return name.partition("@")[0] in {*self._own, *self._above}
 
     def load(self, name: str) -> ModuleType:
-        """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError when it lacks a required
-        attribute."""
+        """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError
+        when it lacks a required attribute.
+        """
         if name in self._files:
             return self._files[name]
         if name not in self._loaded:
@@ -81,8 +91,9 @@ class PluginFolder:
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
-        """Register a plug-in from one Python file outside the package, named after its stem; ParameterError where it cannot be
-        used."""
+        """Register a plug-in from one Python file outside the package, named after its stem;
+        ParameterError where it cannot be used.
+        """
         path = Path(path)
         name = self._free_name(path)
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
@@ -105,7 +116,9 @@ class PluginFolder:
         return name
 
     def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
-        """Register files, each imported in a worker process of its own; every plug-in known may lose its worker anew."""
+        """Register files, each imported in a worker process of its own; every plug-in known may
+        lose its worker anew.
+        """
         if not 0.0 < seconds < 1e6:
             raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
@@ -128,7 +141,9 @@ class PluginFolder:
 
     @contextmanager
     def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
-        """Register files for one question only; these, and what other distributions publish, live in workers meanwhile."""
+        """Register files for one question only; these, and what other distributions publish, live
+        in workers meanwhile.
+        """
         before, entries = set(self._files), self.host_entries
         try:
             self._host_entries(True)
@@ -152,7 +167,9 @@ class PluginFolder:
         return self._hosts[name][1] if name in self._hosts else None
 
     def _free_name(self, path: Path, taken: bool = False) -> str:
-        """Return the id of a plug-in's file; ParameterError where there is none, or where it is taken."""
+        """Return the id of a plug-in's file; ParameterError where there is none, or where it is
+        taken.
+        """
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
@@ -161,7 +178,8 @@ class PluginFolder:
             raise ParameterError(f"{self.kind} file {path}: {name!r} is no id; {needs}")
         if taken or self._taken(name):
             raise ParameterError(
-                f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename the file"
+                f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename"
+                " the file"
             )
         return name
 
@@ -186,11 +204,14 @@ class PluginFolder:
             self._files = before
 
     def adopt(self, modules: Mapping[str, ModuleType]) -> None:
-        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run where the caller does."""
+        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run
+        where the caller does.
+        """
         for name in modules:
             if self._taken(name):
                 raise ParameterError(
-                    f"{self.kind} {name!r}: the name is taken; another is needed: rename the function"
+                    f"{self.kind} {name!r}: the name is taken; another is needed: rename the"
+                    " function"
                 )
         self._files.update(modules)
 
@@ -204,7 +225,8 @@ class PluginFolder:
 
     @cached_property
     def _entry_points(self) -> dict:
-        # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
+        # reads the metadata of every installed distribution: once is enough; none takes a name that
+        # means something already
         return {
             e.name: e
             for e in entry_points(group=self.group)
@@ -216,7 +238,10 @@ class PluginFolder:
         point = self._entry_points.get(name)
         if point is None:
             return None
-        where = f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})"
+        where = (
+            f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'}"
+            f" ({point.value})"
+        )
         if self.host_entries:
             return self._stub(name, (), name, where, SECONDS)
         try:
@@ -235,7 +260,9 @@ class PluginFolder:
         )
 
     def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
-        """Start a plug-in's worker and return what stands for it here: its attributes, and functions that refuse."""
+        """Start a plug-in's worker and return what stands for it here: its attributes, and
+        functions that refuse.
+        """
         host = Host(self.describe, [(self.kind, source)], seconds)
         stub = ModuleType(name)
         try:
@@ -259,11 +286,13 @@ class PluginFolder:
         missing = [a for a in self.required if not hasattr(module, a)]
         if missing:
             raise ParameterError(
-                f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs"
+                f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it"
+                " needs"
             )
         for a in (a for a in self.required if a.islower() and not callable(getattr(module, a))):
             raise ParameterError(
-                f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no function"
+                f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no"
+                " function"
             )
         return module
 
@@ -283,7 +312,8 @@ _RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
 class _Detectors(PluginFolder):
-    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
+    """The detectors; `NAME@published` is a detector with the thresholds of its source,
+    `NAME@chapter` with the chapter's.
 
     Those of other distributions live in workers, as a user's files do.
     """
@@ -317,7 +347,9 @@ class _Detectors(PluginFolder):
 
 
 def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Import a detector in its worker, and return its description; ParameterError where it describes no detector."""
+    """Import a detector in its worker, and return its description; ParameterError where it
+    describes no detector.
+    """
     module = imported(methods, sources[0][1])
     method = module.METHOD
     for wrong in wrong_fields(method):

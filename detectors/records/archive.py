@@ -1,4 +1,6 @@
-"""Archives that store a value only when it changes: what lies between two stored values is the first of them."""
+"""Archives that store a value only when it changes: what lies between two stored values is the
+first of them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ Series = tuple[np.ndarray, np.ndarray]
 
 
 def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
-    """Whether the stored values of a signal look as if only changes beyond a dead-band were kept."""
+    """Whether the stored values of a signal look as if only changes beyond a dead-band were
+    kept.
+    """
     change = np.abs(np.diff(x))[:-1]  # the last value may stand there only because the export ended
     if change.size < _STORED_CHANGES_NEEDED or np.any(change == 0.0):
         return False
@@ -65,7 +69,8 @@ def hold(
                 for r, s in steps.items()
             )
             raise RecordError(
-                f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts is needed"
+                f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts"
+                " is needed"
             )
         Ts = min(known)
     begin, end = (
@@ -79,6 +84,7 @@ def hold(
         held = float(np.mean(np.diff(at) == 0)) if at.size > 1 else 0.0
         if held > 0:
             notes.append(
-                f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size} samples"
+                f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size}"
+                " samples"
             )
     return grid, signals, Ts, notes

@@ -1,4 +1,6 @@
-"""Time columns: seconds, time stamps with day or month first, AM and PM, and what spreadsheets and computers count in."""
+"""Time columns: seconds, time stamps with day or month first, AM and PM, and what spreadsheets and
+computers count in.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,26 @@ from detectors.errors import RecordError
 from detectors.records.roles import plain
 
 _DATES = (
-    "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y",
-    "%Y-%m-%d", "%d %b %Y", "%d. %b %Y", "%d/%b/%Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
-)  # fmt: skip
+    "%d.%m.%Y",
+    "%d/%m/%Y",
+    "%m/%d/%Y",
+    "%Y/%m/%d",
+    "%d-%b-%Y",
+    "%d-%m-%Y",
+    "%d-%b-%y",
+    "%d/%m/%y",
+    "%m/%d/%y",
+    "%d.%m.%y",
+    "%Y-%m-%d",
+    "%d %b %Y",
+    "%d. %b %Y",
+    "%d/%b/%Y",
+    "%Y.%m.%d",
+    "%b %d, %Y",
+    "%Y年%m月%d日",
+    "%m-%d-%Y",
+    "%a %b %d %Y",
+)
 _CLOCKS = (
     "%H:%M:%S",
     "%I:%M:%S %p",
@@ -30,21 +49,60 @@ _COMPACT = "%Y%m%d%H%M%S"
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
 _MONTHS = {
-    "janv": "Jan", "ene": "Jan", "gen": "Jan", "fev": "Feb", "mar": "Mar", "mrz": "Mar", "maerz": "Mar", "avr": "Apr",
-    "abr": "Apr", "mai": "May", "mag": "May", "juin": "Jun", "giu": "Jun", "juil": "Jul", "lug": "Jul", "aou": "Aug",
-    "ago": "Aug", "set": "Sep", "sept": "Sep", "okt": "Oct", "ott": "Oct", "dez": "Dec", "dic": "Dec",
-}  # fmt: skip
+    "janv": "Jan",
+    "ene": "Jan",
+    "gen": "Jan",
+    "fev": "Feb",
+    "mar": "Mar",
+    "mrz": "Mar",
+    "maerz": "Mar",
+    "avr": "Apr",
+    "abr": "Apr",
+    "mai": "May",
+    "mag": "May",
+    "juin": "Jun",
+    "giu": "Jun",
+    "juil": "Jul",
+    "lug": "Jul",
+    "aou": "Aug",
+    "ago": "Aug",
+    "set": "Sep",
+    "sept": "Sep",
+    "okt": "Oct",
+    "ott": "Oct",
+    "dez": "Dec",
+    "dic": "Dec",
+}
 _UNITS = {
-    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
-    "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
-    "d": 86400.0, "day": 86400.0, "days": 86400.0,
-}  # fmt: skip
-# counts from which a time is one of these, how many make a second, and how many seconds before 1970 they begin
+    "s": 1.0,
+    "sec": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+    "milliseconds": 1e-3,
+    "us": 1e-6,
+    "min": 60.0,
+    "mins": 60.0,
+    "minute": 60.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hr": 3600.0,
+    "hour": 3600.0,
+    "hours": 3600.0,
+    "d": 86400.0,
+    "day": 86400.0,
+    "days": 86400.0,
+}
+# counts from which a time is one of these, how many make a second, and how many seconds before 1970
+# they begin
 _EPOCHS = (
-    (7e17, 1e9, 0.0, "nanoseconds since 1970"), (6e17, 1e7, 62_135_596_800.0, "ticks of .NET"),
-    (1e17, 1e7, 11_644_473_600.0, "ticks of Windows since 1601"), (1e14, 1e6, 0.0, "microseconds since 1970"),
+    (7e17, 1e9, 0.0, "nanoseconds since 1970"),
+    (6e17, 1e7, 62_135_596_800.0, "ticks of .NET"),
+    (1e17, 1e7, 11_644_473_600.0, "ticks of Windows since 1601"),
+    (1e14, 1e6, 0.0, "microseconds since 1970"),
     (1e11, 1e3, 0.0, "milliseconds since 1970"),
-)  # fmt: skip
+)
 _SHEET_DAYS = (
     25_000.0,
     80_000.0,
@@ -76,7 +134,9 @@ def seconds(
     notes: list[str] | None = None,
     again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first."""
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands
+    first.
+    """
     said = notes if notes is not None else []
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
@@ -89,7 +149,8 @@ def seconds(
     if bad.size:
         given = str(values[bad[0]]).strip()[:60]
         raise RecordError(
-            f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a finite one"
+            f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a"
+            " finite one"
         )
     step = np.diff(t)
     if t.size > 2 and np.all(step <= 0 if again else step < 0) and t[0] > t[-1]:
@@ -101,7 +162,10 @@ def seconds(
         why = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
         usual = float(np.median(step)) or float((t[-1] - t[0]) / step.size)
         if t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
-            why = f"local time is set back by an hour ({was}, then {now}); every sample needs a later time"
+            why = (
+                f"local time is set back by an hour ({was}, then {now}); every sample needs a later"
+                " time"
+            )
         raise RecordError(
             f"{where}, {place(back[0] + 1)}: {why}",
             f"--ts {usual:g}" if usual > 0 and not again else "",
@@ -110,7 +174,9 @@ def seconds(
 
 
 def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:
-    """Return the samples after which local time jumps by an hour at a full hour, as it does when summer time begins."""
+    """Return the samples after which local time jumps by an hour at a full hour, as it does when
+    summer time begins.
+    """
     late = np.abs(np.diff(t) - Ts - _HOUR) < 0.5 * Ts
     full_hour = np.ceil(t[1:] / _HOUR) * _HOUR - t[1:]
     return np.flatnonzero(
@@ -119,7 +185,9 @@ def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:
 
 
 def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
-    """Return seconds from numbers; without a unit they are seconds, unless no record could count so."""
+    """Return seconds from numbers; without a unit they are seconds, unless no record could count
+    so.
+    """
     if unit:
         if unit not in _UNITS:
             raise RecordError(
@@ -204,7 +272,9 @@ def _read(
 
 
 def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[str]) -> np.ndarray:
-    """Choose between readings: where they differ in their steps, time that rises without a jump of days decides."""
+    """Choose between readings: where they differ in their steps, time that rises without a jump of
+    days decides.
+    """
     rising = {f: t for f, t in whole.items() if np.all(np.diff(t) > 0)} or whole
     spans = sorted((float(t[-1] - t[0]), f) for f, t in rising.items())
     form = spans[0][1]
@@ -214,7 +284,10 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     if others:
         largest = [float(np.diff(rising[f]).max()) for f in (form, others[0])]
         if largest[0] > 0.1 * largest[1]:
-            said = f"{where}: {name} can be read as {form} and as {others[0]}; write dates as 2024-05-31"
+            said = (
+                f"{where}: {name} can be read as {form} and as {others[0]}; write dates as"
+                " 2024-05-31"
+            )
             raise RecordError(said, f"--ts {float(np.median(np.diff(rising[form]))):g}")
         notes.append(
             f"time: {name} read as {form}, as any other order of day and month leaves holes of days"
@@ -235,7 +308,9 @@ def _month(found: re.Match) -> str:
 
 
 def _at_once(texts: list[str], form: str) -> np.ndarray | None:
-    """Read a long column as a whole where that is the same as cell by cell; None where it cannot be."""
+    """Read a long column as a whole where that is the same as cell by cell; None where it cannot
+    be.
+    """
     if len(texts) < _LONG:
         return None
     import pandas as pd

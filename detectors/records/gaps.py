@@ -9,7 +9,8 @@ from detectors.records.clock import hour_lost
 
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
-_WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
+# share of the record that SP and MV may cost: the part without holes of theirs is at least so long
+_WORTH = 0.5
 _FURTHEST = (
     1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
 )
@@ -24,7 +25,8 @@ def whole(
     where: str,
     longest_segment: bool = False,
 ):
-    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one.
+    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long
+    one.
 
     `longest_segment` also takes it of a record of which more than `MOST_MISSING` is missing.
     """
@@ -53,12 +55,16 @@ def whole(
         inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
         usable = segment >= _SHORTEST and inside <= MOST_MISSING * segment
         if not (usable and longest_segment):
-            said = f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be"
+            said = (
+                f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%}"
+                " may be"
+            )
             cure = "--longest-segment" if usable and not longest_segment else ""
             said += (
                 f"; the longest segment without a long hole has {segment} samples" if cure else ""
             )
-            # counting the samples in place of reading the clock is right only where no sample is missing
+            # counting the samples in place of reading the clock is right only where no sample is
+            # missing
             if (
                 jumps.size
                 and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
@@ -92,7 +98,8 @@ def whole(
             continue
         if name in ("sp", "mv") and here.sum() < grid.size:
             notes.append(
-                f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()} missing, bridged"
+                f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()}"
+                " missing, bridged"
             )
         if name == "sp":  # a set point holds its value until it is changed
             out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
@@ -113,7 +120,8 @@ def whole(
         notes.append(f"time: {summer}; --ts {Ts:g} counts the samples in place of the clock")
     if uneven:
         notes.append(
-            f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}"
+            f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than"
+            f" {JITTER:.0%}"
         )
     return grid * Ts, out, tuple(notes)
 

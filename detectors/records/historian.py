@@ -1,4 +1,6 @@
-"""What plant historians export: units rows, states in place of numbers, quality columns, long tables, numbers as written."""
+"""What plant historians export: units rows, states in place of numbers, quality columns, long
+tables, numbers as written.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +31,63 @@ _LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # what stands in place of a number when there is none
 _NO_VALUE = {
-    "bad", "no data", "nodata", "no good data", "bad input", "bad quality", "bad data", "i/o timeout", "io timeout",
-    "comm fail", "calc failed", "pt created", "scan off", "shutdown", "configure", "intf shut", "arc off-line", "no result",
-    "out of serv", "no sample", "not connect", "over range", "under range", "digital state", "nan", "null", "none", "n/a",
-    "#n/a", "na", "-", "--", "---", "?", "1.#qnan", "-1.#ind", "1.#inf", "calc overflow", "scan timeout", "equip fail",
-    "unit down", "invalid float", "inp outrange", "bad total", "set to bad", "data lost", "not available", "error", "failed",
-    "#value!", "#ref!", "#div/0!", "no value", "off-scan", "undefined", "invalid",
-}  # fmt: skip
+    "bad",
+    "no data",
+    "nodata",
+    "no good data",
+    "bad input",
+    "bad quality",
+    "bad data",
+    "i/o timeout",
+    "io timeout",
+    "comm fail",
+    "calc failed",
+    "pt created",
+    "scan off",
+    "shutdown",
+    "configure",
+    "intf shut",
+    "arc off-line",
+    "no result",
+    "out of serv",
+    "no sample",
+    "not connect",
+    "over range",
+    "under range",
+    "digital state",
+    "nan",
+    "null",
+    "none",
+    "n/a",
+    "#n/a",
+    "na",
+    "-",
+    "--",
+    "---",
+    "?",
+    "1.#qnan",
+    "-1.#ind",
+    "1.#inf",
+    "calc overflow",
+    "scan timeout",
+    "equip fail",
+    "unit down",
+    "invalid float",
+    "inp outrange",
+    "bad total",
+    "set to bad",
+    "data lost",
+    "not available",
+    "error",
+    "failed",
+    "#value!",
+    "#ref!",
+    "#div/0!",
+    "no value",
+    "off-scan",
+    "undefined",
+    "invalid",
+}
 _GOOD = {
     "good",
     "g",
@@ -138,7 +190,9 @@ _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNO
 
 
 def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
-    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value."""
+    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and
+    value.
+    """
     names = [c.strip() for c in cells]
     named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
     timed = len(names) > 2 and any(map(is_time, names))
@@ -150,7 +204,9 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
 
 
 def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
-    """Take rows off a table that are no samples: below it such as sum it up, and such as repeat the one above."""
+    """Take rows off a table that are no samples: below it such as sum it up, and such as repeat the
+    one above.
+    """
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return
     time = chosen.get("t") or next(
@@ -165,7 +221,8 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     end = samples[-1] + 1 if samples else len(cells)
     if end < len(cells):
         sheet.notes.append(
-            f"file: {len(cells) - end} lines below the samples left out: {', '.join(map(str, cells[end:]))}"
+            f"file: {len(cells) - end} lines below the samples left out:"
+            f" {', '.join(map(str, cells[end:]))}"
         )
     again = {i for i in range(1, end) if cells[i] == cells[i - 1] and cells[i]}
     # where stamps are coarse, samples may be alike
@@ -183,7 +240,9 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
-    """Take rows of units or descriptions off the head of a table and return the units of its columns."""
+    """Take rows of units or descriptions off the head of a table and return the units of its
+    columns.
+    """
     units = {name: unit(name) for name in sheet.columns}
     time = chosen.get("t") or next(
         (n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None or plain(n) == "t"), None
@@ -206,7 +265,8 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         for column in sheet.columns.values():
             del column[0]  # pyright: ignore[reportIndexIssue]
         sheet.notes.append(
-            f"file: {sheet.place(0)} taken as units or descriptions: {', '.join(filter(None, first.values()))}"
+            f"file: {sheet.place(0)} taken as units or descriptions:"
+            f" {', '.join(filter(None, first.values()))}"
         )
         del sheet.lines[:1]
     words = _GOOD | _BAD | _UNSURE
@@ -232,7 +292,9 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
 def op_span(
     unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]
 ) -> tuple[float, float] | None:
-    """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
+    """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others
+    need to be told.
+    """
     if known is not None:
         return None
     if unit_of_op in _SPANS:
@@ -252,20 +314,26 @@ def op_span(
 
 
 def open_span(record: LoopRecord, where: str) -> list[str]:
-    """Return what must be said of an OP whose unit nothing tells; a share of 1 is asked for, as % is 100 times as large."""
+    """Return what must be said of an OP whose unit nothing tells; a share of 1 is asked for, as %
+    is 100 times as large.
+    """
     if record.op_span is not None:
         return []
     lo, hi = float(record.op.min()), float(record.op.max())
     runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
     if record.op_share:
-        said = f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0 and 100 % is needed"
+        said = (
+            f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0"
+            " and 100 % is needed"
+        )
         raise RecordError(said, "--op-span 0 1")
     if record.op_percent is None:
         likely = next(
             (span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}"
         )
         return [
-            f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span {likely}"
+            f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span"
+            f" {likely}"
         ]
     if _CURRENT[0] <= lo < hi <= _CURRENT[1]:
         return [
@@ -288,8 +356,14 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
     for name in texts:
-        marks = [_MARKED.fullmatch(text)[2] if text[-1:] in _MARK_ENDS and _MARKED.fullmatch(text) else "" for text in
-                 (str(v).strip() for v in sheet.columns[name])]  # fmt: skip
+        marks = [
+            (
+                _MARKED.fullmatch(text)[2]
+                if text[-1:] in _MARK_ENDS and _MARKED.fullmatch(text)
+                else ""
+            )
+            for text in (str(v).strip() for v in sheet.columns[name])
+        ]
         words = Counter(plain(mark.strip("()")) for mark in marks if mark)
         doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
         sheet.notes += (
@@ -318,14 +392,17 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         if infinite.size:
             row = int(infinite[0])
             raise RecordError(
-                f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}"
+                f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)});"
+                f" {_NEEDED}"
             )
         out[name] = _without_sentinels(x, name, sheet)
     return out
 
 
 def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] | None:
-    """Return long columns of finite numbers with a point that nothing else can be; None where they need a closer look."""
+    """Return long columns of finite numbers with a point that nothing else can be; None where they
+    need a closer look.
+    """
     out = {}
     for name in names:
         cells = sheet.columns[name]
@@ -351,7 +428,9 @@ def apply_quality(
     where: str,
     chosen: Mapping[str, str],
 ) -> None:
-    """Blank the samples that a quality column calls bad; of several about one signal, by the one of known meaning."""
+    """Blank the samples that a quality column calls bad; of several about one signal, by the one of
+    known meaning.
+    """
     if chosen.get(QUALITY_OF, "").lower() == "none":
         return
     about = {
@@ -388,7 +467,9 @@ def apply_quality(
 def _beside(
     name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]
 ) -> str | None:
-    """Return the column that one of several qualities of one name stands behind, or before; None of the only one."""
+    """Return the column that one of several qualities of one name stands behind, or before; None of
+    the only one.
+    """
     alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
     if len(alike) < 2:
         return None
@@ -411,7 +492,9 @@ def _wonderware(names: Iterable[str]) -> bool:
 
 
 def _about(words: Sequence[str], column: str, role: str) -> bool:
-    """Whether a quality's name speaks of a signal: of its column, its loop, or the signal itself."""
+    """Whether a quality's name speaks of a signal: of its column, its loop, or the signal
+    itself.
+    """
     said = parse(".".join(words))
     mine = parse(column)
     return (
@@ -422,7 +505,9 @@ def _about(words: Sequence[str], column: str, role: str) -> bool:
 
 
 def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
-    """Return which columns of a long table are time, tag (with what names its signal apart) and value; None: not long."""
+    """Return which columns of a long table are time, tag (with what names its signal apart) and
+    value; None: not long.
+    """
     low = {re.sub(r"^ip trend ", "", plain(n).replace("_", " ").strip()): n for n in names}
     spaced = {" ".join(parse(n).loop) if parse(n).role is None else plain(n): n for n in names}
     low = {**spaced, **low}
@@ -472,12 +557,14 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
             return True  # such files exist because the comma is taken
         example = next(t for t in found if "," in t)
         raise RecordError(
-            f"{where}: {example!r} may be {example.replace(',', '.')} or {example.replace(',', '')}; write points"
+            f"{where}: {example!r} may be {example.replace(',', '.')} or"
+            f" {example.replace(',', '')}; write points"
         )
     if not point and not comma:
         one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
         raise RecordError(
-            f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is needed"
+            f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is"
+            " needed"
         )
     if point:
         sheet.notes.append("numbers: commas separate thousands")
@@ -498,7 +585,8 @@ def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
         if read and min(read) > 0.1 * min(plain):
             return
         raise RecordError(
-            f"{where}: {name} holds {signed[0]!r} beside whole numbers; it may be {re.sub('[.,]', '', signed[0])}"
+            f"{where}: {name} holds {signed[0]!r} beside whole numbers; it may be"
+            f" {re.sub('[.,]', '', signed[0])}"
         )
 
 
@@ -534,7 +622,8 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
             and np.abs(rest - sentinel).min() > 10.0 * max(np.ptp(rest), 1.0)
         ):
             sheet.notes.append(
-                f"status: {known.size - rest.size} cells of {name} hold {sentinel:g} and count as missing"
+                f"status: {known.size - rest.size} cells of {name} hold {sentinel:g} and count as"
+                " missing"
             )
             return np.where(x == sentinel, np.nan, x)
     return x
@@ -543,7 +632,9 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
 def _judged(
     cells: Sequence[object], name: str, where: str, inverted: bool
 ) -> tuple[np.ndarray, int, bool]:
-    """Return which samples are bad, how many unsure, and whether the column speaks of quality at all."""
+    """Return which samples are bad, how many unsure, and whether the column speaks of quality at
+    all.
+    """
     texts = ["" if c is None or c != c else plain(c) for c in cells]
     words = {t: _word(t) for t in set(texts)}
     kinds = {k for k in words.values() if isinstance(k, int)}
@@ -558,7 +649,10 @@ def _judged(
         if inverted and not _sure(name) and last != "detail" and "detail" not in last:
             return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
         if max(kinds) < 192 and max(kinds) != 128:  # which PCS 7 writes for good
-            said = f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known, or words"
+            said = (
+                f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known,"
+                " or words"
+            )
             raise RecordError(said, "--columns quality=none")
         codes &= 255  # OPC UA and historians keep more above the lowest byte
         return codes < 64, int(((codes >= 64) & (codes < 192)).sum()), True
@@ -574,7 +668,9 @@ def _judged(
 
 
 def _word(text: str) -> str | int:
-    """Return the code in a cell of quality, or its first word: "Good, Non-specific", "192 (Good)"."""
+    """Return the code in a cell of quality, or its first word: "Good, Non-specific", "192
+    (Good)".
+    """
     code = re.match(r"\d+(?=(\.0)?(\s*[(\[].*)?$)", text)
     if code:
         return int(code[0])

@@ -1,4 +1,6 @@
-"""Loaders: CSV, parquet, Excel and ISDB .mat files become LoopRecords; every bad file is one clear sentence."""
+"""Loaders: CSV, parquet, Excel and ISDB .mat files become LoopRecords; every bad file is one clear
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -80,39 +82,43 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV, .parquet, .xlsx or ISDB .mat: a column per signal, a row per time and tag, or a column of times per signal.
+        CSV, .parquet, .xlsx or ISDB .mat: a column per signal, a row per time and tag, or a column
+        of times per signal.
     columns : dict of role to column name, optional
-        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not say so; `quality="none"`
-        reads no quality.
+        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not
+        say so; `quality="none"` reads no quality.
     tag : str, optional
-        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN"; where
-        no column names a loop, the name of the record.
+        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat
+        file "sector.loopN"; where no column names a loop, the name of the record.
     loop : str, optional
         The same as `tag`.
     Ts : float, optional
         Sampling period (s), in place of the time column.
     loops : str or Path, optional
-        A table of loops (TOML) that says of the tag what the caller does not, see `detectors.records.loop_table`.
+        A table of loops (TOML) that says of the tag what the caller does not, see
+        `detectors.records.loop_table`.
     automatic : bool
-        Where the controller's mode is recorded, return the longest stretch in automatic; else all, `meta["manual"]` says
-        where OP was the operator's.
+        Where the controller's mode is recorded, return the longest stretch in automatic; else all,
+        `meta["manual"]` says where OP was the operator's.
     **about
-        Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a record of which more than
-        20 % is missing is not refused, and its longest segment without a long hole is returned.
+        Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a
+        record of which more than 20 % is missing is not refused, and its longest segment without a
+        long hole is returned.
 
     Returns
     -------
     LoopRecord
-        Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the longest whole
-        segment is returned; of an archive that stores changes only, values hold until the next. `notes` says all of it, and
-        everything else that had to be assumed: lines left out, states such as "Bad", units, the order of day and month.
+        Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the
+        longest whole segment is returned; of an archive that stores changes only, values hold until
+        the next. `notes` says all of it, and everything else that had to be assumed: lines left
+        out, states such as "Bad", units, the order of day and month.
 
     Raises
     ------
     RecordError
-        In one sentence that ends with the options that help: missing, empty or binary file, no PV or OP column, or several
-        loops, text where a number should be (with its line), what can be read in two ways, time that does not rise, more
-        than 20 % missing, fewer than 3 samples.
+        In one sentence that ends with the options that help: missing, empty or binary file, no PV
+        or OP column, or several loops, text where a number should be (with its line), what can be
+        read in two ways, time that does not rise, more than 20 % missing, fewer than 3 samples.
 
     Examples
     --------
@@ -156,7 +162,9 @@ def read_records(
 def _of_row(
     path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False
 ) -> LoopRecord:
-    """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its columns must name the tag."""
+    """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its
+    columns must name the tag.
+    """
     tag = None if "columns" in row else row["tag"]
     found = _of_file(
         path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given)
@@ -245,9 +253,16 @@ def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_file(
-    path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
-    automatic: bool = True, in_columns: bool = False, **about: Any,
-) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
+    path: Path,
+    tag: str | None,
+    *,
+    columns: Mapping[str, str] | None = None,
+    Ts: float | None = None,
+    single: bool = False,
+    automatic: bool = True,
+    in_columns: bool = False,
+    **about: Any,
+) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:
     """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
 
     A tag names the only loop where no column names one, unless it must stand `in_columns`.
@@ -313,7 +328,8 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     if key is None or "label" not in rows:
         has = ", ".join(rows)
         raise RecordError(
-            f"{path}: a table of labels needs the columns id (or record) and label; it has {has:.200}"
+            f"{path}: a table of labels needs the columns id (or record) and label; it has"
+            f" {has:.200}"
         )
     table = {}
     for i, name in enumerate(rows[key]):
@@ -343,7 +359,9 @@ def _label(text: str, where: str) -> str:
 
 @dataclass
 class _Opened:
-    """A file's table with the units of its columns and, where signals have times of their own, a part per tag."""
+    """A file's table with the units of its columns and, where signals have times of their own, a
+    part per tag.
+    """
 
     sheet: Sheet
     units: dict[str, str]
@@ -361,7 +379,9 @@ class _Opened:
 
 
 def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str, _Opened]:
-    """Return a file's table, of a workbook with several those of its sheets by name, or the one that a tag names."""
+    """Return a file's table, of a workbook with several those of its sheets by name, or the one
+    that a tag names.
+    """
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
@@ -375,7 +395,9 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
 
 
 def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
-    """Return a refusal that asks which column is what with the columns and their ranges; any other as it is."""
+    """Return a refusal that asks which column is what with the columns and their ranges; any other
+    as it is.
+    """
     if f"={ASKED}" not in error.cure:
         return error
     cells = {
@@ -461,7 +483,9 @@ def _record(
 
 
 def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:
-    """Return every sample's mode, None where no word of it is understood: a historian stores a mode when it changes."""
+    """Return every sample's mode, None where no word of it is understood: a historian stores a mode
+    when it changes.
+    """
     known = np.flatnonzero(modes != "")
     if not known.size:
         notes.append(f"mode: {name!r} is not understood and counts for nothing")
@@ -470,7 +494,9 @@ def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | N
 
 
 def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, notes: list[str]):
-    """Return the longest stretch in automatic or cascade, and say what share of the record either is."""
+    """Return the longest stretch in automatic or cascade, and say what share of the record either
+    is.
+    """
     share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
     said = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
     runs = runs_of(held != MAN)
@@ -484,7 +510,10 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
         )
         return t, signals, 0.0
     a, b = map(int, runs[np.argmax(lengths)])
-    part = f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest stretch in automatic"
+    part = (
+        f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest"
+        " stretch in automatic"
+    )
     notes.append(f"mode: {said}; {part}")
     return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
 
@@ -509,7 +538,9 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
 def _wide(
     table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, where: str
 ):
-    """Read a table with a column per signal: times, signals and modes as they stand in it, NaN where unknown."""
+    """Read a table with a column per signal: times, signals and modes as they stand in it, NaN
+    where unknown.
+    """
     sheet, units = table.sheet, table.units
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
@@ -573,7 +604,9 @@ def _join_dates(sheet: Sheet) -> None:
 
 
 def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | None, where: str):
-    """Put the tags of a long table side by side; returns also the sampling period, where it was needed to do so."""
+    """Put the tags of a long table side by side; returns also the sampling period, where it was
+    needed to do so.
+    """
     series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     for role in ("op", "pv"):
         if series[role][0].size < 3:
@@ -602,7 +635,10 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
     ]
     if Ts is None and uneven:
         usual = float(np.median(np.diff(series["pv"][0])))
-        said = f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling period Ts to use"
+        said = (
+            f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling"
+            " period Ts to use"
+        )
         raise RecordError(said, f"--ts {usual:.3g}")
     t, signals, step, notes = hold(series, Ts, where)
     parts["pv"].notes += notes or [

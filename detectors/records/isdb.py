@@ -1,4 +1,6 @@
-"""ISDB: the International Stiction Data Base, isdb10.mat with cdata.<sector>.<loopN>, loop by loop."""
+"""ISDB: the International Stiction Data Base, isdb10.mat with cdata.<sector>.<loopN>, loop by
+loop.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def read_loops(path: Path) -> dict[str, Any]:
 
     if not path.is_file():  # a pipe would be waited for
         raise RecordError(
-            f"file {path} {'is no file' if path.exists() else 'does not exist'}; an ISDB file is needed"
+            f"file {path} {'is no file' if path.exists() else 'does not exist'}; an ISDB file is"
+            " needed"
         )
     try:
         data = loadmat(path, struct_as_record=False, squeeze_me=True)["cdata"]
@@ -55,7 +58,8 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
         if len(loops) != 1:
             like = next(iter(loops), "chemicals.loop1")
             raise RecordError(
-                f"file {path} holds {len(loops)} loops; name one of them, which is needed, like {like}"
+                f"file {path} holds {len(loops)} loops; name one of them, which is needed, like"
+                f" {like}"
             )
         loop = next(iter(loops))
     if loop not in loops:
@@ -69,7 +73,8 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
         ValueError,
     ) as error:  # whatever a damaged file holds in place of numbers
         raise RecordError(
-            f"file {path}: loop {loop!r} holds no signals that can be read: {error}; OP, PV are needed"
+            f"file {path}: loop {loop!r} holds no signals that can be read: {error}; OP, PV are"
+            " needed"
         ) from None
 
 

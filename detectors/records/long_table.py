@@ -1,4 +1,6 @@
-"""Tables whose signals have times of their own: one row per time, tag and value, or a column of times beside every signal."""
+"""Tables whose signals have times of their own: one row per time, tag and value, or a column of
+times beside every signal.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ _TIME = "t"  # the column of times in a part
 
 
 def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
-    """Take a table apart whose signals have times of their own, tag by tag; None where they share one."""
+    """Take a table apart whose signals have times of their own, tag by tag; None where they share
+    one.
+    """
     names = list(sheet.columns)
     found = long_columns(names)
     if found is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
@@ -55,7 +59,9 @@ def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
 def read_series(
     part: Sheet, role: str, where: str, chosen: Mapping[str, str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (s) and values of one tag, what is missing left out; of a mode the words in place of numbers."""
+    """Return the times (s) and values of one tag, what is missing left out; of a mode the words in
+    place of numbers.
+    """
     name = next(n for n in part.columns if n != _TIME and not is_quality(n))
     t = seconds(
         part.columns[_TIME],
@@ -95,7 +101,9 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
 
 
 def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
-    """Take apart a table that has a column of times before every signal, as PI DataLink writes compressed data."""
+    """Take apart a table that has a column of times before every signal, as PI DataLink writes
+    compressed data.
+    """
     names = list(sheet.columns)
     times = [n for n in names if _holds_times(sheet, n)]
     parts: dict[str, Sheet] = {}

@@ -9,9 +9,18 @@ from typing import Any
 from detectors.errors import RecordError, nearest
 
 _KEYS = {
-    "tag": str, "file": str, "columns": dict, "op_span": list, "pv_span": list, "kind": str, "process": str, "Ts": float,
-    "label": str, "loop": str, "unit_group": str,
-}  # fmt: skip
+    "tag": str,
+    "file": str,
+    "columns": dict,
+    "op_span": list,
+    "pv_span": list,
+    "kind": str,
+    "process": str,
+    "Ts": float,
+    "label": str,
+    "loop": str,
+    "unit_group": str,
+}
 
 
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:

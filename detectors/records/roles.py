@@ -1,4 +1,6 @@
-"""Which column is what: names of signals, units, quality and tags, as historians and control systems write them."""
+"""Which column is what: names of signals, units, quality and tags, as historians and control
+systems write them.
+"""
 
 from __future__ import annotations
 
@@ -17,41 +19,197 @@ MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 ASKED = "NAME"  # stands in a hint for the column that the user alone can name
 TIME_NAMES = (
-    "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
-    "date and time", "elapsed", "elapsed time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit",
-    "datum zeit", "horodatage",
-    "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
-    "时间戳", "时间", "日期时间", "日期",
-)  # fmt: skip
+    "t s",
+    "t",
+    "time",
+    "timestamp",
+    "ts",
+    "datetime",
+    "date time",
+    "date",
+    "time stamp",
+    "t stamp",
+    "time string",
+    "date and time",
+    "elapsed",
+    "elapsed time",
+    "zeitstempel",
+    "zeit",
+    "zeitpunkt",
+    "datum",
+    "datum uhrzeit",
+    "uhrzeit",
+    "datum zeit",
+    "horodatage",
+    "date heure",
+    "heure",
+    "temps",
+    "marca de tiempo",
+    "fecha hora",
+    "fecha y hora",
+    "fecha",
+    "hora",
+    "tiempo",
+    "ora",
+    "时间戳",
+    "时间",
+    "日期时间",
+    "日期",
+)
 DATES, CLOCKS = (
     ("date", "datum", "fecha", "日期"),
     ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间"),
 )
-# other words for a signal, its own first; CV and MV mean different things in different plants. Accents are left out
+# other words for a signal, its own first; CV and MV mean different things in different plants.
+# Accents are left out
 SIGNAL_WORDS = {
-    "pv": ("pv", "meas", "measurement", "measured value", "process value", "process variable", "pv in", "istwert", "ist",
-           "regelgrosse", "regelgroesse", "mesure", "valeur mesuree", "medida", "medicion", "valor medido", "valor de proceso",
-           "variable de proceso", "misura", "测量值", "测量", "过程值", "过程变量", "实际值", "被控变量"),
-    "op": ("op", "out", "output", "co", "controller output", "control output", "lmn", "stellgrosse", "stellgroesse",
-           "stellwert", "stellsignal", "reglerausgang", "ausgang", "sortie", "sortie regulateur", "commande", "salida",
-           "salida del controlador", "salida controlador", "uscita", "输出", "输出值", "控制器输出", "控制输出", "阀位指令",
-           "阀门开度指令"),
-    "sp": ("sp", "spt", "sv", "setpoint", "set point", "setpt", "sollwert", "soll", "fuhrungsgrosse", "fuehrungsgroesse",
-           "consigne", "consigna", "punto de consigna", "设定值", "设定", "给定值", "给定"),
-    "mv": ("mv", "valve position", "position", "ventilstellung", "stellungsruckmeldung", "ruckmeldung", "rueckmeldung",
-           "position vanne", "posicion valvula", "posicion de valvula", "阀位反馈", "阀位", "阀门开度"),
+    "pv": (
+        "pv",
+        "meas",
+        "measurement",
+        "measured value",
+        "process value",
+        "process variable",
+        "pv in",
+        "istwert",
+        "ist",
+        "regelgrosse",
+        "regelgroesse",
+        "mesure",
+        "valeur mesuree",
+        "medida",
+        "medicion",
+        "valor medido",
+        "valor de proceso",
+        "variable de proceso",
+        "misura",
+        "测量值",
+        "测量",
+        "过程值",
+        "过程变量",
+        "实际值",
+        "被控变量",
+    ),
+    "op": (
+        "op",
+        "out",
+        "output",
+        "co",
+        "controller output",
+        "control output",
+        "lmn",
+        "stellgrosse",
+        "stellgroesse",
+        "stellwert",
+        "stellsignal",
+        "reglerausgang",
+        "ausgang",
+        "sortie",
+        "sortie regulateur",
+        "commande",
+        "salida",
+        "salida del controlador",
+        "salida controlador",
+        "uscita",
+        "输出",
+        "输出值",
+        "控制器输出",
+        "控制输出",
+        "阀位指令",
+        "阀门开度指令",
+    ),
+    "sp": (
+        "sp",
+        "spt",
+        "sv",
+        "setpoint",
+        "set point",
+        "setpt",
+        "sollwert",
+        "soll",
+        "fuhrungsgrosse",
+        "fuehrungsgroesse",
+        "consigne",
+        "consigna",
+        "punto de consigna",
+        "设定值",
+        "设定",
+        "给定值",
+        "给定",
+    ),
+    "mv": (
+        "mv",
+        "valve position",
+        "position",
+        "ventilstellung",
+        "stellungsruckmeldung",
+        "ruckmeldung",
+        "rueckmeldung",
+        "position vanne",
+        "posicion valvula",
+        "posicion de valvula",
+        "阀位反馈",
+        "阀位",
+        "阀门开度",
+    ),
     MODE: ("mode", "controller mode", "modus", "betriebsart", "modo", "模式"),
-}  # fmt: skip
+}
 QUALITY = (
-    "quality", "opcquality", "opc quality", "quality detail", "quality code", "data quality", "status", "qual", "qc",
-    "validity", "qstatus", "qlevel", "confidence", "good", "bad", "qualitat", "qualitaet", "qualite", "calidad", "qualita",
-    "质量", "状态",
-)  # fmt: skip
+    "quality",
+    "opcquality",
+    "opc quality",
+    "quality detail",
+    "quality code",
+    "data quality",
+    "status",
+    "qual",
+    "qc",
+    "validity",
+    "qstatus",
+    "qlevel",
+    "confidence",
+    "good",
+    "bad",
+    "qualitat",
+    "qualitaet",
+    "qualite",
+    "calidad",
+    "qualita",
+    "质量",
+    "状态",
+)
 TAG_COLUMNS = (
-    "tag", "tagname", "tag name", "point", "point name", "pointname", "variable", "name", "varname", "var name", "item id",
-    "itemid", "item", "object", "tag path", "path", "series", "metric", "node id", "nodeid", "measurement", "data source",
-    "messstelle", "repere", "etiqueta", "nombre", "标签", "标签名", "位号", "点名",
-)  # fmt: skip
+    "tag",
+    "tagname",
+    "tag name",
+    "point",
+    "point name",
+    "pointname",
+    "variable",
+    "name",
+    "varname",
+    "var name",
+    "item id",
+    "itemid",
+    "item",
+    "object",
+    "tag path",
+    "path",
+    "series",
+    "metric",
+    "node id",
+    "nodeid",
+    "measurement",
+    "data source",
+    "messstelle",
+    "repere",
+    "etiqueta",
+    "nombre",
+    "标签",
+    "标签名",
+    "位号",
+    "点名",
+)
 PARAMETER_COLUMNS = (
     "field",
     "parameter",
@@ -91,21 +249,78 @@ _VALUE_SUFFIX = (
     "wert",
 )
 _UNITS = {
-    "pct", "percent", "prozent", "%", "kpa", "mpa", "hpa", "pa", "bar", "barg", "mbar", "psi", "psig", "degc", "degf",
-    "m3h", "m3hr", "kgh", "kghr", "nm3h", "lpm", "gpm", "lmin", "mm", "cm", "ma", "v", "volt", "counts", "cnt", "ppm", "rpm",
-    "celsius", "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
-}  # fmt: skip
+    "pct",
+    "percent",
+    "prozent",
+    "%",
+    "kpa",
+    "mpa",
+    "hpa",
+    "pa",
+    "bar",
+    "barg",
+    "mbar",
+    "psi",
+    "psig",
+    "degc",
+    "degf",
+    "m3h",
+    "m3hr",
+    "kgh",
+    "kghr",
+    "nm3h",
+    "lpm",
+    "gpm",
+    "lmin",
+    "mm",
+    "cm",
+    "ma",
+    "v",
+    "volt",
+    "counts",
+    "cnt",
+    "ppm",
+    "rpm",
+    "celsius",
+    "hz",
+    "mmhg",
+    "scfm",
+    "kgs",
+    "tph",
+    "th",
+    "c",
+    "m",
+}
 _DIN = {"w": "sp", "x": "pv", "y": "op"}  # behind a tag, as DIN 19226 calls them: TIC5.X
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
-# what may stand before the name of what is measured: Consigne débit; an output or a position may be the process's own
-_FIRST = {"setpoint", "sollwert", "istwert", "stellgrosse", "stellgroesse", "stellwert", "mesure", "consigne", "sortie",
-          "commande", "medida", "medicion", "consigna", "salida", "misura", "uscita"}  # fmt: skip
+# what may stand before the name of what is measured: Consigne débit; an output or a position may be
+# the process's own
+_FIRST = {
+    "setpoint",
+    "sollwert",
+    "istwert",
+    "stellgrosse",
+    "stellgroesse",
+    "stellwert",
+    "mesure",
+    "consigne",
+    "sortie",
+    "commande",
+    "medida",
+    "medicion",
+    "consigna",
+    "salida",
+    "misura",
+    "uscita",
+}
 
 
 @dataclass(frozen=True)
 class Name:
-    """A column's name taken apart: the words of its loop, the signal, and how surely it is that one."""
+    """A column's name taken apart: the words of its loop, the signal, and how surely it is that
+    one.
+    """
 
     loop: tuple[str, ...]
     role: str | None
@@ -155,7 +370,9 @@ def parse(name: str) -> Name:
 
 
 def _parts(name: object) -> list[str]:
-    """Return the words of a name, whatever separates them, without what stands in brackets behind them."""
+    """Return the words of a name, whatever separates them, without what stands in brackets behind
+    them.
+    """
     text = str(name).strip()
     lead = re.match(r"\[([^\]]*)\](?=.)", text)
     rest = re.sub(r"[\[(][^\])]*[\])]?", " ", text[lead.end() :] if lead else text)
@@ -173,7 +390,9 @@ def _parts(name: object) -> list[str]:
 
 
 def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
-    """Return which signal some words end with, in how many of them, and whether by its own word (0) or another (1)."""
+    """Return which signal some words end with, in how many of them, and whether by its own word (0)
+    or another (1).
+    """
     for cut in range(len(parts), 0, -1):
         best: tuple[str | None, int, int] = (None, 0, 1)
         for role, among in SIGNAL_WORDS.items():
@@ -199,7 +418,8 @@ def find_loops(
         if said.role is not None and name not in fixed.values():
             groups.setdefault(said.loop, {}).setdefault(said.role, []).append(name)
     for loop, found in groups.items():
-        # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may be a valve's position
+        # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may
+        # be a valve's position
         if (
             loop
             and "op" not in found
@@ -255,7 +475,9 @@ def names_loops(names: Sequence[str]) -> bool:
 
 
 def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
-    """Return the columns that the caller names, checked; the time and quality are others' business."""
+    """Return the columns that the caller names, checked; the time and quality are others'
+    business.
+    """
     roles: dict[str, str] = {}
     for given, name in chosen.items():
         role = "t" if plain(given).replace("_", " ") in TIME_NAMES else given
@@ -299,9 +521,13 @@ def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
 
 
 def _one(
-    names: Sequence[str], groups: Mapping[tuple[str, ...], dict[str, list[str]]], fixed: dict[str, str], where: str,
-    tag: str | None, loop: tuple[str, ...] | None = None,
-) -> dict[str, str]:  # fmt: skip
+    names: Sequence[str],
+    groups: Mapping[tuple[str, ...], dict[str, list[str]]],
+    fixed: dict[str, str],
+    where: str,
+    tag: str | None,
+    loop: tuple[str, ...] | None = None,
+) -> dict[str, str]:
     """Return the signals of the only loop: its own columns, then such as name no other loop."""
     if loop is None and "pv" in fixed:
         loop = parse(fixed["pv"]).loop
@@ -332,7 +558,8 @@ def _one(
     }
     if len(loops) == 2 and all(loops.values()) and tag is None and not _alike(*loops.values()):
         raise RecordError(
-            f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is needed",
+            f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is"
+            " needed",
             _columns(roles),
         )
     return roles
@@ -382,7 +609,9 @@ def is_quality(name: str) -> bool:
 
 
 def quality_of(name: str) -> list[str] | None:
-    """Return the words of which the name of a quality says it is one, or None; of several alike the later are numbered."""
+    """Return the words of which the name of a quality says it is one, or None; of several alike the
+    later are numbered.
+    """
     return ends_with(re.sub(r"\.\d+$", "", name), QUALITY)
 
 
@@ -397,20 +626,24 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
             raise RecordError(f"--columns {text!r}: ROLE=NAME is needed, like op=FIC101.OUT")
         if role.strip() in pairs:
             raise RecordError(
-                f"--columns {text!r}: {role.strip()} is {pairs[role.strip()]!r} already; one is allowed"
+                f"--columns {text!r}: {role.strip()} is {pairs[role.strip()]!r} already; one is"
+                " allowed"
             )
         pairs[role.strip()] = name.strip()
     return pairs or None
 
 
 def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: str) -> RecordError:
-    """Return the refusal of a table without a signal, with the form of the option that names it where a column is free."""
+    """Return the refusal of a table without a signal, with the form of the option that names it
+    where a column is free.
+    """
     said = f"{where}: no {role.upper()} column"
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
     if not any(re.search(r"[^\W\d]", n) for n in names):
         return RecordError(
-            f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first"
+            f"{where}: no header line, the first is {shown(names)}; the names of its columns are"
+            " needed first"
         )
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
@@ -421,7 +654,9 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
 
 
 def unit(name: str) -> str:
-    """Return the unit in a name: in brackets at its end, behind a signal, or behind the last underscore of a time."""
+    """Return the unit in a name: in brackets at its end, behind a signal, or behind the last
+    underscore of a time.
+    """
     tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", plain(name))
     return parse(name).unit or (
         tail.group(1) if tail and tail.group(1) not in ("stamp", "string") else ""

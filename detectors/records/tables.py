@@ -28,9 +28,22 @@ Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
 _PREAMBLE = 60  # lines in which the header is looked for
 _OFTEN = {
-    "time", "timestamp", "datetime", "date", "value", "zeit", "zeitstempel", "horodatage", "fecha", "quality", "qualitycode",
-    "qc", "status", "confidence", "validity",
-}  # fmt: skip
+    "time",
+    "timestamp",
+    "datetime",
+    "date",
+    "value",
+    "zeit",
+    "zeitstempel",
+    "horodatage",
+    "fecha",
+    "quality",
+    "qualitycode",
+    "qc",
+    "status",
+    "confidence",
+    "validity",
+}
 
 
 @dataclass
@@ -70,7 +83,9 @@ def read_sheet(path: Path) -> Sheet:
 
 
 def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[str, Sheet]:
-    """Read the tables of a file by name: of a workbook every sheet with a header, or the first; else the only one."""
+    """Read the tables of a file by name: of a workbook every sheet with a header, or the first;
+    else the only one.
+    """
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
     if not path.is_file():
@@ -137,7 +152,9 @@ def _refuse_large_parquet(path: Path) -> None:
 
 
 def _workbook(path: Path) -> dict[str, list[list[str]]]:
-    """Read the cells of every sheet; a small file that unpacks to a large one is refused before it fills the memory."""
+    """Read the cells of every sheet; a small file that unpacks to a large one is refused before it
+    fills the memory.
+    """
     import pandas as pd
 
     if zipfile.is_zipfile(path):
@@ -145,7 +162,8 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
             size = sum(item.file_size for item in packed.infolist())
         if size > MOST_UNPACKED:
             raise RecordError(
-                f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read"
+                f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB"
+                " are read"
             )
     frames = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2, sheet_name=None)
     if max(map(len, frames.values())) > MOST_ROWS + 1:
@@ -200,12 +218,17 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         chinese = data.decode("gb18030", errors="replace")
         if re.search("时间|日期|位号|测量值|设定值|输出", chinese[:4096]):
             return chinese, [f"file: byte {error.start} is not UTF-8, read as GB 18030"]
-        said = f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in both"
+        said = (
+            f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in"
+            " both"
+        )
         return data.decode("cp1252", errors="replace"), [said]
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
-    """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and says nothing of it."""
+    """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and
+    says nothing of it.
+    """
     text, notes = _decoded(path)
     lines = text.splitlines()
     start, head, above = 0, lines[0] if lines else "", []
@@ -266,7 +289,9 @@ def _table(
     is_head: Callable[[Sequence[str]], bool],
     above: Sequence[str] = (),
 ) -> Sheet:
-    """Name the columns by the first row that does, else by the first row; a row of loops above it names them further."""
+    """Name the columns by the first row that does, else by the first row; a row of loops above it
+    names them further.
+    """
     start = next((i for i, row in enumerate(rows[:_PREAMBLE]) if is_head(row)), 0)
     names = [name.strip() for name in rows[start]] if rows else []
     while (
@@ -296,7 +321,8 @@ def _table(
             )  # of a time column per tag, the shorter series have ended
         if len(row) != len(names):
             raise RecordError(
-                f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed"
+                f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are"
+                " needed"
             )
         body.append(row)
         kept.append(line)
@@ -327,7 +353,9 @@ def _table(
 
 
 def _merged(names: list[str], over: list[str]) -> list[str]:
-    """Put the names of a row above, each over several columns, before the names of the columns that it covers."""
+    """Put the names of a row above, each over several columns, before the names of the columns that
+    it covers.
+    """
     over = (over + [""] * len(names))[: len(names)]
     low = [n.lower() for n in names if n]
     covers = any(over[1:]) and (not over[0] or not names[0] or len(set(low)) < len(low))

@@ -1,4 +1,6 @@
-"""Report: files in, verdicts out, as text, JSON objects and a score table; one code for every command line."""
+"""Report: files in, verdicts out, as text, JSON objects and a score table; one code for every
+command line.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +102,10 @@ class Report:
             ((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores),
             key=lambda n: n[1],
         )
-        said = f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no costs"
+        said = (
+            f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no"
+            " costs"
+        )
         said += (
             f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
         )
@@ -112,7 +117,8 @@ class Report:
         Returns
         -------
         DataFrame
-            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, and the indices.
+            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit,
+            applicable, reason, and the indices.
         """
         return summary.to_frame(self.verdicts)
 
@@ -138,7 +144,9 @@ class Report:
 
 
 def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
-    """Return one clause per method that gave no verdict where it was asked for one: how often, and why first."""
+    """Return one clause per method that gave no verdict where it was asked for one: how often, and
+    why first.
+    """
     first: dict[str, list[str]] = {}
     for _, verdict in verdicts:
         if verdict.reason.startswith(FAILED):
@@ -168,14 +176,17 @@ def judge_files(
     time_limit: float = SECONDS,
     conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
 ) -> Report:
-    """Judge a record file, a folder of them, or an ISDB .mat file; `conclude` weighs all evidence of one record."""
+    """Judge a record file, a folder of them, or an ISDB .mat file; `conclude` weighs all evidence
+    of one record.
+    """
     with registry.hosted(plugins, time_limit) as added:
         names = choose_methods(methods)
         names += [a for a in added if a not in names]
         for method in thresholds or {}:
             if method not in names:
                 raise ParameterError(
-                    f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}"
+                    f"thresholds are given for {method!r}, which is not asked:"
+                    f" {nearest(method, names)}"
                 )
         about = {
             "process": process,
@@ -198,7 +209,8 @@ def judge_files(
         for name, record in kept.items():
             found = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
             verdicts += [(name, verdict) for verdict in found]
-            # of a folder only where the method that costs as much was asked for: a report concludes of every record
+            # of a folder only where the method that costs as much was asked for: a report concludes
+            # of every record
             if conclude is not None and (alone or _WEIGHED_BY in names):
                 conclusions[name] = conclude(record)
         return Report(
@@ -212,7 +224,9 @@ def _records(
     labels: str | Path | None,
     about: dict[str, Any],
 ):
-    """Return records by name, the sentences of those left out, and whether one record alone was asked for."""
+    """Return records by name, the sentences of those left out, and whether one record alone was
+    asked for.
+    """
     folder = path.is_dir() or (
         path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None
     )
@@ -252,7 +266,9 @@ def choose_methods(names: Iterable[str]) -> list[str]:
 def score_units(
     verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
 ) -> list[dict[str, Any]]:
-    """Score verdicts against labels by cost, counted by unit: the records of a loop, or of loops that share an oscillation."""
+    """Score verdicts against labels by cost, counted by unit: the records of a loop, or of loops
+    that share an oscillation.
+    """
     units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
     for name, verdict in verdicts:
         row = labels.get(str(name))
@@ -315,7 +331,8 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
+    """Return cells as lines of equal columns: for files, which have no width to which rich could
+    fit a table.
 
     >>> columns([("a", "b"), ("long", "c")])
     ['a     b', 'long  c']

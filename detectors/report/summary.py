@@ -32,13 +32,18 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     others = [v for v in asked if v.applicable is not False]
     count = Counter(v.verdict for v in others)
     left_out = len(asked) - len(others)
-    said = f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'} stiction, "
+    said = (
+        f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'}"
+        " stiction, "
+    )
     said += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
     return said + (f"; {left_out} not made for this loop" if left_out else "")
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
-    """Return what is true of the record and not of one method: said by most of several, or by the loader."""
+    """Return what is true of the record and not of one method: said by most of several, or by the
+    loader.
+    """
     clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))
     least = max(2, (len(verdicts) + 1) // 2)
     return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
@@ -57,7 +62,9 @@ def as_text(
     why: bool = False,
     colour: bool = False,
 ) -> str:
-    """Return what was concluded of each record, summary and table, and the reasons where asked for."""
+    """Return what was concluded of each record, summary and table, and the reasons where asked
+    for.
+    """
     found, concluded = list(groups), concluded or {}
     lines = []
     if len(found) == 1:
@@ -107,7 +114,9 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
 
 
 def level(value: Level) -> str:
-    """Write a stick band or slip jump: a number, an interval, or that the record does not fix it."""
+    """Write a stick band or slip jump: a number, an interval, or that the record does not fix
+    it.
+    """
     if value is None:
         return "not identifiable"
     return f"{value:.3g}" if isinstance(value, (int, float)) else "{:.3g} to {:.3g}".format(*value)
@@ -119,7 +128,8 @@ def _about(name: str | None, record: LoopRecord | None) -> list[str]:
     known = ", ".join(k for k in (record.kind, record.process) if k)
     tag = name or record.tag or "record"
     return [
-        f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g} s{', ' + known if known else ''}"
+        f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g}"
+        f" s{', ' + known if known else ''}"
     ]
 
 
@@ -202,7 +212,9 @@ def _clauses(reason: str) -> list[str]:
 
 
 def level_ends(value: Level) -> tuple[float, float]:
-    """Return both ends of a stick band or slip jump, twice the same of a number, NaN where the record does not fix it."""
+    """Return both ends of a stick band or slip jump, twice the same of a number, NaN where the
+    record does not fix it.
+    """
     if value is None:
         return np.nan, np.nan
     return (value, value) if isinstance(value, (int, float)) else value

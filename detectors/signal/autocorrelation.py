@@ -1,4 +1,6 @@
-"""Autocorrelation of a signal and what is read from it: zero crossings, decay per half period, how long it lasts."""
+"""Autocorrelation of a signal and what is read from it: zero crossings, decay per half period, how
+long it lasts.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from detectors.compiled import quick
 
 
 def detrend(x: np.ndarray) -> np.ndarray:
-    """Return the signal without its least-squares straight line, in units of its own std; zeros for a constant."""
+    """Return the signal without its least-squares straight line, in units of its own std; zeros for
+    a constant.
+    """
     return detrended(x[None])[0]
 
 
@@ -30,7 +34,9 @@ def detrended(rows: np.ndarray) -> np.ndarray:
 
 
 def centred(x: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return a signal less its mean, and its standard deviation, as numpy's methods do in thrice the time."""
+    """Return a signal less its mean, and its standard deviation, as numpy's methods do in thrice
+    the time.
+    """
     off = x - np.add.reduce(x) / x.size
     return off, math.sqrt(np.add.reduce(off * off) / x.size)
 
@@ -49,20 +55,26 @@ def fast_size(n: int) -> int:
 
 
 def acf(x: np.ndarray) -> np.ndarray:
-    """Return the biased autocorrelation of a mean-free signal for lags below half its length, by FFT."""
+    """Return the biased autocorrelation of a mean-free signal for lags below half its length, by
+    FFT.
+    """
     size = fast_size(x.size + x.size // 2)
     c = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size // 2]
     return c / c[0]
 
 
 def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) -> np.ndarray:
-    """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back."""
+    """Return where a signal crosses zero for good, that is, leaves the band on the other side
+    before it comes back.
+    """
     at = np.empty(x.size if most is None else most)
     return at[: quick(_crossings)(x, band, at)]
 
 
 def _crossings(x, band, at):
-    """Fill `at` with the places where a signal crosses zero for good, as many as there is room for; return their number."""
+    """Fill `at` with the places where a signal crosses zero for good, as many as there is room for;
+    return their number.
+    """
     count, changes, beyond, up = 0, 0, 0, x.size > 0 and x[0] > 0.0
     change = np.empty(
         x.size, dtype=np.int64
@@ -86,7 +98,9 @@ def _crossings(x, band, at):
 
 
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
-    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the line between neighbours."""
+    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the
+    line between neighbours.
+    """
     first, second, third, fourth = (
         int(np.ceil(at[0])),
         int(np.ceil(at[1])),
@@ -102,7 +116,9 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
 
 
 def lasting(x: np.ndarray, period: float) -> float:
-    """Return the amplitude of an oscillation in the last third of a signal over that in the first third."""
+    """Return the amplitude of an oscillation in the last third of a signal over that in the first
+    third.
+    """
     whole, half = int(np.rint(period)), int(np.rint(period / 2))
     power = x[whole:] * (x[:-whole] - x[whole - half : -half])
     third = power.size // 3

@@ -1,4 +1,6 @@
-"""Bicoherence: do pairs of frequencies in a signal drive their sum? The nonlinearity indices NGI and NLI from it."""
+"""Bicoherence: do pairs of frequencies in a signal drive their sum? The nonlinearity indices NGI
+and NLI from it.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,15 @@ class _Bicoherence:
     f1: np.ndarray  # its two frequencies, cycles per sample, f2 <= f1, f1 + f2 < 1/2, shape (m,)
     f2: np.ndarray
     segments: int  # averaged; a linear Gaussian signal gives bic2 of about 1/segments
-    # mean bic2 less its 95 % bound for a linear Gaussian signal of independent values; window and overlap make neighbours
-    # alike, so that a fifth of all linear signals exceed it. The published limit is above it.
+    # mean bic2 less its 95 % bound for a linear Gaussian signal of independent values; window and
+    # overlap make neighbours alike, so that a fifth of all linear signals exceed it. The published
+    # limit is above it.
     ngi: float
-    nli: float  # largest bic2 less (mean + 2 std): large when a few frequency pairs stand out, small again when nearly all do
-    height: float  # largest bic2 over the value that it exceeds in 5 % of linear Gaussian signals of this length
+    # largest bic2 less (mean + 2 std): large when a few frequency pairs stand out, small again when
+    # nearly all do
+    nli: float
+    # largest bic2 over the value that it exceeds in 5 % of linear Gaussian signals of this length
+    height: float
 
     def nonlinear(self, ngi_low: float = NGI_LOW, nli_low: float = NLI_LOW) -> bool:
         """Whether the signal is nonlinear by the published limits, or by others."""
@@ -49,24 +55,28 @@ class _Bicoherence:
 
 
 def boundaries(peak: tuple[float, float]) -> tuple[float, float]:
-    """Return the filter boundaries of Procedure 11.3, step 2, about two frequencies (cycles per sample)."""
+    """Return the filter boundaries of Procedure 11.3, step 2, about two frequencies (cycles per
+    sample).
+    """
     return max(LOWEST, min(peak) - BESIDE), min(0.5, max(peak) + BESIDE)
 
 
 def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     """Estimate the squared bicoherence of a signal by averaging over half-overlapping segments.
 
-    Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 / (E|X1 X2|^2
-    E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of freedom: mean 1/K, std 1/K, the
-    largest of m values about ln(m)/K. Bounds that 5 % of such signals
-    exceed whatever their length found fewer sticky loops than the published limits, and were right less often.
-    Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and nothing shows.
+    Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 /
+    (E|X1 X2|^2 E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of
+    freedom: mean 1/K, std 1/K, the largest of m values about ln(m)/K. Bounds that 5 % of such
+    signals exceed whatever their length found fewer sticky loops than the published limits, and
+    were right less often. Not for symmetric cycles: half-wave symmetry leaves odd harmonics only,
+    whose sums are even, and nothing shows.
     """
     i, j = _triangle(segment)
     hop = segment // 2
     pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann(segment)
-    # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit of the ratios
+    # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit
+    # of the ratios
     pieces = np.ldexp(pieces, -np.frexp(np.abs(pieces).max())[1])
     X = np.fft.rfft(pieces, axis=1).T
     K = X.shape[1]
@@ -89,11 +99,13 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
 
 
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
-    """Estimate the bicoherence of a control error, resampled so that a segment of 64 samples holds three cycles.
+    """Estimate the bicoherence of a control error, resampled so that a segment of 64 samples holds
+    three cycles.
 
-    Source: segments of 64 as in Choudhury, Shah & Thornhill (2004); Jelali (2013), section 11.7.2: down-sampled in such a
-    way that the FFT length holds at least 3 or 4 cycles. None for less than twelve cycles. Not for signals whose
-    nonlinearity shows above half the frequency of the new samples.
+    Source: segments of 64 as in Choudhury, Shah & Thornhill (2004); Jelali (2013), section 11.7.2:
+    down-sampled in such a way that the FFT length holds at least 3 or 4 cycles. None for less than
+    twelve cycles. Not for signals whose nonlinearity shows above half the frequency of the new
+    samples.
     """
     step = resampling_step(period)
     x = means(e, step)
@@ -104,7 +116,9 @@ def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
 
 
 def resampling_step(period: float) -> float:
-    """Return how many samples become one, so that a cycle of `period` samples has no more than its authors' records have."""
+    """Return how many samples become one, so that a cycle of `period` samples has no more than its
+    authors' records have.
+    """
     return max(1.0, period / _SAMPLES_PER_CYCLE) if np.isfinite(period) else 1.0
 
 

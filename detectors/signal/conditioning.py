@@ -1,4 +1,6 @@
-"""Conditioning: take slow drift and fast noise off an oscillating signal without shifting it in time."""
+"""Conditioning: take slow drift and fast noise off an oscillating signal without shifting it in
+time.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import numpy as np
 
 
 def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
-    """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of it removed.
+    """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of
+    it removed.
 
     Not for records of less than three periods: what stands for drift then is a guess.
     """
@@ -17,10 +20,12 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
 
 
 def clear_harmonics(x: np.ndarray, period: float) -> float:
-    """Return up to which harmonic a triangle of this size and period stands above the white noise in the signal.
+    """Return up to which harmonic a triangle of this size and period stands above the white noise
+    in the signal.
 
-    A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 / period between two
-    harmonics. Not for noise that is not white: its std is read from third differences.
+    A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 /
+    period between two harmonics. Not for noise that is not white: its std is read from third
+    differences.
     """
     return max((0.5 * period * float(x.var()) / max(noise_variance(x), 1e-300)) ** 0.25, 5.0)
 
@@ -29,12 +34,15 @@ def noise_variance(x: np.ndarray) -> float:
     """Return the variance of the white noise in a signal that is smooth but for it."""
     if x.size < 4:
         return 0.0
-    # a third difference has 20 times the noise's variance; the median of a squared standard normal is 0.4549
+    # a third difference has 20 times the noise's variance; the median of a squared standard normal
+    # is 0.4549
     return median(np.diff(x, 3) ** 2) / (20.0 * 0.4549)
 
 
 def median(x: np.ndarray) -> float:
-    """Return what `np.median` does of finite numbers, whose checks take longer than the sorting of a record."""
+    """Return what `np.median` does of finite numbers, whose checks take longer than the sorting of
+    a record.
+    """
     k = x.size // 2
     if x.size % 2:
         return float(np.partition(x, k)[k])
@@ -55,12 +63,16 @@ def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
 
 
 def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
-    """Return a signal on a grid far finer than any transmitter's, so that what rounding made unlike is alike again."""
+    """Return a signal on a grid far finer than any transmitter's, so that what rounding made unlike
+    is alike again.
+    """
     return np.rint(x / step) * step
 
 
 def means(x: np.ndarray, step: float) -> np.ndarray:
-    """Return the means over consecutive stretches of `step` samples, which need not be a whole number."""
+    """Return the means over consecutive stretches of `step` samples, which need not be a whole
+    number.
+    """
     if step == 1.0:
         return x
     total = np.concatenate([[0.0], np.cumsum(x)])
@@ -75,8 +87,8 @@ def means(x: np.ndarray, step: float) -> np.ndarray:
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
 
-    Source: the zero-phase filter with sharp boundaries that stands for the Wiener filter of Choudhury et al. (2006). Not for
-    signals with steps: sharp boundaries ring.
+    Source: the zero-phase filter with sharp boundaries that stands for the Wiener filter of
+    Choudhury et al. (2006). Not for signals with steps: sharp boundaries ring.
     """
     line = np.linspace(x[0], x[-1], x.size)
     f = np.fft.rfftfreq(x.size)
@@ -84,7 +96,9 @@ def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def drift(x: np.ndarray, period: float) -> np.ndarray:
-    """Return the mean over one period around each sample, which holds no oscillation of that period."""
+    """Return the mean over one period around each sample, which holds no oscillation of that
+    period.
+    """
     n = x.size
     half = min(period / 2.0, (n - 1) / 2.0)
     first, last = int(np.ceil(half)), int(np.floor(n - 1 - half))
@@ -113,7 +127,9 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
 def smooth(
     x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None
 ) -> np.ndarray:
-    """Return the signal without what is faster than a period, zero-phase, its ends continued by their mirror image."""
+    """Return the signal without what is faster than a period, zero-phase, its ends continued by
+    their mirror image.
+    """
     if shortest <= 2.0:
         return x
     from scipy.fft import idct
@@ -131,7 +147,9 @@ def _kept(n: int, shortest: float) -> np.ndarray:
 
 
 def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
-    """Return the spectrum of a signal and its mirror image behind it, whose ends meet: its cosine transform, shape (n,)."""
+    """Return the spectrum of a signal and its mirror image behind it, whose ends meet: its cosine
+    transform, shape (n,).
+    """
     from scipy.fft import dct
 
     return np.asarray(dct(x))

@@ -1,4 +1,6 @@
-"""Ellipse: direct least-squares fit to a PV-OP plot, its width along OP (apparent stiction) and how well it fits."""
+"""Ellipse: direct least-squares fit to a PV-OP plot, its width along OP (apparent stiction) and how
+well it fits.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ import numpy as np
 from detectors.signal.autocorrelation import centred
 
 TOLERANCE = 0.1  # a point counts as on the ellipse at 0.9 to 1.1 of its size
-_FLAT = 1e6  # condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is rounding
+# condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is
+# rounding
+_FLAT = 1e6
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,9 @@ class Ellipse:
 
     @property
     def axes(self) -> tuple[float, float, float]:
-        """Semi-axes a >= b and the angle of a from +x (rad, -pi/2..pi/2); meaningful where x and y share a unit."""
+        """Semi-axes a >= b and the angle of a from +x (rad, -pi/2..pi/2); meaningful where x and y
+        share a unit.
+        """
         half = np.hypot(self.A - self.C, self.B) / 2.0
         middle = (self.A + self.C) / 2.0
         alpha = 0.5 * np.arctan2(-self.B, self.C - self.A)
@@ -36,7 +42,9 @@ class Ellipse:
 
     @property
     def apparent_stiction(self) -> float:
-        """Chord through the centre along x: 2ab / sqrt(a^2 sin^2 alpha + b^2 cos^2 alpha) = 2 / sqrt(A) (Eq 11.15)."""
+        """Chord through the centre along x: 2ab / sqrt(a^2 sin^2 alpha + b^2 cos^2 alpha) = 2 /
+        sqrt(A) (Eq 11.15).
+        """
         return float(2.0 / np.sqrt(self.A))
 
     def size(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -52,8 +60,9 @@ class Ellipse:
 def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     """Fit an ellipse to points by least squares, the ellipse condition built in.
 
-    Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
-    partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
+    Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC
+    - B^2 = 1, in the partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the
+    fit leans to small, flat ellipses.
     """
     mx, my = float(x.mean()), float(y.mean())
     (u, sx), (v, sy) = centred(x), centred(y)

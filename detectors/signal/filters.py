@@ -1,4 +1,6 @@
-"""A rational filter run over a signal, as scipy.signal.lfilter, without loading scipy.signal (two thirds of a start)."""
+"""A rational filter run over a signal, as scipy.signal.lfilter, without loading scipy.signal (two
+thirds of a start).
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,8 @@ def lfilter(
 
     Notes
     -----
-    Transposed direct form II; the bits of scipy.signal.lfilter for denominators of at least first order. Not for long
-    finite responses, which a convolution by FFT gives faster.
+    Transposed direct form II; the bits of scipy.signal.lfilter for denominators of at least first
+    order. Not for long finite responses, which a convolution by FFT gives faster.
 
     Examples
     --------

@@ -1,5 +1,6 @@
-"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and shapes fitted to all
-of them at once."""
+"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and
+shapes fitted to all of them at once.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +15,9 @@ GUARD = 0.25  # a crossing counts when the signal then passes this many standard
 
 
 def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the line through the middles of the swings between reversals `at`, level beyond the first and the last."""
+    """Return the line through the middles of the swings between reversals `at`, level beyond the
+    first and the last.
+    """
     return np.interp(np.arange(x.size), 0.5 * (at[1:] + at[:-1]), 0.5 * (x[at[1:]] + x[at[:-1]]))
 
 
@@ -33,7 +36,9 @@ def split(
 
 
 def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Return the least mean squared error of each half cycle over a family of shapes, each with its best height."""
+    """Return the least mean squared error of each half cycle over a family of shapes, each with its
+    best height.
+    """
     height = (humps @ shapes.T).max(axis=1)
     return np.maximum((humps**2).sum(axis=1) - height**2, 0.0) / humps.shape[1]
 
@@ -67,7 +72,9 @@ def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 
 
 def two_line_misfit(humps: np.ndarray) -> np.ndarray:
-    """Return the mean squared error of two free straight lines per half cycle, which share its largest sample."""
+    """Return the mean squared error of two free straight lines per half cycle, which share its
+    largest sample.
+    """
     points = humps.shape[1]
     top, row = np.clip(humps.argmax(axis=1), 1, points - 2), np.arange(len(humps))
     left, right = _line_errors(humps)[row, top], _line_errors(humps[:, ::-1])[row, points - 1 - top]
@@ -92,7 +99,9 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
-    """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero."""
+    """Return the steady answers of first-order lags to a square wave, each cut where it crosses
+    zero.
+    """
     t = (np.arange(points) + 0.5) / points
     tau = np.geomspace(0.02, 200.0, 80)[:, None]
     peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))

@@ -26,7 +26,9 @@ def runs_of(x: np.ndarray) -> np.ndarray:
 
 
 def stuck(x: np.ndarray, unit: float = 0.0) -> float:
-    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance."""
+    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by
+    chance.
+    """
     change = np.diff(x)
     blocks = [b[b != 0.0] for b in np.array_split(change, max(x.size // 50, 1))]
     moving = [1.4826 * float(np.median(np.abs(b))) for b in blocks if b.size >= 10]

@@ -1,4 +1,6 @@
-"""The steps a signal is written in: the decimals of a file, and the lattice of a transmitter or of a coarse OP."""
+"""The steps a signal is written in: the decimals of a file, and the lattice of a transmitter or of
+a coarse OP.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ _COARSER = (
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 _REPEATS = 20  # samples per level from which a lattice is plain
 _BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
-_IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+# of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+_IMMATERIAL = 0.005
 _FEWEST_GAPS = 10  # for the mean length of the phases
 _ON_LATTICE = (
     0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
@@ -37,7 +40,9 @@ def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
-    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice."""
+    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits
+    is the signal's own lattice.
+    """
     unit = resolution(x)
     places = _places(x)
     finest = max([_digits(o) for o in others], default=0.0)
@@ -49,9 +54,9 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
 def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
 
-    A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have been written down on a finer
-    one: its levels are then a little off, each always by the same. Not for a file's own decimals: a transmitter of the same
-    step could not be told from them.
+    A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have
+    been written down on a finer one: its levels are then a little off, each always by the same. Not
+    for a file's own decimals: a transmitter of the same step could not be told from them.
     """
     rising = np.sort(x)
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
@@ -86,8 +91,9 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 def root_lattice(x: np.ndarray) -> float:
     """Return the step, at the signal's mean, of the lattice on which its square stands.
 
-    A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
-    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
+    A flow is the square root of the differential pressure that was digitised. The levels' phases
+    over one step are put on a circle (Rayleigh's test): for values that lie anywhere their mean is
+    about 1/sqrt(levels) long, on a lattice 1.
     """
     levels = np.unique(x)
     slope = 2.0 * float(np.abs(levels).mean())
@@ -95,12 +101,15 @@ def root_lattice(x: np.ndarray) -> float:
 
 
 def hides_nothing(step: float, x: np.ndarray, noise: float = 0.0) -> bool:
-    """Return whether rounding to a step adds next to nothing to a signal's moves, or to those of its noise unfiltered."""
+    """Return whether rounding to a step adds next to nothing to a signal's moves, or to those of
+    its noise unfiltered.
+    """
     return step**2 / 12.0 < _IMMATERIAL * max(float(np.var(np.diff(x))), 2.0 * noise**2)
 
 
 class Written(NamedTuple):
-    """How a column is written: its decimal `unit`, its lattice's `step`, and `digits`, the larger of both that hides nothing.
+    """How a column is written: its decimal `unit`, its lattice's `step`, and `digits`, the larger
+    of both that hides nothing.
 
     Each is in units of the column, and 0 where there is none.
     """
@@ -116,7 +125,9 @@ class Written(NamedTuple):
 
 
 def written(x: np.ndarray, *others: np.ndarray) -> Written:
-    """Return the digits and the lattice of a column, and which of them is no more than the way it was written."""
+    """Return the digits and the lattice of a column, and which of them is no more than the way it
+    was written.
+    """
     unit = written_unit(x, *others)
     step = lattice(x, unit)
     return Written(unit, step, step if step > 0.0 and hides_nothing(step, x) else unit)

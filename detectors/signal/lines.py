@@ -6,7 +6,8 @@ import numpy as np
 
 from detectors.signal.conditioning import median
 
-_NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
+# of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
+_NOISY = 0.3
 _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
 
 
@@ -19,18 +20,23 @@ def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
 
 
 def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> float:
-    """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance."""
+    """Return the share of samples that lie on a line through their neighbours beyond those that do
+    so by chance.
+    """
     bend, tolerance = _bends(x, unit, noise)
     near, beyond, far = np.histogram(bend[np.isfinite(bend)] / tolerance, [0.0, 1.0, 2.0, np.inf])[
         0
     ]
-    # the bends of a smooth signal become fewer with size at an even rate; lines have theirs within the rounding or far off
+    # the bends of a smooth signal become fewer with size at an even rate; lines have theirs within
+    # the rounding or far off
     chance = beyond + beyond**2 / max(far, 1e-9)
     return max(near - chance, 0.0) / max(x.size, 1)
 
 
 def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]:
-    """Return how far each inner sample is off a straight course (inf where nothing moves), and what rounding explains of it."""
+    """Return how far each inner sample is off a straight course (inf where nothing moves), and what
+    rounding explains of it.
+    """
     first, second = np.diff(x), np.diff(x, 2)
     exact = 1e-6 * (float(np.ptp(x)) or 1.0)
     tolerance = max(2.1 * unit, exact)
@@ -44,7 +50,9 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
 
 
 def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
-    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many."""
+    """Return how much of a signal's movement runs on straight lines between kept samples, and on
+    how many.
+    """
     size = np.abs(np.diff(x))
     usual = median(size[size > 0]) if size.any() else 0.0
     large = size > max(0.1 * usual, _LARGE * unit)

@@ -1,4 +1,6 @@
-"""Hagglund's front end: an oscillation is more load disturbances in the control error than a quiet loop has."""
+"""Hagglund's front end: an oscillation is more load disturbances in the control error than a quiet
+loop has.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,14 @@ _SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 def oscillation_by_loads(
     op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None
 ) -> Oscillation:
-    """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who look at the error alone.
+    """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who
+    look at the error alone.
 
-    Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50 integral times). The integral
-    time is read off OP and e, as below; where they show none, the oscillation's own period stands in. That a period must be
-    found is our own: many detectors need it, and in a large noise every few samples are a load. Not for a P controller
-    or a slow oscillation, of more than about ten integral times: too few loads are in memory at once.
+    Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50
+    integral times). The integral time is read off OP and e, as below; where they show none, the
+    oscillation's own period stands in. That a period must be found is our own: many detectors need
+    it, and in a large noise every few samples are a load. Not for a P controller or a slow
+    oscillation, of more than about ten integral times: too few loads are in memory at once.
     """
     found = find_oscillation(op, pv, Ts)
     period = integral_time(op, e, Ts) or found.period_s
@@ -34,9 +38,11 @@ def oscillation_by_loads(
 
 
 def integral_time(op: np.ndarray, e: np.ndarray, Ts: float) -> float | None:
-    """Return Ti (s) of the PI controller that moved OP by e, shapes (n,); None when no such controller did.
+    """Return Ti (s) of the PI controller that moved OP by e, shapes (n,); None when no such
+    controller did.
 
-    Least squares of OP's steps over those of e and e itself: dOP = Kc (de + Ts/Ti e), either sign of Kc.
+    Least squares of OP's steps over those of e and e itself: dOP = Kc (de + Ts/Ti e), either sign
+    of Kc.
     """
     steps = np.column_stack([np.diff(e), e[1:]])
     (gain, rate), *_ = np.linalg.lstsq(steps, np.diff(op), rcond=None)

@@ -1,7 +1,9 @@
-"""Kernels of the prediction error: which pieces of a signal are nearest to which, exactly, all pairs compared.
+"""Kernels of the prediction error: which pieces of a signal are nearest to which, exactly, all
+pairs compared.
 
-Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. Pieces stand side by side, `LANES`
-at a time, so that a comparison is one instruction; a tree does not pay for a few hundred pieces of ten samples.
+Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. Pieces
+stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree does not pay
+for a few hundred pieces of ten samples.
 """
 
 from __future__ import annotations
@@ -14,9 +16,11 @@ MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 
 
 def predicted(x, embedding, horizon, neighbours):
-    """Return the squared error of predicting `x` from what followed the nearest look-alikes of each piece.
+    """Return the squared error of predicting `x` from what followed the nearest look-alikes of each
+    piece.
 
-    Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the last that fit all count.
+    Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the
+    last that fit all count.
     """
     m = x.size - horizon - embedding + 1
     far = _distances(x, embedding, m)
@@ -41,7 +45,9 @@ def predicted(x, embedding, horizon, neighbours):
 
 
 def _distances(x, embedding, m):
-    """Return far[lag, LANES + i], the squared distance of pieces i and i + lag of `m`; infinite beyond the last pair."""
+    """Return far[lag, LANES + i], the squared distance of pieces i and i + lag of `m`; infinite
+    beyond the last pair.
+    """
     far = np.full((m, m + 2 * LANES), np.inf)
     square = np.empty(x.size)
     for lag in range(embedding, m):
@@ -57,7 +63,9 @@ def _distances(x, embedding, m):
 
 
 def nearest(far, embedding, m, neighbours):
-    """Return the squared distance of each piece's look-alike number `neighbours` (1 to MOST); infinite if it has fewer."""
+    """Return the squared distance of each piece's look-alike number `neighbours` (1 to MOST);
+    infinite if it has fewer.
+    """
     edge = np.empty(m + LANES)
     n0, n1, n2, n3, n4, n5, n6, n7 = (
         lanes(),

@@ -1,8 +1,9 @@
-"""Oscillation: is there a sustained one, how regular is it, what is its period, and where is it most regular?
+"""Oscillation: is there a sustained one, how regular is it, what is its period, and where is it
+most regular?
 
-Published measures: the regularity of the zero crossings of the autocorrelation function, ACF (Thornhill, Huang &
-Zhang 2003), the decay ratio of the ACF (Miao & Seborg 1999) and the integrated absolute error between crossings
-(Hagglund 1995).
+Published measures: the regularity of the zero crossings of the autocorrelation function, ACF
+(Thornhill, Huang & Zhang 2003), the decay ratio of the ACF (Miao & Seborg 1999) and the integrated
+absolute error between crossings (Hagglund 1995).
 """
 
 from __future__ import annotations
@@ -38,13 +39,15 @@ _HIGH_PASS = (
 )  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
-# own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
+# own, from simulated loops: swings of OP that count whichever least size they need, over a factor
+# of it, and are alike
 _LEAST_SWINGS = np.geomspace(
     0.08, 0.95, 30
 )  # shares of OP's range tried as the least swing between two reversals
 _BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
 _GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
-_UNDERWAY = 0.3  # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
+# own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
+_UNDERWAY = 0.3
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,17 @@ class Oscillation:
         "nan"
     )  # amplitude in the last third of the record over that in the first
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
-    swings: int = 0  # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
+    # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
+    swings: int = 0
 
     @property
     def evidence(self) -> str:
         """The number that says whether it is sustained."""
         if self.swings and np.isnan(self.loads):
-            return f"{self.swings} swings of OP of one size, whose period wanders (r = {self.regularity:.2f})"
+            return (
+                f"{self.swings} swings of OP of one size, whose period wanders (r ="
+                f" {self.regularity:.2f})"
+            )
         return (
             f"r = {self.regularity:.2f}"
             if np.isnan(self.loads)
@@ -82,7 +89,8 @@ NOTHING = Oscillation(False, 0.0, float("nan"))
 def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     """Find the sustained oscillation of a loop in OP or PV, whichever shows it more regularly.
 
-    Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the record first.
+    Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the
+    record first.
     """
     of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
     in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
@@ -95,11 +103,13 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
 
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
-    """Return the reversals of a cycle whose period wanders and whose swing does not, or None where there is none.
+    """Return the reversals of a cycle whose period wanders and whose swing does not, or None where
+    there is none.
 
-    Own. A swing of OP by S sets a sticky valve free, however long it takes: swings are alike, as many count whether a third or
-    a half of their size is asked for, and OP is under way all the time. Noise and loads have swings of every size: the more is
-    asked for, the fewer are left; after a load that steps OP comes to rest. Not for loads that ramp by one size.
+    Own. A swing of OP by S sets a sticky valve free, however long it takes: swings are alike, as
+    many count whether a third or a half of their size is asked for, and OP is under way all the
+    time. Noise and loads have swings of every size: the more is asked for, the fewer are left;
+    after a load that steps OP comes to rest. Not for loads that ramp by one size.
     """
     low, high = float(op.min()), float(op.max())
     if not high > low:
@@ -113,7 +123,8 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
         count[i] = turn(x, least, at) - 1
         if count[i] < _SWINGS:  # the more is asked for, the fewer are left
             break
-    # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none is
+    # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none
+    # is
     held = ((count * _FEWER >= count[:, None]) & (count >= _SWINGS)) | _BEFORE
     widest = np.where(held.all(axis=1), count.size, held.argmin(axis=1)) - np.arange(
         1, count.size + 1
@@ -136,7 +147,9 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
 
 
 def _reversals(x, least, at):
-    """Fill `at` with the places where a signal turns and then goes back by more than `least`; return their number."""
+    """Fill `at` with the places where a signal turns and then goes back by more than `least`;
+    return their number.
+    """
     count, low, high, way = 0, 0, 0, 0
     for k in range(1, x.size):
         if way >= 0:
@@ -158,15 +171,18 @@ def _reversals(x, least, at):
 def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     """Find the sustained oscillation of one signal.
 
-    Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100, for r; Miao & Seborg (1999), Proc. IEEE
-    CCA, for R. Own: a lobe of the ACF counts when it leaves the 95 % band of Bartlett (1946) for a signal with this
-    ACF's first lobe, and the list of crossings ends where the ACF dies out. Not for fewer than three periods.
+    Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100, for r; Miao & Seborg
+    (1999), Proc. IEEE CCA, for R. Own: a lobe of the ACF counts when it leaves the 95 % band of
+    Bartlett (1946) for a signal with this ACF's first lobe, and the list of crossings ends where
+    the ACF dies out. Not for fewer than three periods.
     """
     return oscillations_of(x[None], Ts)[0]
 
 
 def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
-    """Return `oscillation_of` of every row, shape (m, n): what is done to one at a time costs as much for several."""
+    """Return `oscillation_of` of every row, shape (m, n): what is done to one at a time costs as
+    much for several.
+    """
     rows = detrended(rows)
     n, best = rows.shape[1], [NOTHING] * len(rows)
     live = np.flatnonzero(rows.any(axis=1)) if n >= 8 else []
@@ -194,7 +210,9 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
 
 @lru_cache(maxsize=32)
 def _high_passes(size: int, n: int) -> np.ndarray:
-    """Return what taking off moving means over shares of n samples leaves of a power spectrum, a row for each."""
+    """Return what taking off moving means over shares of n samples leaves of a power spectrum, a
+    row for each.
+    """
     f = np.arange(size // 2 + 1) / size
     rows = [
         (1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN
@@ -225,9 +243,9 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
     """Return the stretch of a signal in which it repeats itself best after one period.
 
-    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few segments; here the
-    normalised correlation with the signal one period later is compared over every start, in one pass. Not for length
-    below two periods: nothing to compare.
+    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few
+    segments; here the normalised correlation with the signal one period later is compared over
+    every start, in one pass. Not for length below two periods: nothing to compare.
     """
     n, lag = x.size, round(period)
     room = length - lag
@@ -244,10 +262,11 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
 
 
 def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float) -> float:
-    """Return how many load disturbances Hagglund's detector holds in memory, of which gamma is left a sample, at its fullest.
+    """Return how many load disturbances Hagglund's detector holds in memory, of which gamma is left
+    a sample, at its fullest.
 
-    Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very slow errors: many
-    short or few long half cycles never fill the memory.
+    Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very
+    slow errors: many short or few long half cycles never fill the memory.
     """
     e = e - e.mean()
     edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])

@@ -9,7 +9,9 @@ _EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
 def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return how constant the phase between two signals is around one period (samples): 1 = locked, near 0 = independent."""
+    """Return how constant the phase between two signals is around one period (samples): 1 = locked,
+    near 0 = independent.
+    """
     cut = int(_EDGE * x.size)
     inner = slice(cut, x.size - cut)
     turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
@@ -17,7 +19,9 @@ def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
 
 
 def coherence(x: np.ndarray, period: float) -> float:
-    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as no loop does by itself."""
+    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as
+    no loop does by itself.
+    """
     cut = int(_EDGE * x.size)
     swing = _analytic(x, period)[cut : x.size - cut]
     unit = swing / np.maximum(np.abs(swing), 1e-300)

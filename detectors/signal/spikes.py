@@ -14,9 +14,10 @@ _ALONE = 2.0  # times the spread of its neighbours about their line; a corner ha
 def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return isolated one-sample spikes.
 
-    A spike stands off the line through its four neighbours by far more than they stand off it themselves (a corner, a step
-    and a bend do not), and by far more than samples do at this time (those of a burst of noise do not). The largest are taken
-    out first, so that one does not hide the next; where three are sure, smaller ones are believed as well.
+    A spike stands off the line through its four neighbours by far more than they stand off it
+    themselves (a corner, a step and a bend do not), and by far more than samples do at this time
+    (those of a burst of noise do not). The largest are taken out first, so that one does not hide
+    the next; where three are sure, smaller ones are believed as well.
     """
     none = np.empty(0, dtype=int), np.empty(0)
     if x.size < 20:
@@ -64,7 +65,9 @@ def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
 
 
 def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
-    """Return the heights of two spikes, one or two samples apart, each of which hides the other; empty when there are none."""
+    """Return the heights of two spikes, one or two samples apart, each of which hides the other;
+    empty when there are none.
+    """
     off = np.abs(off_line(x)[0])
     out: dict[int, float] = {}
     for k in np.flatnonzero(off > least):
@@ -87,7 +90,9 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
 
 
 def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far each sample is off the line through its four neighbours, and how far these spread about it."""
+    """Return how far each sample is off the line through its four neighbours, and how far these
+    spread about it.
+    """
     around = _around(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
     middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0
@@ -95,7 +100,9 @@ def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _around(x: np.ndarray) -> np.ndarray:
-    """The four neighbours of every sample, shape (4, n); reflected oddly, a slope goes on straight beyond the ends."""
+    """The four neighbours of every sample, shape (4, n); reflected oddly, a slope goes on straight
+    beyond the ends.
+    """
     first = 2.0 * x[0] - x[[2, 1]]
     last = 2.0 * x[-1] - x[[-2, -3]]
     padded = np.concatenate([first, x, last])

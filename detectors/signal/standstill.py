@@ -7,9 +7,12 @@ import numpy as np
 from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
 from detectors.signal.holds import runs_of
 
-_STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
+# movement over a twentieth of the period, in std of the valve's position, below which the valve
+# stands still
+_STILL = 0.1
 _SHORTEST_STANDSTILL = 0.05  # shortest standstill, as a share of the period
-_NOISY = 0.3  # bound over std at which a valve that follows a sine would seem to stand still in most places
+# bound over std at which a valve that follows a sine would seem to stand still in most places
+_NOISY = 0.3
 
 
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:

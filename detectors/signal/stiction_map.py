@@ -1,4 +1,6 @@
-"""Stiction map: OP in, valve position out, by the two-parameter (S, J) automaton; plain Python, compiled on demand."""
+"""Stiction map: OP in, valve position out, by the two-parameter (S, J) automaton; plain Python,
+compiled on demand.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +23,11 @@ def start(u0, lo=0.0, hi=100.0):
 def step(u, state, S, J, lo=0.0, hi=100.0):
     """Move the valve by one sample.
 
-    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest
-    breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns
-    or stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves.
-    Not for noisy OP on a valve with inertia: every reversal of OP stops this valve.
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a
+    valve at rest breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S
+    - J)/2 behind OP until OP turns or stands still. Where the published flow chart is ambiguous,
+    the place of rest is remembered until the valve moves. Not for noisy OP on a valve with inertia:
+    every reversal of OP stops this valve.
     """
     v, d, moving, u_prev = state
     x = min(max(u, lo), hi)
@@ -37,7 +40,9 @@ def step(u, state, S, J, lo=0.0, hi=100.0):
 
 
 def _trace(op, S, J, state, lo, hi, v):
-    """Fill `v` with the valve position under every sample of `op`, from `state` on; `step` in a loop."""
+    """Fill `v` with the valve position under every sample of `op`, from `state` on; `step` in a
+    loop.
+    """
     for k in range(op.size):
         state = step(op[k], state, S, J, lo, hi)
         v[k] = state[0]
@@ -48,7 +53,8 @@ def valve_position(
 ) -> np.ndarray:
     """Return the position of an (S, J) valve driven by a recorded OP.
 
-    Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
+    Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step`
+    sample by sample.
     """
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:

@@ -1,4 +1,6 @@
-"""Surrogates: signals with the spectrum and the values of a record but random phases; the nonlinearity index NPI."""
+"""Surrogates: signals with the spectrum and the values of a record but random phases; the
+nonlinearity index NPI.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +17,18 @@ _SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
 _CYCLES = 20  # at most; at least 12
 _SURROGATES = 50
 _NEIGHBOURS = 8
-_LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and spectrum
+# of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and
+# spectrum
+_LEAST_VARIANCE = 0.01
 
 
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
     """Cut a cyclic signal so that its end runs into its beginning in value and slope.
 
-    Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361-380. Anything but a whole number of cycles leaks into
-    the spectrum of every surrogate, and a linear cycle then looks nonlinear. The match is made over a whole cycle: in
-    noise, value and slope of single samples pick any cut. Not for fewer than three periods.
+    Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361-380. Anything but a whole number of
+    cycles leaks into the spectrum of every surrogate, and a linear cycle then looks nonlinear. The
+    match is made over a whole cycle: in noise, value and slope of single samples pick any cut. Not
+    for fewer than three periods.
     """
     p = min(round(period), x.size // 4)
     start = x[:p]
@@ -36,9 +41,9 @@ def end_matched(x: np.ndarray, period: float) -> np.ndarray:
 def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw surrogates with the amplitude spectrum and the distribution of a signal.
 
-    Source: Schreiber & Schmitz (1996), Phys. Rev. Lett. 77, 635-638. Plain amplitude-adjusted surrogates (one round)
-    flatten the spectrum of a cycle and call a sine nonlinear; they are not offered. Not for signals that are not
-    stationary.
+    Source: Schreiber & Schmitz (1996), Phys. Rev. Lett. 77, 635-638. Plain amplitude-adjusted
+    surrogates (one round) flatten the spectrum of a cycle and call a sine nonlinear; they are not
+    offered. Not for signals that are not stationary.
     """
     values = np.sort(x)
     amplitude = np.abs(np.fft.rfft(x))
@@ -78,13 +83,15 @@ class _Npi:
 def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     """Compare how well a cyclic signal predicts itself with how well its surrogates do.
 
-    Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443: at least 12 cycles of 7 to 25 samples,
-    embedding and horizon of one cycle, 8 neighbours, 50 surrogates. Here with iterated (iAAFT) surrogates. Own
-    finding: a strict cycle of any shape keeps its harmonics, and so its predictability, in every surrogate; the index
-    stays below 1 for squares and triangles alike. An index below 1 is no proof of a linear loop.
+    Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443: at least 12 cycles
+    of 7 to 25 samples, embedding and horizon of one cycle, 8 neighbours, 50 surrogates. Here with
+    iterated (iAAFT) surrogates. Own finding: a strict cycle of any shape keeps its harmonics, and
+    so its predictability, in every surrogate; the index stays below 1 for squares and triangles
+    alike. An index below 1 is no proof of a linear loop.
     """
     cycle = int(min(_SAMPLES_PER_CYCLE, period))
-    # the end of the record, where transients have died; matched before it is thinned out: half a sample of ten leaks
+    # the end of the record, where transients have died; matched before it is thinned out: half a
+    # sample of ten leaks
     x = end_matched(x[-int((_CYCLES + 2.5) * period) :], period)
     cycles = max(round(x.size / period), 1)
     total = np.concatenate([[0.0], np.cumsum(x)])

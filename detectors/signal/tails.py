@@ -14,11 +14,14 @@ _DEGREES = (
     7.0,
     10.0,
 )  # of freedom of Student's t that are tried for a noise with heavy tails
-_NARROWEST = 0.01  # of the robust variance; values that stand still would draw the mixture's core together to a point
+# of the robust variance; values that stand still would draw the mixture's core together to a point
+_NARROWEST = 0.01
 
 
 def heavy_tails(x: np.ndarray, most: float = 0.5) -> bool:
-    """Return whether Student's t is likelier than Gaussian samples of which a share, `most` at most, are far wider."""
+    """Return whether Student's t is likelier than Gaussian samples of which a share, `most` at
+    most, are far wider.
+    """
     scale = 1.4826 * float(np.median(np.abs(x)))
     if scale == 0.0:
         return False

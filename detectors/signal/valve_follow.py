@@ -1,4 +1,6 @@
-"""Valve follow: does the valve's position follow OP through a straight line or through a dead band? Needs no oscillation."""
+"""Valve follow: does the valve's position follow OP through a straight line or through a dead band?
+Needs no oscillation.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,16 @@ class Follow:
 
     S: float  # of the sticky valve that explains the position best, in the unit of OP
     J: float
-    error: float  # unexplained share of the position's variance, with that valve and with a straight one
+    # unexplained share of the position's variance, with that valve and with a straight one
+    error: float
     error_linear: float
     reversals: int  # of that valve; each is a chance to be wrong
 
     @property
     def score(self) -> float:
-        """Share of the variance that only a sticky valve explains, times how much of the straight one's error that is."""
+        """Share of the variance that only a sticky valve explains, times how much of the straight
+        one's error that is.
+        """
         gained = max(self.error_linear - self.error, 0.0)
         return gained * gained / max(self.error_linear, 1e-12) if self.reversals else 0.0
 
@@ -39,9 +44,10 @@ class Follow:
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:
     """Fit a straight and a sticky valve, each with a short lag, to a measured valve position.
 
-    Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows; here as a comparison of
-    two fitted valves over the whole record. Not for flows that a pressure moves more than the valve does: a ramp of
-    pressure that OP compensates looks like a dead band until OP turns; hence the count of reversals.
+    Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows;
+    here as a comparison of two fitted valves over the whole record. Not for flows that a pressure
+    moves more than the valve does: a ramp of pressure that OP compensates looks like a dead band
+    until OP turns; hence the count of reversals.
     """
     q = max(1, -(-op.size // _SAMPLES))
     n = op.size // q

@@ -1,6 +1,8 @@
-"""A co-simulation unit (FMI 2.0) as the plant, stepped through fmpy: `pip install "stiction-simbench[fmi]"`.
+"""A co-simulation unit (FMI 2.0) as the plant, stepped through fmpy: `pip install
+"stiction-simbench[fmi]"`.
 
-Runs in plain Python, and says so. The unit's input is MV (%), its output PV; it must come to rest under MV = op0, PV = pv0.
+Runs in plain Python, and says so. The unit's input is MV (%), its output PV; it must come to rest
+under MV = op0, PV = pv0.
 """
 
 import os
@@ -18,7 +20,9 @@ UNIT, INPUT, OUTPUT = os.environ.get("PLANT_FMU", "plant.fmu"), "mv", "pv"
 
 
 def start(p):
-    """Return the state (deviation of PV, the unit, references of input and output, time) after the unit has settled."""
+    """Return the state (deviation of PV, the unit, references of input and output, time) after the
+    unit has settled.
+    """
     import fmpy
 
     about = fmpy.read_model_description(UNIT)
@@ -34,7 +38,9 @@ def start(p):
 
 
 def step(w_old, w_new, state, p):
-    """One sample of the unit under the MV of the whole dead time before; a part of a sample is rounded away."""
+    """One sample of the unit under the MV of the whole dead time before; a part of a sample is
+    rounded away.
+    """
     _, unit, mv, pv, t = state
     unit.setReal([mv], [p.op0 + w_new])
     unit.doStep(t, p.Ts)

@@ -1,6 +1,8 @@
-"""First order with dead time, written as a plug-in: its numbers are those of type "foptd", to the last bit.
+"""First order with dead time, written as a plug-in: its numbers are those of type "foptd", to the
+last bit.
 
-Try it: `simbench contract docs/example/my_foptd.py`, then `[plant] type = "my_foptd"` and `--plant-plugin my_foptd.py`.
+Try it: `simbench contract docs/example/my_foptd.py`, then `[plant] type = "my_foptd"` and
+`--plant-plugin my_foptd.py`.
 """
 
 import numpy as np
@@ -33,6 +35,8 @@ def start(p):
 
 
 def step(w_old, w_new, state, p):
-    """One sample: MV's deviations (%), `w_old` for the part of a sample that the dead time leaves, then `w_new`."""
+    """One sample: MV's deviations (%), `w_old` for the part of a sample that the dead time leaves,
+    then `w_new`.
+    """
     x, a, b_old, b_new = state
     return a * x + (b_old * w_old + b_new * w_new), a, b_old, b_new

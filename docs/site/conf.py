@@ -1,4 +1,6 @@
-"""The site: tutorials executed, API, formats and detectors written from the code; `make site`, warnings are errors."""
+"""The site: tutorials executed, API, formats and detectors written from the code; `make site`,
+warnings are errors.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ html_static_path = ["_static"]
 exclude_patterns = ["generated/.*", "written"]
 suppress_warnings = ["myst.header"]  # included pages begin where their own titles stand
 
-# every tutorial runs in a folder of its own when the site is built; what fails there is a warning, and warnings are errors
+# every tutorial runs in a folder of its own when the site is built; what fails there is a warning,
+# and warnings are errors
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_show_tb = True

@@ -1,8 +1,9 @@
-"""Plants and controllers of any kind: simulated against python-control, and their exact cycles against simulation.
+"""Plants and controllers of any kind: simulated against python-control, and their exact cycles
+against simulation.
 
-Prints the largest relative difference within the first 300 samples of random loops (second order, lead, inverse response,
-integrator with lag; PID in four forms) with a linear valve, and how far period and amplitude of simulated cycles of such loops
-with sticky valves lie from the exact ones.
+Prints the largest relative difference within the first 300 samples of random loops (second order,
+lead, inverse response, integrator with lag; PID in four forms) with a linear valve, and how far
+period and amplitude of simulated cycles of such loops with sticky valves lie from the exact ones.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ _SETTLE, _CYCLES = 20, 60  # periods of a simulated cycle: left out, and measure
 
 
 def random_loops(count: int, seed: int = 0) -> Iterator[Loop]:
-    """Yield loops that keep a margin to instability: every shape of plant with every form of PID, in turn."""
+    """Yield loops that keep a margin to instability: every shape of plant with every form of PID,
+    in turn.
+    """
     rng = np.random.default_rng(seed)
     made = 0
     while made < count:
@@ -63,13 +66,19 @@ def _random(shape: str, form: str, windup: str, rng: np.random.Generator) -> Loo
     table: dict[str, Any] = {
         "plant": {"type": "tf", "num": num, "den": den, "Td": Td},
         "controller": {
-            "type": "PID", "Kc": 1.0, "Ti": float(rng.uniform(1.0, 2.0) * (3.0 * T if len(num) == 1 else T)),
-            "Td": float(rng.uniform(0.05, 0.25) * T), "N": float(rng.uniform(5.0, 12.0)), "form": form, "anti_windup": windup,
-            "b": float(rng.uniform(0.0, 1.0)), "c": float(rng.uniform(0.0, 1.0)),
+            "type": "PID",
+            "Kc": 1.0,
+            "Ti": float(rng.uniform(1.0, 2.0) * (3.0 * T if len(num) == 1 else T)),
+            "Td": float(rng.uniform(0.05, 0.25) * T),
+            "N": float(rng.uniform(5.0, 12.0)),
+            "form": form,
+            "anti_windup": windup,
+            "b": float(rng.uniform(0.0, 1.0)),
+            "c": float(rng.uniform(0.0, 1.0)),
         },
         "sampling": {"Ts": float(rng.uniform(0.02, 0.1) * T), "n": SAMPLES},
         "setpoint": {"value": 50.0, "steps": [[5.0 * T / 10.0, 50.5]]},
-    }  # fmt: skip
+    }
     return Loop.from_table(table)
 
 
@@ -90,7 +99,9 @@ def difference(loop: Loop) -> float:
 
 
 def by_control(loop: Loop, sp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return PV and OP as deviations from rest: python-control samples plant and controller and closes the loop."""
+    """Return PV and OP as deviations from rest: python-control samples plant and controller and
+    closes the loop.
+    """
     Ts, c = loop.sampling.Ts, loop.controller
     p = pid_numbers(c, c.sign * c.Kc, float(c.Ti or 0.0), Ts, 0.0, 0.0, 100.0)
     integral: Any = control.tf([p.Ki, 0.0], [1.0, -1.0], Ts)
@@ -112,7 +123,9 @@ def by_control(loop: Loop, sp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sampled_plant(loop: Loop) -> Any:
-    """Return the plant with its dead time, whole and part of a sample, as a discrete state space of python-control."""
+    """Return the plant with its dead time, whole and part of a sample, as a discrete state space of
+    python-control.
+    """
     Ts, Td = loop.sampling.Ts, loop.plant.Td
     G = control.ss(control.tf(*polynomials(loop.plant)))
     delay = int(np.floor(Td / Ts + 1e-9))
@@ -137,7 +150,9 @@ def _sampled_plant(loop: Loop) -> Any:
 
 
 def cycle_errors(loop: Loop, S: float, J: float) -> tuple[float, float] | None:
-    """Return the relative errors of the exact cycle's period and amplitude against a simulation; None where there is none."""
+    """Return the relative errors of the exact cycle's period and amplitude against a simulation;
+    None where there is none.
+    """
     table = loop.to_table() | {
         "valve": {"model": "choudhury", "S": S, "J": J},
         "setpoint": {"value": 50.0},
@@ -170,7 +185,9 @@ def cycles(count: int, seed: int = 1) -> list[tuple[float, float]]:
 
 
 def pairs(count: int, seed: int = 2) -> Iterator[Loop]:
-    """Yield cascades whose inner valve sticks: a quick inner loop, an outer one 5 to 15 times as slow."""
+    """Yield cascades whose inner valve sticks: a quick inner loop, an outer one 5 to 15 times as
+    slow.
+    """
     rng = np.random.default_rng(seed)
     for _ in range(count):
         T, slow = float(np.exp(rng.uniform(0.0, 2.0))), float(rng.uniform(5.0, 15.0))
@@ -195,7 +212,9 @@ def pairs(count: int, seed: int = 2) -> Iterator[Loop]:
 
 
 def found_in_pairs(count: int, methods: str = "fast") -> dict[str, tuple[float, float]]:
-    """Return per method the share of pairs that it calls sticky by the inner and by the outer record."""
+    """Return per method the share of pairs that it calls sticky by the inner and by the outer
+    record.
+    """
     inner, outer = [], []
     for i, loop in enumerate(pairs(count)):
         run = simulate(loop, i)
@@ -214,15 +233,18 @@ def main(loops: int = 200, sticky: int = 60, cascades: int = 40) -> int:
     warnings.simplefilter("ignore")
     apart = np.array([difference(loop) for loop in random_loops(loops)])
     print(
-        f"{loops} loops against python-control, {SAMPLES} samples: largest relative difference {apart.max():.2e} (<= 1e-9)"
+        f"{loops} loops against python-control, {SAMPLES} samples: largest relative difference"
+        f" {apart.max():.2e} (<= 1e-9)"
     )
     found = np.array(cycles(sticky))
     period, amplitude = found.max(axis=0)
     print(
-        f"{len(found)} exact cycles against simulation: period within {period:.2%} (1 %), OP within {amplitude:.2%} (2 %)"
+        f"{len(found)} exact cycles against simulation: period within {period:.2%} (1 %), OP within"
+        f" {amplitude:.2%} (2 %)"
     )
     print(
-        f"{cascades} cascades whose inner valve sticks: share called sticky by the inner and by the outer record"
+        f"{cascades} cascades whose inner valve sticks: share called sticky by the inner and by the"
+        " outer record"
     )
     for name, (inner, outer) in found_in_pairs(cascades).items():
         print(f"  {name:<18} {inner:5.2f} {outer:5.2f}")

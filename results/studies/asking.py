@@ -1,9 +1,11 @@
-"""A diagnosis that asks: sealed records of every world, scored alone, after tests it chose, a fixed pair and a random one.
+"""A diagnosis that asks: sealed records of every world, scored alone, after tests it chose, a fixed
+pair and a random one.
 
-`python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and opens what is not there yet
-(a call that was cut off goes on where it was) and prints a table a world. `--contradictions 60` gives the diagnosis tests that
-contradict their records and as many sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits;
-`--claims 100` compares claimed shrinkages with fresh records of the true loops.
+`python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and
+opens what is not there yet (a call that was cut off goes on where it was) and prints a table a
+world. `--contradictions 60` gives the diagnosis tests that contradict their records and as many
+sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits; `--claims
+100` compares claimed shrinkages with fresh records of the true loops.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ from simbench.files import whole_file
 from simbench.gap.command import one_file
 from simbench.loop.effects import NONE, UNKNOWN
 
-SEED = 423041  # named before anything was answered: the first world's, the next ones' are the next numbers
+# named before anything was answered: the first world's, the next ones' are the next numbers
+SEED = 423041
 THREE = ("own", "mill", "refinery")
 TESTS = 2
 PAIR = ("mv", "bump")  # the best fixed pair on development draws of another simulator
@@ -48,14 +51,19 @@ FIXED, RANDOM = " + ".join(PAIR), "two at random"
 _FRESH = 3  # records of the true loop on which a claimed shrinkage is looked at
 _NEEDS_T = "time_constant_mismatch"
 _OF_KIND = {
-    "first": ("single", "first"), "group": ("single", "in_group"), "block": ("single", "block_right"),
-    "called unknown": ("single", "called_unknown"), "both of two": ("two", "both_named"),
-}  # fmt: skip
+    "first": ("single", "first"),
+    "group": ("single", "in_group"),
+    "block": ("single", "block_right"),
+    "called unknown": ("single", "called_unknown"),
+    "both of two": ("two", "both_named"),
+}
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Medium and strong single effects, none, two and foreign, in fixed numbers; effects drawn without return."""
+    """Medium and strong single effects, none, two and foreign, in fixed numbers; effects drawn
+    without return.
+    """
 
     seed: int
     single: int = 6
@@ -70,11 +78,14 @@ class Mixture:
         effects = [str(e) for _ in range(turns) for e in rng.permutation(PLANNED)][: self.single]
         out = [
             {
-                "kind": "single", "effect": e, "strength": ("medium", "strong")[i % 2], "mv": i % 3 == 0,
+                "kind": "single",
+                "effect": e,
+                "strength": ("medium", "strong")[i % 2],
+                "mv": i % 3 == 0,
                 "plant": PLANTS[0] if e == _NEEDS_T else PLANTS[i % 3],
             }
             for i, e in enumerate(effects)
-        ]  # fmt: skip
+        ]
         strange = [str(e) for e in rng.permutation(foreign)]
         out += [
             {
@@ -91,7 +102,9 @@ class Mixture:
 
 
 def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
-    """Make, answer with tests that the diagnosis chose and open a world's records, as far as it is not done."""
+    """Make, answer with tests that the diagnosis chose and open a world's records, as far as it is
+    not done.
+    """
     check, key = folder / world, folder / f"{world}.key"
     if not (check / "records").exists():
         make(check, key, plan.seed, plan=plan, jobs=jobs, world=world, tests=True)
@@ -109,7 +122,9 @@ def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
 
 
 def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> None:
-    """Write answers after two tests that the diagnosis did not choose; nothing is known of the record."""
+    """Write answers after two tests that the diagnosis did not choose; nothing is known of the
+    record.
+    """
     place, rng, todo = _answers_by(check, strategy), np.random.default_rng(seed), []
     for record in sorted((check / "records").glob("*.csv")):
         ids = [str(x) for x in rng.choice(MENU, TESTS, replace=False)]
@@ -125,7 +140,8 @@ def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> N
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
         found = one_file(record, record.with_suffix(".toml"), tests)
-    except UserError:  # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+    # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+    except UserError:
         found = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
         f.write(json.dumps(found))
@@ -157,7 +173,9 @@ def truths(score: Path) -> list[dict[str, Any]]:
 
 
 def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
-    """Return of every test asked for what it was to add to a right answer's probability, and added to the truth's."""
+    """Return of every test asked for what it was to add to a right answer's probability, and added
+    to the truth's.
+    """
     pairs = []
     for world in worlds:
         for truth, tests in [
@@ -184,7 +202,9 @@ def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
 
 
 def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, float, float]]:
-    """Return claimed shrinkage after all tests, its interval, and the true one on fresh records of the true loop."""
+    """Return claimed shrinkage after all tests, its interval, and the true one on fresh records of
+    the true loop.
+    """
     rows = []
     for world in worlds:
         for truth in truths(folder / f"{world}-score"):
@@ -209,7 +229,9 @@ def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, 
 def fresh_shrinkage(
     truth: dict[str, Any], found: dict[str, Any], baseline: Any, record: pd.DataFrame, world: str
 ) -> float | None:
-    """Return how far the effect named narrows the gap to other records of the true loop, their mean; None without a gap."""
+    """Return how far the effect named narrows the gap to other records of the true loop, their
+    mean; None without a gap.
+    """
     here = true_circumstances(truth, baseline, record)
     named = {**found, "ranking": [r for r in found["ranking"] if r["effect"] == found["effect"]]}
     true, acts = [], [{"effect": truth["effect"], "parameters": truth["parameters"]}]
@@ -230,7 +252,9 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = ()) -> pd.DataFrame:
-    """Return shares by figure, a column per way of testing, for each world and for all worlds together."""
+    """Return shares by figure, a column per way of testing, for each world and for all worlds
+    together.
+    """
     found: dict[str, dict[str, pd.DataFrame]] = {}
     for world in worlds:
         score = folder / f"{world}-score"
@@ -292,7 +316,8 @@ def _share(x: pd.Series) -> str:
 def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
     """Print the table of every world, what tests told, and whether claimed shrinkages hold."""
     print(
-        "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none"
+        "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record"
+        " asks for none"
     )
     print("95 % Wilson intervals")
     found = table(folder, worlds, against)
@@ -301,16 +326,19 @@ def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) ->
     pairs = np.array(learned(folder, worlds)).reshape(-1, 2)
     rank = stats.spearmanr(*pairs.T).statistic if len(pairs) > 2 else np.nan
     print(
-        f"\nwhat tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,"
+        "\nwhat tests were to add to the probability of a right answer, and added to the truth's:"
+        f" {len(pairs)} tests,"
     )
     print(f"rank correlation {rank:.2f}")
     value, lo, hi, true = np.array(shrinkages(folder, worlds)).reshape(-1, 4).T
     rank = stats.spearmanr(value, true).statistic if true.size > 2 else np.nan
     print(
-        f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size} claims,"
+        f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size}"
+        " claims,"
     )
     print(
-        f"interval holds {_share(pd.Series((lo <= true) & (true <= hi)))}, rank correlation {rank:.2f}"
+        f"interval holds {_share(pd.Series((lo <= true) & (true <= hi)))}, rank correlation"
+        f" {rank:.2f}"
     )
     for name, x in (("claimed", value), ("true", true)):
         quarters = (
@@ -390,7 +418,8 @@ def main() -> None:
         for world, seed in seeds.items():
             answer_otherwise(given.folder / world, strategy, seed, given.jobs)
     print(
-        f"answered sealed; of each world {given.single} single effects (medium, strong), {given.none} none, {given.two} two,"
+        f"answered sealed; of each world {given.single} single effects (medium, strong),"
+        f" {given.none} none, {given.two} two,"
     )
     print(f"{given.foreign} foreign")
     print_sealed(given.folder, list(seeds), given.against)

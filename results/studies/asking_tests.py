@@ -1,7 +1,8 @@
-"""What a diagnosis refuses of tests, what planned tests do to the plant, whether gaps close as far as is claimed after them.
+"""What a diagnosis refuses of tests, what planned tests do to the plant, whether gaps close as far
+as is claimed after them.
 
-On loops of the blind check's worlds; printed by `python -m results.studies.asking DIR --contradictions N`, `--plans N` and
-`--claims N`.
+On loops of the blind check's worlds; printed by `python -m results.studies.asking DIR
+--contradictions N`, `--plans N` and `--claims N`.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ _KINDS = {
 
 
 def contradicted(seeds: Mapping[str, int], n: int, jobs: int = 1) -> pd.DataFrame:
-    """Return how many of `n` contradictory tests are found, and how many of as many sound ones refused, by kind."""
+    """Return how many of `n` contradictory tests are found, and how many of as many sound ones
+    refused, by kind.
+    """
     bar = tqdm(range(n), desc="contradictions", file=sys.stderr, delay=1.0)
     rows = pd.DataFrame(
         Parallel(n_jobs=jobs)(delayed(_contradict)(list(seeds.items()), i) for i in bar)
@@ -131,15 +134,22 @@ def _refused(item: Item, texts: Mapping[str, str]) -> str:
 
 
 def planned(seeds: Mapping[str, int], n: int, jobs: int = 1) -> str:
-    """Return in a sentence how many planned tests leave their limits on the true loops of `n` records."""
+    """Return in a sentence how many planned tests leave their limits on the true loops of `n`
+    records.
+    """
     bar = tqdm(range(n), desc="plans", file=sys.stderr, delay=1.0)
     runs: Any = Parallel(n_jobs=jobs)(delayed(_run_plan)(list(seeds.items()), i) for i in bar)
     found = [left for one in runs for left in one]
-    return f"planned tests run on the true loops of {n} records: {sum(found)} of {len(found)} left their limits"
+    return (
+        f"planned tests run on the true loops of {n} records: {sum(found)} of {len(found)} left"
+        " their limits"
+    )
 
 
 def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
-    """Return of every test planned for one record within drawn limits whether the true loop leaves them."""
+    """Return of every test planned for one record within drawn limits whether the true loop leaves
+    them.
+    """
     world, seed = seeds[i % len(seeds)]
     w, rng = WORLDS.load(world), np.random.default_rng([seed, i, 1])
     item = w.draw(seed, i, _entry(seed, i))
@@ -148,9 +158,10 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
         report = diagnose(read_record(record), load_loop(baseline))
     op, pv, sp = (np.asarray(item.columns[name]) for name in ("op", "pv", "sp"))
     limits = Limits(
-        pv_excursion=float(rng.uniform(1.2, 4.0) * np.abs(pv - sp).max()), op_travel=float(rng.uniform(2.0, 15.0)),
+        pv_excursion=float(rng.uniform(1.2, 4.0) * np.abs(pv - sp).max()),
+        op_travel=float(rng.uniform(2.0, 15.0)),
         op=(max(float(op.min()) - 5.0, 0.0), min(float(op.max()) + 5.0, 100.0)),
-    )  # fmt: skip
+    )
     # as if nothing were settled, or hardly any test would be planned
     doubted = {r.effect: min(r.probability, 0.5) for r in report.ranking}
     found = plan(report.behind.found, doubted, report.behind.loops, limits)
@@ -179,7 +190,9 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
 
 
 def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> str:
-    """Return in sentences whether the shrinkage claimed after at most `most` tests holds on fresh records of `n` true loops."""
+    """Return in sentences whether the shrinkage claimed after at most `most` tests holds on fresh
+    records of `n` true loops.
+    """
     bar = tqdm(range(n), desc="claims", file=sys.stderr, delay=1.0)
     runs: Any = Parallel(n_jobs=jobs)(delayed(_claim)(list(seeds.items()), i, most) for i in bar)
     rows = pd.DataFrame(
@@ -188,10 +201,12 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
     if len(rows) < 3:
         return f"{len(rows)} claims on {n} loops: too few"
     said = [
-        f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops, weak, medium, strong,"
+        f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops,"
+        " weak, medium, strong,"
     ]
     said += [
-        f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop each:"
+        f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop"
+        " each:"
     ]
     for name, part in (("all", rows), ("effect named rightly", rows[rows.right])):
         inside = Share("", int(part.true.between(part.lo, part.hi).sum()), len(part))
@@ -199,7 +214,8 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
         rank = stats.spearmanr(part.value, part.true).statistic
         quarters = ", ".join(f"{q:.2f}" for q in part.true.quantile([0.25, 0.5, 0.75]))
         said.append(
-            f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank correlation {rank:.2f},"
+            f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank"
+            f" correlation {rank:.2f},"
         )
         said.append(f"  true quartiles {quarters}")
     return "\n".join(said)
@@ -208,7 +224,9 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
 def _claim(
     seeds: list[tuple[str, int]], i: int, most: int
 ) -> tuple[float, float, float, float, bool] | None:
-    """Return a claimed shrinkage, its interval, the true one and whether the effect was right; None where none is claimed."""
+    """Return a claimed shrinkage, its interval, the true one and whether the effect was right; None
+    where none is claimed.
+    """
     world, seed = seeds[i % len(seeds)]
     w = WORLDS.load(world)
     single = {
@@ -250,7 +268,9 @@ def _claim(
 
 
 def _closes(report: GapReport, fresh: list[dict[str, np.ndarray]]) -> float:
-    """Return how far what was named closes the gap of the user's simulation to fresh records, by the means of their gaps."""
+    """Return how far what was named closes the gap of the user's simulation to fresh records, by
+    the means of their gaps.
+    """
     s, runs = report.behind.found.situation, report.behind.loops.kept[tuple(report.named)]
     gaps = []
     for columns in fresh:

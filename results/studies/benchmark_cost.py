@@ -1,4 +1,6 @@
-"""Measure the benchmark itself: kills, memory, time per scenario, speed on two workers, overhead, adaptive sweeps."""
+"""Measure the benchmark itself: kills, memory, time per scenario, speed on two workers, overhead,
+adaptive sweeps.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from simbench.bench.store.reading import read_table
 from simbench.files import whole_file
 from simbench.usage import exit_code
 
-GRID = "table-11-3"  # every repeat has the same cells, so that time per scenario can be compared between sizes
+# every repeat has the same cells, so that time per scenario can be compared between sizes
+GRID = "table-11-3"
 
 
 def kills(
@@ -35,7 +38,8 @@ def kills(
 
     `n`: kills (SIGKILL to the run and its workers), spread over as many runs as it takes.
 
-    Keys: kills, runs, kills_after_first_piece, equal (all final tables equal to the undisturbed ones bit for bit).
+    Keys: kills, runs, kills_after_first_piece, equal (all final tables equal to the undisturbed
+    ones bit for bit).
     """
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -78,10 +82,12 @@ def same_tables(one: Path, other: Path) -> bool:
 
 
 def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> list[dict[str, Any]]:
-    """Run a grid at several sizes, one worker each, and measure memory, time per scenario and overhead.
+    """Run a grid at several sizes, one worker each, and measure memory, time per scenario and
+    overhead.
 
-    Keys: scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms and bytes (of the tables) per
-    scenario, overhead (share of the working time outside simulation and detectors).
+    Keys: scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms and bytes
+    (of the tables) per scenario, overhead (share of the working time outside simulation and
+    detectors).
     """
     each = len(load_grid(grid, {"repeats": 1}))
     rows = []
@@ -116,8 +122,9 @@ def speed(
 ) -> dict[str, Any]:
     """Time a run on several workers against as many independent processes.
 
-    Keys: scenarios, seconds, seconds_for_10000, independent_seconds, share (of the independent processes' speed), and
-    cpu_share, the same in processor time, which a busy machine blurs less but which does not see idling.
+    Keys: scenarios, seconds, seconds_for_10000, independent_seconds, share (of the independent
+    processes' speed), and cpu_share, the same in processor time, which a busy machine blurs less
+    but which does not see idling.
     """
     each = len(load_grid(grid, {"repeats": 1}))
     repeats = max(math.ceil(count / each / jobs), 1)
@@ -175,7 +182,8 @@ def _run(
 ) -> subprocess.Popen:
     words = ["child", str(target), grid, methods, str(jobs), json.dumps(sets)]
     command = [sys.executable, "-m", "results.studies.benchmark_cost", *words]
-    # a group of its own lets a kill take the workers too; a busy machine shares itself out by group, so timing does without
+    # a group of its own lets a kill take the workers too; a busy machine shares itself out by
+    # group, so timing does without
     return subprocess.Popen(
         command, start_new_session=group, stdout=subprocess.PIPE if measure else subprocess.DEVNULL
     )

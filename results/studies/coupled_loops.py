@@ -1,4 +1,6 @@
-"""Two coupled loops, one sticky valve: each gain is changed in turn, and the culprit is the one whose gain sets the period."""
+"""Two coupled loops, one sticky valve: each gain is changed in turn, and the culprit is the one
+whose gain sets the period.
+"""
 
 from __future__ import annotations
 
@@ -71,18 +73,22 @@ class Culprit:
 def find_culprit(
     loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0
 ) -> Culprit:
-    """Change the gain of each coupled loop in a run of its own and name the loop that sets the period.
+    """Change the gain of each coupled loop in a run of its own and name the loop that sets the
+    period.
 
-    `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its rest value; `factor`: new Kc
-    over old; loop i takes the seed `seed` + i. An oscillation that enters a loop from its neighbour keeps its period when that
-    loop's gain changes (Thornhill et al. 2003; the chapter's main use of the gain change). Where several gains move the period,
-    the loop whose gain moves it at least twice as far as any other is named. Loops at rest are nudged by load steps, as in
-    `gain_change`. ParameterError when fewer than two loops are given, or `influence` does not fit them.
+    `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its
+    rest value; `factor`: new Kc over old; loop i takes the seed `seed` + i. An oscillation that
+    enters a loop from its neighbour keeps its period when that loop's gain changes (Thornhill et
+    al. 2003; the chapter's main use of the gain change). Where several gains move the period, the
+    loop whose gain moves it at least twice as far as any other is named. Loops at rest are nudged
+    by load steps, as in `gain_change`. ParameterError when fewer than two loops are given, or
+    `influence` does not fit them.
     """
     count = len(loops)
     if count < 2 or np.shape(influence) != (count, count):
         raise ParameterError(
-            f"coupled loops: {count} loops and influence {np.shape(influence)}; two or more and a square are needed"
+            f"coupled loops: {count} loops and influence {np.shape(influence)}; two or more and a"
+            " square are needed"
         )
     for nudge in NUDGES:
         found = _with_nudge(loops, influence, factor, seed, nudge)
@@ -143,8 +149,8 @@ def _named(shifts: Sequence[float]) -> tuple[int | None, str]:
 def drawn_pair(rng: np.random.Generator, sticky: int) -> tuple[list[Loop], np.ndarray]:
     """Draw two flow-like loops that push each other, of which only loop `sticky` has stiction.
 
-    `rng`: of the draw: T 5..20 s, Td/T 0.1..0.5, Kc 0.2..0.5 of the ultimate gain, Ti/T 0.7..1.5, J/S 0.2..1, load of either PV
-    on the other plant 0.2..0.6 % per %, noise 0.02.
+    `rng`: of the draw: T 5..20 s, Td/T 0.1..0.5, Kc 0.2..0.5 of the ultimate gain, Ti/T 0.7..1.5,
+    J/S 0.2..1, load of either PV on the other plant 0.2..0.6 % per %, noise 0.02.
     """
     loops = []
     for i in range(2):

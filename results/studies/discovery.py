@@ -1,7 +1,9 @@
-"""What the discovery of laws is worth: foreign kinds and effects left out of the library, records without effect, files.
+"""What the discovery of laws is worth: foreign kinds and effects left out of the library, records
+without effect, files.
 
-`python -m results.studies.discovery` prints the table; the seed is named here, and was before the first answer.
-`--real DIR` asks of recorded loops instead: the diagnosis' answer on an identified baseline, and the law.
+`python -m results.studies.discovery` prints the table; the seed is named here, and was before the
+first answer. `--real DIR` asks of recorded loops instead: the diagnosis' answer on an identified
+baseline, and the law.
 """
 
 from __future__ import annotations
@@ -42,15 +44,19 @@ from simbench.loop.simulate import simulate
 
 SEED, WORLD_NAMES = 3701, ("own", "mill", "refinery")
 _LOOP = {
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1600},
+    "noise": {"std": 0.1},
     "disturbance": [{"type": "coloured", "amplitude": 0.4, "period": 30.0}],
     "setpoint": {"value": 50.0, "steps": [[100 * k, 50 + 4 * (-1) ** k] for k in range(1, 16)]},
-}  # fmt: skip
+}
 _SPELLS = {
-    "idle": {"share": 0.2, "length": 12.0}, "held": {"share": 0.2, "length": 12.0},
-    "rough": {"std": 0.5, "share": 0.2, "length": 40.0}, "bursts": {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0},
-}  # fmt: skip
+    "idle": {"share": 0.2, "length": 12.0},
+    "held": {"share": 0.2, "length": 12.0},
+    "rough": {"std": 0.5, "share": 0.2, "length": 40.0},
+    "bursts": {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0},
+}
 _WINDOWS = 12  # records of each form that comes and goes
 _FLAT = (
     "stiction",
@@ -67,7 +73,9 @@ _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
 
 
 def gap_left(gap: Shrinkage | None) -> float | None:
-    """Return the share of a gap above its floor that is left, None where nothing stands out of the floor."""
+    """Return the share of a gap above its floor that is left, None where nothing stands out of the
+    floor.
+    """
     return (
         max(gap.after - gap.floor, 0.0) / max(gap.before - gap.floor, 1e-6)
         if gap is not None and gap.resolvable
@@ -76,7 +84,9 @@ def gap_left(gap: Shrinkage | None) -> float | None:
 
 
 def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> float | None:
-    """Return the share of the gap that the true effect leaves, in the baseline handed out, under the true load."""
+    """Return the share of the gap that the true effect leaves, in the baseline handed out, under
+    the true load.
+    """
     part, drawn_by = slice(held_out(s), None), WORLDS.load(world)
 
     def runs(acts: list[dict[str, Any]]) -> Runs:
@@ -108,7 +118,8 @@ def asked(
     try:
         record, loop = read_record(files[0]), load_loop(files[1])
         if entry["kind"] == "none":
-            # a law that the search finds may still be refused for its block or its gap: the strict count, and the cheap one
+            # a law that the search finds may still be refused for its block or its gap: the strict
+            # count, and the cheap one
             with one_thread():
                 situation = check(record, loop)
                 law = search(situation, held_out(situation)).law
@@ -140,7 +151,9 @@ def asked(
 
 
 def entries(world: str, none: int, times: int = 3) -> list[dict[str, Any]]:
-    """Return what is drawn of a world: foreign kinds, effects to be left out, four to be kept, and records without effect."""
+    """Return what is drawn of a world: foreign kinds, effects to be left out, four to be kept, and
+    records without effect.
+    """
     foreign = [
         {"kind": "foreign", "asked": "foreign", "effect": kind, "mv": (i + j) % 3 == 0}
         | {"strength": ("strong", "medium")[(i + j) % 2]}
@@ -166,7 +179,9 @@ def entries(world: str, none: int, times: int = 3) -> list[dict[str, Any]]:
 
 
 def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
-    """Return F1 of the samples in which a law that comes and goes is said to act, None where no law is named."""
+    """Return F1 of the samples in which a law that comes and goes is said to act, None where no law
+    is named.
+    """
     true: list[np.ndarray] = []
 
     def kept(*args: Any) -> np.ndarray:
@@ -187,7 +202,9 @@ def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
 
 
 def summary(rows: list[dict[str, Any]]) -> list[str]:
-    """Return the table: shares with their n, foreign kinds, known effects and records without effect apart."""
+    """Return the table: shares with their n, foreign kinds, known effects and records without
+    effect apart.
+    """
     good = [row for row in rows if "error" not in row]
     out = [f"{len(rows)} records, {len(rows) - len(good)} refused, seed {SEED}"]
     for world in WORLD_NAMES:
@@ -203,13 +220,15 @@ def summary(rows: list[dict[str, Any]]) -> list[str]:
         for k, says in _KINDS.items()
     ]
     out.append(
-        f"all, none: law found {share([r['form'] is not None for r in good if r['effect'] == 'none'])}"
+        "all, none: law found"
+        f" {share([r['form'] is not None for r in good if r['effect'] == 'none'])}"
     )
     known = [row for row in good if row["effect"] in _FLAT and not row["asked"]]
     laws = [row for row in known if row["form"] is not None]
     out.append(
-        f"known: law found {len(laws)} of {len(known)}, nearest right {share([r['nearest'] == r['effect'] for r in laws])}, "
-        f"block right {share([r['block'] == r['true'] for r in known])}"
+        f"known: law found {len(laws)} of {len(known)}, nearest right"
+        f" {share([r['nearest'] == r['effect'] for r in laws])}, block right"
+        f" {share([r['block'] == r['true'] for r in known])}"
     )
     kept = [row["kept"] for row in good if "kept" in row]
     out.append(f"effect files: {sum(kept)} of {len(kept)} keep the contract")
@@ -235,11 +254,12 @@ def _strange(rows: list[dict[str, Any]]) -> str:
     solved = [row for row in rows if row["oracle"] is not None and row["oracle"] <= _SOLVED]
     there = [row["left"] for row in solved if row["form"] is not None and row["left"] is not None]
     return (
-        f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell {len(rows) - len(told)}, "
-        f"right where it is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
-        f"with the right block {share([row['block'] == row['true'] for row in laws])}, "
-        f"gap left {_median(left)}; where the true effect leaves at most {_SOLVED}: {_median(there)}, "
-        f"law found {sum(row['form'] is not None for row in solved)} of {len(solved)}"
+        f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell"
+        f" {len(rows) - len(told)}, right where it is above {_PLAIN} {share(plain)}; law found"
+        f" {len(laws)}, with the right block"
+        f" {share([row['block'] == row['true'] for row in laws])}, gap left {_median(left)}; where"
+        f" the true effect leaves at most {_SOLVED}: {_median(there)}, law found"
+        f" {sum(row['form'] is not None for row in solved)} of {len(solved)}"
     )
 
 
@@ -248,7 +268,9 @@ def _median(x: list[float]) -> str:
 
 
 def recorded(where: Path) -> list[str]:
-    """Return what is said of the first record of every loop on a baseline identified from it, then the counts."""
+    """Return what is said of the first record of every loop on a baseline identified from it, then
+    the counts.
+    """
     lines, silent, closed = [], 0, {"answer": [], "law": []}
     pairs = {line.loop: (line, record) for line, record in reversed(records(where, doubted=True))}
     for line, record in pairs.values():
@@ -267,7 +289,8 @@ def recorded(where: Path) -> list[str]:
             left = gap_left(law.gap)
             closed["law"].append(max(1.0 - left, 0.0) if left is not None else 0.0)
         lines.append(
-            f"{line.id}: {report.effect}, gap {gap.before:.2f} to {gap.after:.2f}, floor {gap.floor:.2f}; {law.one_line()}"
+            f"{line.id}: {report.effect}, gap {gap.before:.2f} to {gap.after:.2f}, floor"
+            f" {gap.floor:.2f}; {law.one_line()}"
         )
     lines.append(f"{len(pairs)} loops; none beside a resolvable gap {silent}")
     lines += [
@@ -286,14 +309,15 @@ def main(none: int = 67, times: int = 2) -> None:
     with TemporaryDirectory() as place:
         for world, i, entry in drawn:
             rows.append(asked(world, i, entry, Path(place)))
-            said = {k: (round(v, 2) if isinstance(v, float) else v) for k, v in rows[-1].items()}
+            said = {k: round(v, 2) if isinstance(v, float) else v for k, v in rows[-1].items()}
             print(f"{len(rows)} of {len(drawn)}", said, file=sys.stderr, flush=True)
     print("\n".join(summary(rows)))
     for form, numbers in _SPELLS.items():
         found = [agreement(form, numbers, SEED + i) for i in range(_WINDOWS)]
         said = [f for f in found if f is not None]
         print(
-            f"windows of {form}: {len(said)} of {len(found)} laws found, F1 {np.median(said) if said else np.nan:.2f} (median)"
+            f"windows of {form}: {len(said)} of {len(found)} laws found, F1"
+            f" {np.median(said) if said else np.nan:.2f} (median)"
         )
 
 

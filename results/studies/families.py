@@ -1,4 +1,6 @@
-"""Valve families: what a method finds of each, and what the tuned parts find of one that was left out when they were fitted."""
+"""Valve families: what a method finds of each, and what the tuned parts find of one that was left
+out when they were fitted.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +25,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LIKE = "choudhury"  # the family every other is compared with, in the same cells
-PARTS = 2  # cells are told apart by their number: each part is judged with what was fitted on the others
+# cells are told apart by their number: each part is judged with what was fitted on the others
+PARTS = 2
 
 
 def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yield the procedure on every family, its weights fitted without that family and without the cells it is judged on.
+    """Yield the procedure on every family, its weights fitted without that family and without the
+    cells it is judged on.
 
     `rows`: as `read` gives it; with the methods that the procedure weighs.
 
-    Keys: family, n; found, and found where the loop oscillates; less: how much less than of `LIKE` in the same cells, with its
-    standard error; false alarms of the same weights.
+    Keys: family, n; found, and found where the loop oscillates; less: how much less than of `LIKE`
+    in the same cells, with its standard error; false alarms of the same weights.
     """
     loops = _evidence(rows)
     families = [v for v in dict.fromkeys(loops.valve) if loops[loops.valve == v].cycled.any()]
@@ -61,8 +65,9 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
 def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
     """Yield how well S and J of each family are told over several draws of the grid.
 
-    Keys: method, home (where its constants were fitted), parameter, family, n; median error and width in shares of the valve's
-    S; held, of the intervals whose level is stated, and its 95 % interval.
+    Keys: method, home (where its constants were fitted), parameter, family, n; median error and
+    width in shares of the valve's S; held, of the intervals whose level is stated, and its 95 %
+    interval.
     """
     import pandas as pd
 
@@ -125,12 +130,15 @@ def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print tables of runs of grid families, the first of the first alone: `python -m results.studies.families RUN [RUN ...]`."""
+    """Print tables of runs of grid families, the first of the first alone: `python -m
+    results.studies.families RUN [RUN ...]`.
+    """
     runs = sys.argv[1:] if arguments is None else arguments
     print("the procedure on each family, its weights fitted without it")
     print("\n".join(table(list(left_out(read(runs[0]))))))
     print(
-        f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of the valve's S"
+        f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of"
+        " the valve's S"
     )
     print("\n".join(table(list(sizes([RunArrays.read(run) for run in runs])))))
     return 0

@@ -1,4 +1,6 @@
-"""Front end: of the cycling loops of every valve family, how many are seen to oscillate, by the period and by the swings."""
+"""Front end: of the cycling loops of every valve family, how many are seen to oscillate, by the
+period and by the swings.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ REST = "not cycling"
 def loops(
     grid: str, every: int, seed: int = SEED, repeats: int = 1
 ) -> Iterator[tuple[str, bool, list[bool]]]:
-    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings."""
+    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its
+    swings.
+    """
     content = load_grid(grid, {"seed": seed, "repeats": repeats})
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):

@@ -1,4 +1,6 @@
-"""The gallery page: every figure with its picture and what to see in it. `python -m results.studies.gallery`."""
+"""The gallery page: every figure with its picture and what to see in it. `python -m
+results.studies.gallery`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Study of the gate: 40 detectors broken on purpose, 5 changed in small ways that matter, 40 in ways that change nothing."""
+"""Study of the gate: 40 detectors broken on purpose, 5 changed in small ways that matter, 40 in
+ways that change nothing.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ LAST_BITS = 4e-16  # another order of sums
 
 
 def finer(steps: np.ndarray) -> np.ndarray:
-    """Return steps of a search, or templates along axis 0, with those half-way between neighbours."""
+    """Return steps of a search, or templates along axis 0, with those half-way between
+    neighbours.
+    """
     between = (steps[1:] + steps[:-1]) / 2
     return np.insert(steps, np.arange(1, len(steps)), between, axis=0)
 
@@ -67,7 +71,8 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 
 
 def exchanged(fit: Callable) -> Callable:
-    """Return a fit of ellipses that takes PV for OP and OP for PV, and turns what it finds back: other arithmetic, one ellipse.
+    """Return a fit of ellipses that takes PV for OP and OP for PV, and turns what it finds back:
+    other arithmetic, one ellipse.
 
     >>> t = np.linspace(0, 6, 50)
     >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
@@ -137,7 +142,8 @@ SEMANTIC: _Changes = {
 def rewritten(
     base: RunArrays, folder: Path, changed_by: _Changes = REWRITES, last_bits: bool = True
 ) -> Iterator[tuple[str, str, RunArrays]]:
-    """Yield a run as it comes out with one method changed, or with the last bits of its signals changed.
+    """Yield a run as it comes out with one method changed, or with the last bits of its signals
+    changed.
 
     Yields (method, change, the run now).
     """
@@ -178,7 +184,9 @@ def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
 def worsened(
     base: RunArrays, method: str, rng: np.random.Generator
 ) -> Iterator[tuple[str, RunArrays]]:
-    """Yield a run in which one method has become a little worse on the loops that it covers, in each way of its own."""
+    """Yield a run in which one method has become a little worse on the loops that it covers, in
+    each way of its own.
+    """
     i = base.methods.index(method)
     said, score, truth, covered = (
         base.verdict[i],
@@ -243,7 +251,9 @@ def caught(now: RunArrays, base: RunArrays, exact: bool = False) -> bool:
 
 
 def _at_random(folder: Path, method: str) -> bool:
-    """Whether a detector is caught that answers 2 % of the records at random when it is asked again."""
+    """Whether a detector is caught that answers 2 % of the records at random when it is asked
+    again.
+    """
     rng, module = np.random.default_rng(0), registry.load(method)
     honest = module.detect
 
@@ -294,7 +304,8 @@ def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
 
 
 def small_changes(folder: Path) -> list[dict[str, object]]:
-    """Return what the gate reports of the changes in `SEMANTIC`, on the stored loops of a run or a baseline.
+    """Return what the gate reports of the changes in `SEMANTIC`, on the stored loops of a run or a
+    baseline.
 
     Keys as in `study`.
     """
@@ -306,7 +317,9 @@ def small_changes(folder: Path) -> list[dict[str, object]]:
 
 
 def _row(case: tuple[str, str, RunArrays, bool], base: RunArrays) -> dict[str, object]:
-    """Return one line of the study: what matters must be caught by `--exact`, what does not matter must pass without it."""
+    """Return one line of the study: what matters must be caught by `--exact`, what does not matter
+    must pass without it.
+    """
     method, what, now, wanted = case
     failed, exact = caught(now, base), caught(now, base, exact=True)
     flips = (
@@ -332,7 +345,8 @@ def study(
 
     `grid`: name or path, or the folder of a finished run of built-in methods.
 
-    Keys: method, what, flips, failed (the gate did not pass it), exact (nor with `--exact`), as_wanted.
+    Keys: method, what, flips, failed (the gate did not pass it), exact (nor with `--exact`),
+    as_wanted.
     """
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as home:
@@ -409,7 +423,9 @@ def _answers(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print every case and how many came out as wanted: `python -m results.studies.gate`; 1 unless all did."""
+    """Print every case and how many came out as wanted: `python -m results.studies.gate`; 1 unless
+    all did.
+    """
     parser = argparse.ArgumentParser(prog="python -m results.studies.gate", description=__doc__)
     parser.add_argument(
         "grid", nargs="?", default="ci", help="name or file, or the folder of a run"

@@ -1,4 +1,6 @@
-"""Each method's hard negative, kept: `python -m results.studies.hard_negatives METHOD ...` runs `simbench worst` for it."""
+"""Each method's hard negative, kept: `python -m results.studies.hard_negatives METHOD ...` runs
+`simbench worst` for it.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def recorded(path: str | Path) -> dict[str, Any]:
     missing = [k for k in ("method", "seed", "verdict", "score") if k not in said]
     if missing:
         raise UserError(
-            f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench worst`"
+            f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench"
+            " worst`"
         )
     return said
 

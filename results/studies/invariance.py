@@ -1,4 +1,6 @@
-"""Invariance: dense loops judged again in another unit, sign, time or sampling; how often a verdict changes."""
+"""Invariance: dense loops judged again in another unit, sign, time or sampling; how often a verdict
+changes.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,14 @@ SEED = 20131
 
 def _scaled(record: LoopRecord) -> LoopRecord:
     a, b = 40.0, -300.0
-    return replace(record, pv=0.02 * record.pv, op=a * record.op + b, op_span=(b, 100.0 * a + b), pv_span=None,
-                   sp=None if record.sp is None else 0.02 * record.sp)  # fmt: skip
+    return replace(
+        record,
+        pv=0.02 * record.pv,
+        op=a * record.op + b,
+        op_span=(b, 100.0 * a + b),
+        pv_span=None,
+        sp=None if record.sp is None else 0.02 * record.sp,
+    )
 
 
 def _shifted(record: LoopRecord) -> LoopRecord:
@@ -55,7 +63,9 @@ TRANSFORMATIONS: dict[str, Callable[[LoopRecord], LoopRecord]] = {
 
 
 def dense_records(grids: dict[str, int], seed: int = SEED) -> Iterator[LoopRecord]:
-    """Yield so many loops of each grid, spread over its groups; one sample of eight still gives 125 a period."""
+    """Yield so many loops of each grid, spread over its groups; one sample of eight still gives 125
+    a period.
+    """
     for grid, wanted in grids.items():
         content = load_grid(grid, {"seed": seed, "repeats": 1})
         step = max(content.group_count // wanted, 1)
@@ -91,8 +101,9 @@ def _said(
 
 
 def _read(record: LoopRecord, oscillation: Oscillation, names: list[str]) -> list[str]:
-    """Return the verdicts of methods on a whole record, whose oscillation was found forwards: what sets in is one, what dies
-    out is none, and the front end tells both directions of time apart."""
+    """Return the verdicts of methods on a whole record, whose oscillation was found forwards: what
+    sets in is one, what dies out is none, and the front end tells both directions of time apart.
+    """
     blind = Prepared(record.without_mv())
     blind.__dict__["oscillation"] = oscillation
     sighted, said = blind.with_mv(record), []
@@ -107,7 +118,9 @@ def _read(record: LoopRecord, oscillation: Oscillation, names: list[str]) -> lis
 
 
 def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object]], list[str]]:
-    """Return per transformation, and per method, how often verdicts change; and each flip in words."""
+    """Return per transformation, and per method, how often verdicts change; and each flip in
+    words.
+    """
     names = registry.names()
     blind, mv = (
         [n for n in names if not registry.load(n).METHOD.needs_mv],
@@ -165,7 +178,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=SEED)
     chosen = parser.parse_args(arguments)
     print(
-        f"{chosen.n} loops of chapter and of plant, seed {chosen.seed}, at 1000 samples a period or more"
+        f"{chosen.n} loops of chapter and of plant, seed {chosen.seed}, at 1000 samples a period or"
+        " more"
     )
     print("flips: stiction against no stiction")
     table_rows, flips = rows({"chapter": chosen.n, "plant": chosen.n}, chosen.seed)

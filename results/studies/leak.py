@@ -1,6 +1,8 @@
-"""What does a grid give away? How well a loop's label follows from its record without the waveform, on loops that oscillate.
+"""What does a grid give away? How well a loop's label follows from its record without the waveform,
+on loops that oscillate.
 
-The features are those of the reference method `no_waveform`: one list, `simbench.bench.score.no_waveform`.
+The features are those of the reference method `no_waveform`: one list,
+`simbench.bench.score.no_waveform`.
 """
 
 from __future__ import annotations
@@ -84,7 +86,8 @@ class Leak:
             f"share of loops that cycle {self.positives:.3f} ({BALANCE[0]:.2f} to {BALANCE[1]:.2f})"
         ]
         lines += [
-            f"{self.oscillating} loops oscillate; AUC on these (alone at most {MOST_ALONE}, a set {MOST_OF_SET:.2f}):"
+            f"{self.oscillating} loops oscillate; AUC on these (alone at most {MOST_ALONE}, a set"
+            f" {MOST_OF_SET:.2f}):"
         ]
         for name, members in {**FEATURE_SETS, "extremes": EXTREMES}.items():
             whole = f"{self.sets[name]:.3f}" if name in self.sets else "     "
@@ -94,18 +97,21 @@ class Leak:
             )
         lines += [f"  all but extremes {self.together:.3f} (at most {MOST_OF_ALL})"]
         best, names = self.tree
-        lines += [f"best tree of depth 3 on two features: right on {best:.3f} ({' and '.join(names)}), "
-                  f"at most {self.majority + MOST_OF_TREE:.3f}"]  # fmt: skip
+        lines += [
+            f"best tree of depth 3 on two features: right on {best:.3f} ({' and '.join(names)}), "
+            f"at most {self.majority + MOST_OF_TREE:.3f}"
+        ]
         return "\n".join(
             [*lines, "; ".join(["LEAKS", *self.problems]) if self.problems else "tells nothing"]
         )
 
 
 def leak(grid: Grid, every: int = 1) -> Leak:
-    """Simulate a grid, or every so many-th group of it, and try to tell its labels without the waveform.
+    """Simulate a grid, or every so many-th group of it, and try to tell its labels without the
+    waveform.
 
-    Gradient boosting and trees, five folds, groups whole, labels `cycled` yes against no. With few scenarios the AUC has an
-    error of about 0.58/sqrt(n); not for grids of one loop.
+    Gradient boosting and trees, five folds, groups whole, labels `cycled` yes against no. With few
+    scenarios the AUC has an error of about 0.58/sqrt(n); not for grids of one loop.
     """
     rows, label, groups, counts, planned = [], [], [], Counter(), 0
     for index in range(0, grid.group_count, every):
@@ -141,7 +147,9 @@ def leak(grid: Grid, every: int = 1) -> Leak:
 def best_tree(
     X: np.ndarray, label: np.ndarray, groups: np.ndarray
 ) -> tuple[float, tuple[str, str]]:
-    """Return the accuracy of the best tree of depth 3 on two of `FEATURES`, judged on other groups than it learned on."""
+    """Return the accuracy of the best tree of depth 3 on two of `FEATURES`, judged on other groups
+    than it learned on.
+    """
     from sklearn.tree import DecisionTreeClassifier
 
     fold, best = folds_of(groups), (0.0, ("", ""))

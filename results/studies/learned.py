@@ -1,7 +1,9 @@
-"""A classifier that learns the waveform: random convolution kernels and a ridge, on its home grid and away from it.
+"""A classifier that learns the waveform: random convolution kernels and a ridge, on its home grid
+and away from it.
 
-A method that is fitted to one grid should not be compared with one that is not. Two rows of each grid show what home ground is
-worth: the same classifier learned on other seeds of the grid that judges it, and on another grid.
+A method that is fitted to one grid should not be compared with one that is not. Two rows of each
+grid show what home ground is worth: the same classifier learned on other seeds of the grid that
+judges it, and on another grid.
 """
 
 from __future__ import annotations
@@ -48,11 +50,13 @@ class Loops:
 
 
 def window_of(op: np.ndarray, pv: np.ndarray, period: float) -> np.ndarray | None:
-    """Return the last periods of a loop without its amplitude, offset and period (samples); None where it is too short.
+    """Return the last periods of a loop without its amplitude, offset and period (samples); None
+    where it is too short.
 
-    Both signals are standardised and have the same number of points in a period, so that the classifier is told neither how far
-    they swing, nor about what, nor how fast. The noise relative to the swing is left, and with it a trace of the sampling:
-    a loop of more samples a period has less of it after the means.
+    Both signals are standardised and have the same number of points in a period, so that the
+    classifier is told neither how far they swing, nor about what, nor how fast. The noise relative
+    to the swing is left, and with it a trace of the sampling: a loop of more samples a period has
+    less of it after the means.
     """
     last = int(np.ceil(PERIODS * period)) + 1
     if last > op.size or period < POINTS / 2:
@@ -101,10 +105,12 @@ def loops(grid: str, seed: int, count: int) -> Loops:
 
 
 def features(window: np.ndarray) -> np.ndarray:
-    """Return two features a kernel, shape (m, 2 * KERNELS): share of the window where its answer is positive, and the maximum.
+    """Return two features a kernel, shape (m, 2 * KERNELS): share of the window where its answer is
+    positive, and the maximum.
 
-    Source: ROCKET, A. Dempster, F. Petitjean, G.I. Webb (2020), Data Mining and Knowledge Discovery 34, 1454-1495: random
-    lengths, weights, biases and dilations; here each kernel sees OP and PV together, and no padding.
+    Source: ROCKET, A. Dempster, F. Petitjean, G.I. Webb (2020), Data Mining and Knowledge Discovery
+    34, 1454-1495: random lengths, weights, biases and dilations; here each kernel sees OP and PV
+    together, and no padding.
     """
     rng, found = np.random.default_rng(KERNEL_SEED), []
     for _ in range(KERNELS):
@@ -132,8 +138,10 @@ def rows(
 
     known = {grid: loops(grid, LEARN, learn) for grid in grids}
     ridge = {
-        grid: make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13))).fit(
-            features(of.window), of.cycling
+        grid: (
+            make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13))).fit(
+                features(of.window), of.cycling
+            )
         )
         for grid, of in known.items()
     }
@@ -204,13 +212,16 @@ def main(arguments: list[str] | None = None) -> int:
     )
     chosen = parser.parse_args(arguments)
     print(
-        f"loops that oscillate; {chosen.learn} learned, seed {LEARN}, {chosen.ask} judged, seed {JUDGE}, of each grid"
+        f"loops that oscillate; {chosen.learn} learned, seed {LEARN}, {chosen.ask} judged, seed"
+        f" {JUDGE}, of each grid"
     )
     print(
-        "an error costs 1, no decision .5; random kernels are given standardised periods of OP and PV: neither amplitude,"
+        "an error costs 1, no decision .5; random kernels are given standardised periods of OP and"
+        " PV: neither amplitude,"
     )
     print(
-        "nor offset, nor period; no waveform: standard deviations, mean and extremes, sampling and period, and nothing else"
+        "nor offset, nor period; no waveform: standard deviations, mean and extremes, sampling and"
+        " period, and nothing else"
     )
     print("\n".join(table(rows(chosen.grid, chosen.learn, chosen.ask, chosen.method))))
     return 0

@@ -1,4 +1,6 @@
-"""Each method on its own ground: the sections of grid own-ground, scored by the method they are named after."""
+"""Each method on its own ground: the sections of grid own-ground, scored by the method they are
+named after.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,9 @@ MOST_UNDECIDED = 0.25
 def sections(run: str | Path) -> pd.DataFrame:
     """Score every section of a run of grid own-ground by its own method.
 
-    Columns: section, method, home (where its constants were fitted), noise_ratio (or "all"), n, right (of decided) with
-    Wilson's interval, no_decision, bar, met.
-    Sections of methods that the run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
+    Columns: section, method, home (where its constants were fitted), noise_ratio (or "all"), n,
+    right (of decided) with Wilson's interval, no_decision, bar, met. Sections of methods that the
+    run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
     """
     import pandas as pd
 
@@ -69,7 +71,9 @@ def sections(run: str | Path) -> pd.DataFrame:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is missed."""
+    """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is
+    missed.
+    """
     found = sections((sys.argv[1:] if arguments is None else arguments)[0])
     print(found.to_string(index=False, float_format="{:.3f}".format))
     return int(not found[found.noise_ratio == "all"].met.all())

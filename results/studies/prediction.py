@@ -1,8 +1,10 @@
-"""What `gap predict` says of other settings, against fresh records of the true loops of three independent simulators.
+"""What `gap predict` says of other settings, against fresh records of the true loops of three
+independent simulators.
 
-`python -m results.studies.prediction DIR` draws records of each world in the proportions of `asking`, diagnoses each, predicts
-it under half the controller gain, 1.5 times the gain and a moved set point, and runs the true loop under these settings. DIR
-keeps what is done: a call that was cut off goes on where it was, and `--print` prints what is there.
+`python -m results.studies.prediction DIR` draws records of each world in the proportions of
+`asking`, diagnoses each, predicts it under half the controller gain, 1.5 times the gain and a moved
+set point, and runs the true loop under these settings. DIR keeps what is done: a call that was cut
+off goes on where it was, and `--print` prints what is there.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ from simbench.gap.command import diagnose_files
 from simbench.gap.prediction import measure, predict, read_settings
 from simbench.loop.effects import NONE, UNKNOWN
 
-SEED = 846001  # of the first world, named before anything was predicted; the next worlds have the next numbers
+# of the first world, named before anything was predicted; the next worlds have the next numbers
+SEED = 846001
 N = 20  # records of each world
 FRESH = 10  # records of the true loop under the new settings
 NEAR = 0.1  # relative error within which a prediction counts as right
@@ -42,15 +45,19 @@ _MEASURED = ("pv_std", "op_std", "op_travel_per_hour", "period_s")
 
 
 def mixture(seed: int, n: int) -> Mixture:
-    """Return `n` records: three of ten without effect, one of ten with a foreign one, the rest with a single effect."""
+    """Return `n` records: three of ten without effect, one of ten with a foreign one, the rest with
+    a single effect.
+    """
     none, foreign = round(0.3 * n), round(0.1 * n)
     return Mixture(seed, n - none - foreign, none, 0, foreign)
 
 
 def changes(item: Item) -> dict[str, tuple[dict[str, str], float, float]]:
-    """Return the changes tried on a loop: settings as on the command line, factor on the true Kc, move of SP (PV units).
+    """Return the changes tried on a loop: settings as on the command line, factor on the true Kc,
+    move of SP (PV units).
 
-    SP moves by what one standard deviation of OP does at rest, on an integrating plant by two standard deviations of PV.
+    SP moves by what one standard deviation of OP does at rest, on an integrating plant by two
+    standard deviations of PV.
     """
     columns, plant, Kc = (
         item.columns,
@@ -72,7 +79,9 @@ def changes(item: Item) -> dict[str, tuple[dict[str, str], float, float]]:
 
 
 def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, float]]:
-    """Run the true loop under other settings; what its fresh records show once the change has settled."""
+    """Run the true loop under other settings; what its fresh records show once the change has
+    settled.
+    """
     a, sp = item.answer, np.asarray(item.columns["sp"], dtype=float)
     settle = sp.size // 2
     moves = np.concatenate([np.zeros(settle), sp - sp[0]]) + by
@@ -93,7 +102,9 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
 
 
 def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[str, Any]]:
-    """Draw and diagnose one record, predict its changes, and put the truth beside each prediction."""
+    """Draw and diagnose one record, predict its changes, and put the truth beside each
+    prediction.
+    """
     item = WORLDS.load(world).draw(seed, i, entry)
     tried = changes(item)
     with TemporaryDirectory() as place:
@@ -115,7 +126,9 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
 
 
 def judged(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Judge one prediction: values against the mean of fresh records, intervals against each of them."""
+    """Judge one prediction: values against the mean of fresh records, intervals against each of
+    them.
+    """
     out = {k: row[k] for k in ("world", "kind", "change", "valid", "reason")}
     fresh = pd.DataFrame(row["truth"])
     # a loop oscillates where most of its fresh records do
@@ -135,7 +148,9 @@ def judged(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def table(rows: pd.DataFrame) -> str:
-    """Return shares of valid answers, of right ones among them, and coverage of the intervals; by world and change."""
+    """Return shares of valid answers, of right ones among them, and coverage of the intervals; by
+    world and change.
+    """
     groups = [
         ("all", rows),
         *rows.groupby("world", sort=False),
@@ -153,7 +168,8 @@ def table(rows: pd.DataFrame) -> str:
         share = right.k / right.n if right.n else np.nan
         inside = [valid[f"{x} inside"].astype(float).mean() for x in _MEASURED]
         lines.append(
-            f"{name:18s}{len(part):5d}{len(valid) / len(part):7.2f}{share:7.2f} [{low:.2f}, {high:.2f}]"
+            f"{name:18s}{len(part):5d}{len(valid) / len(part):7.2f}{share:7.2f} [{low:.2f},"
+            f" {high:.2f}]"
             f"{valid['pv_std near'].mean():9.2f}{valid['period_s near'].mean():13.2f}"
             f"{inside[0]:8.2f}{inside[1]:6.2f}{inside[2]:8.2f}{inside[3]:8.2f}"
         )
@@ -190,10 +206,12 @@ def main() -> None:
     seeds = ", ".join(f"{world} {given.seed + k}" for k, world in enumerate(THREE))
     print(f"seeds {seeds}; {len(done) // 3} of {len(todo)} records, three changes each")
     print(
-        f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {FRESH} fresh records of the true loop"
+        f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {FRESH} fresh"
+        " records of the true loop"
     )
     print(
-        "(period: none in both, or the median's); coverage: share of single fresh records inside the 90 % interval\n"
+        "(period: none in both, or the median's); coverage: share of single fresh records inside"
+        " the 90 % interval\n"
     )
     print(table(rows))
     print("\nwhy answers are not valid (first reason):")

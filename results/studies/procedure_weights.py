@@ -1,4 +1,6 @@
-"""What is learned on simulated loops: the weights of the procedure, and the bounds of our own on scores and log-odds."""
+"""What is learned on simulated loops: the weights of the procedure, and the bounds of our own on
+scores and log-odds.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray
 
     `seed`: in place of the grid's own, so that no loop of a benchmark is trained on.
 
-    By integrating: x (loops, indices) as the procedure counts them before weighting, and y, cycling.
+    By integrating: x (loops, indices) as the procedure counts them before weighting, and y,
+    cycling.
     """
     content = load_grid(grid, {"seed": seed, "repeats": 1})
     rows: dict[bool, list[tuple[list[float], bool]]] = {False: [], True: []}
@@ -53,7 +56,9 @@ def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray
 def scores(
     names: Sequence[str], grid: str, seed: int, every: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the scores of methods on the oscillating loops of a grid, shape (methods, loops), and cycling, shape (loops,)."""
+    """Return the scores of methods on the oscillating loops of a grid, shape (methods, loops), and
+    cycling, shape (loops,).
+    """
     content, found, cycling = load_grid(grid, {"seed": seed, "repeats": 1}), [], []
     modules = [methods.load(name) for name in names]
     for index in range(0, content.group_count, every):
@@ -70,9 +75,11 @@ def scores(
 
 
 def bound(score: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return the bound at or above which a loop is called sticky with the least share of errors, and that share.
+    """Return the bound at or above which a loop is called sticky with the least share of errors,
+    and that share.
 
-    Both labels count the same. A zone without a decision, at half the cost of an error, is never cheaper than one bound.
+    Both labels count the same. A zone without a decision, at half the cost of an error, is never
+    cheaper than one bound.
     """
     known = np.isfinite(score)
     tried = np.unique(np.quantile(score[known], np.linspace(0.0, 1.0, _TRIED)))
@@ -85,7 +92,9 @@ def bound(score: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def centred(prepared: Prepared, evidence: tuple[Evidence, ...]) -> list[float]:
-    """Return each index, limited to its range, less its neutral value; 0 where the method abstains."""
+    """Return each index, limited to its range, less its neutral value; 0 where the method
+    abstains.
+    """
     verdicts = {}
     for name in dict.fromkeys(e.method for e in evidence):
         module = methods.load(name)
@@ -94,7 +103,9 @@ def centred(prepared: Prepared, evidence: tuple[Evidence, ...]) -> list[float]:
 
 
 def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bias and weights (indices,) of the log-odds from centred indices (loops, indices), labels equally frequent."""
+    """Return bias and weights (indices,) of the log-odds from centred indices (loops, indices),
+    labels equally frequent.
+    """
     from sklearn.linear_model import LogisticRegression
 
     model = LogisticRegression(C=1 / PENALTY, class_weight="balanced").fit(x, y)
@@ -102,7 +113,9 @@ def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the weights that belong into detectors/evidence.py, or the bounds of methods into their files."""
+    """Print the weights that belong into detectors/evidence.py, or the bounds of methods into their
+    files.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.procedure_weights", description=__doc__
     )
@@ -126,7 +139,8 @@ def main(arguments: list[str] | None = None) -> int:
         for name, score in zip(names, value, strict=True):
             at, wrong = bound(score, y)
             print(
-                f"{name}: {y.size} loops, {y.mean():.0%} cycling; score_low and score_high {at:.3g}, {wrong:.1%} wrong"
+                f"{name}: {y.size} loops, {y.mean():.0%} cycling; score_low and score_high"
+                f" {at:.3g}, {wrong:.1%} wrong"
             )
         return 0
     parts = [collect(grid, chosen.seed, chosen.every) for grid in chosen.grid]
@@ -135,14 +149,16 @@ def main(arguments: list[str] | None = None) -> int:
         bias, weights = fit(x, y)
         right = np.mean((x @ weights + bias > 0) == y)
         print(
-            f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias {bias:+.2f}"
+            f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias"
+            f" {bias:+.2f}"
         )
         for e, w in zip(EVIDENCE[case], weights, strict=True):
             print(f"  {e.method} {e.index}: {w:+.2f}")
         odds = x @ weights + bias
         low, high = np.quantile(odds[y], 0.05), np.quantile(odds[~y], 0.95)
         print(
-            f"  1 in 20 healthy loops exceed {high:+.2f}, 1 in 20 cycling ones stay below {low:+.2f}"
+            f"  1 in 20 healthy loops exceed {high:+.2f}, 1 in 20 cycling ones stay below"
+            f" {low:+.2f}"
         )
     return 0
 

@@ -1,4 +1,6 @@
-"""Methods as published beside the same improved: what each rule of our own gains on simulated and on real loops."""
+"""Methods as published beside the same improved: what each rule of our own gains on simulated and
+on real loops.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,11 @@ NO_RULE = "as published: no rule of our own"
 
 
 def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
-    """Yield every method: improved, without one of its own rules, as published, and as in the chapter where that differs.
+    """Yield every method: improved, without one of its own rules, as published, and as in the
+    chapter where that differs.
 
-    Yields (method, variant, thresholds). A method without a rule of its own is the published one on the part that is judged.
+    Yields (method, variant, thresholds). A method without a rule of its own is the published one on
+    the part that is judged.
     """
     for name in registry.names():
         method = registry.load(name).METHOD
@@ -52,7 +56,8 @@ def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
 def simulated(grid: str, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Judge the loops of a grid by every variant.
 
-    Returns said (variants, loops): 1 stiction, 0 none, -1 no decision; applies (variants, loops); cycling (loops,).
+    Returns said (variants, loops): 1 stiction, 0 none, -1 no decision; applies (variants, loops);
+    cycling (loops,).
     """
     said, applies, cycling = [], [], []
     for content in (load_grid(grid, {"seed": seed, "repeats": 1}) for seed in SEEDS):
@@ -76,10 +81,11 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
 
     `records, labels`: folder of real records and the table of their labels; left out where absent.
 
-    Keys: method, variant, fitted on (those of the grids to other loops of which its constants were fitted); per grid: right
-    (share of the loops that apply; no decision is wrong), found, false alarms, no decision, cost, and the gain of the improved
-    method over this variant with McNemar's p; on real units: found, false alarms, undecided, cost, and what the improved method
-    finds more, less what it raises more falsely.
+    Keys: method, variant, fitted on (those of the grids to other loops of which its constants were
+    fitted); per grid: right (share of the loops that apply; no decision is wrong), found, false
+    alarms, no decision, cost, and the gain of the improved method over this variant with McNemar's
+    p; on real units: found, false alarms, undecided, cost, and what the improved method finds more,
+    less what it raises more falsely.
     """
     table_rows: list[dict[str, object]] = []
     for m, v, _ in variants():
@@ -168,7 +174,8 @@ def main(arguments: list[str] | None = None) -> int:
     grids = {grid: every * chosen.every for grid, every in GRIDS.items()}
     looked = ", ".join(f"every {every}th group of {grid}" for grid, every in grids.items())
     print(
-        f"{looked}, seeds {' and '.join(map(str, SEEDS))}, truth: cycled, with the oscillation front end"
+        f"{looked}, seeds {' and '.join(map(str, SEEDS))}, truth: cycled, with the oscillation"
+        " front end"
     )
     gain = "how much oftener the improved method is right than this variant; McNemar's p"
     print(f"cost: an error 1, no decision .5; gain: {gain}")

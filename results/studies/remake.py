@@ -1,4 +1,6 @@
-"""Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that results/README.md lists."""
+"""Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that
+results/README.md lists.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ ROOT = Path(__file__).parents[2]
 
 
 def listed(text: str) -> dict[str, list[str]]:
-    """Return, for every row of the table, its file or folder and the shell commands that write it, in their order."""
+    """Return, for every row of the table, its file or folder and the shell commands that write it,
+    in their order.
+    """
     rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| `")]
     return {
         re.findall(r"`([^`]+)`", file)[0]: re.findall(r"`([^`]+)`", commands)

@@ -1,4 +1,6 @@
-"""Measure the store: a cluster whose workers and client are killed, what the client costs, and the scoring of made-up rows."""
+"""Measure the store: a cluster whose workers and client are killed, what the client costs, and the
+scoring of made-up rows.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,13 @@ PIECE = 1000  # scenarios of a made-up piece, as of a large grid's
 
 
 def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str, Any]:
-    """Run a grid on a local dask cluster, kill a worker, the client and another worker, resume, and compare.
+    """Run a grid on a local dask cluster, kill a worker, the client and another worker, resume, and
+    compare.
 
-    Keys: scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the second client found whole),
-    equal (the tables are those of an undisturbed run on two processes, bit for bit), dask_us and processes_us: CPU time of the
-    client per scenario, to start (imports, a run of the grid's first repeat), to hand out and collect, to score.
+    Keys: scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the
+    second client found whole), equal (the tables are those of an undisturbed run on two processes,
+    bit for bit), dask_us and processes_us: CPU time of the client per scenario, to start (imports,
+    a run of the grid's first repeat), to hand out and collect, to score.
     """
     from distributed import Client, LocalCluster
 
@@ -94,14 +98,17 @@ def _wait(target: Path, count: int, client: subprocess.Popen) -> int:
     while (whole := len(list(target.glob("receipts/*.json")))) < count:
         if client.poll() is not None:
             raise RuntimeError(
-                f"the client ended after {whole} pieces, before it could be killed; more scenarios are needed"
+                f"the client ended after {whole} pieces, before it could be killed; more scenarios"
+                " are needed"
             )
         time.sleep(0.05)
     return whole
 
 
 def _client(target: str, grid: str, method: str, repeats: str, address: str) -> int:
-    """Run or resume a grid and print CPU seconds of this process: to start, to hand out and collect pieces, to score."""
+    """Run or resume a grid and print CPU seconds of this process: to start, to hand out and collect
+    pieces, to score.
+    """
     spent = {"scoring": 0.0}
     more: dict[str, Any] = {"backend": "dask", "address": address} if address else {"jobs": 2}
     with tempfile.TemporaryDirectory() as small:  # whatever is imported, connected or compiled once
@@ -128,10 +135,11 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
 
     `count`: rows at least: a scenario has one for every method.
 
-    Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making included).
+    Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making
+    included).
 
-    The rows of a small run of grid `smoke`, again and again, with ids of their own and random scores. The scoring is a run's
-    own; of its time on the loops nothing is said.
+    The rows of a small run of grid `smoke`, again and again, with ids of their own and random
+    scores. The scoring is a run's own; of its time on the loops nothing is said.
     """
     with tempfile.TemporaryDirectory() as home:
         place = place_of(Path(home) / "run")
@@ -190,7 +198,8 @@ def _with(table: pa.Table, column: str, values: np.ndarray) -> pa.Table:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one measurement and print it as JSON: `python -m results.studies.store_study cluster` or `rows`.
+    """Run one measurement and print it as JSON: `python -m results.studies.store_study cluster` or
+    `rows`.
 
     1 when tables differ.
     """

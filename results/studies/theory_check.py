@@ -1,4 +1,6 @@
-"""Theory against simulation of random loops: `python -m results.studies.theory_check predictions [--loops N] [--seed N]`."""
+"""Theory against simulation of random loops: `python -m results.studies.theory_check predictions
+[--loops N] [--seed N]`.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Errors:
             if errors.size:
                 median, high, largest = 100 * np.percentile(errors, [50, 95, 100])
                 lines.append(
-                    f"{name} error: median {median:.3f} %, 95th percentile {high:.3f} %, largest {largest:.2f} %"
+                    f"{name} error: median {median:.3f} %, 95th percentile {high:.3f} %, largest"
+                    f" {largest:.2f} %"
                 )
         return "\n".join(lines)
 
@@ -51,9 +54,10 @@ class Errors:
 def drawn_loops(seed: int) -> Iterator[Loop]:
     """Yield random loops without end.
 
-    Both plants, P and PI; Td/T (integrating: Td/Ti) 0.05..2 and Ts Td/50..Td/3 evenly in their logarithms, J/S 0.1..1.5, Kc
-    0.1..0.9 of the ultimate gain, Ti/T 0.3..3. Integrating loops with Td > Ti have no stable tuning: there the gain refers to P
-    control, and the cycle runs between the limits of OP.
+    Both plants, P and PI; Td/T (integrating: Td/Ti) 0.05..2 and Ts Td/50..Td/3 evenly in their
+    logarithms, J/S 0.1..1.5, Kc 0.1..0.9 of the ultimate gain, Ti/T 0.3..3. Integrating loops with
+    Td > Ti have no stable tuning: there the gain refers to P control, and the cycle runs between
+    the limits of OP.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -69,15 +73,17 @@ def drawn_loops(seed: int) -> Iterator[Loop]:
 def tuned(
     integrating: bool, Td: float, Ti: float | None, share: float, J_over_S: float, Ts: float
 ) -> Loop:
-    """Return a loop (T = 10 s, S = 5 %) whose Kc is `share` of its ultimate gain; of P's where PI has none."""
+    """Return a loop (T = 10 s, S = 5 %) whose Kc is `share` of its ultimate gain; of P's where PI
+    has none.
+    """
     plant = (
         {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
     )
     table: dict[str, Any] = {
         "plant": {**plant, "Td": Td},
-        "controller": {"type": "P", "Kc": 1.0}
-        if Ti is None
-        else {"type": "PI", "Kc": 1.0, "Ti": Ti},
+        "controller": (
+            {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti}
+        ),
         "valve": {"model": "choudhury", "S": S, "J": J_over_S * S},
         "sampling": {"Ts": Ts},
     }
@@ -125,7 +131,9 @@ def simulated_cycle(loop: Loop, periods: int = 40, **start: Any) -> tuple[float,
 
 
 def starts(loop: Loop) -> Iterator[tuple[Loop, dict[str, float]]]:
-    """Yield nine ways to set a loop moving: kicks, load steps and set-point steps, in multiples of the break-away."""
+    """Yield nine ways to set a loop moving: kicks, load steps and set-point steps, in multiples of
+    the break-away.
+    """
     fs = sampled_loop(loop).fs
     table, Ts = loop.to_table(), loop.sampling.Ts
     for size in (1.05, 1.6, 3.0):
@@ -169,7 +177,8 @@ def predictions(loops: int, seed: int) -> tuple[Errors, Errors]:
 def kicks(loops: int, seed: int) -> tuple[int, int]:
     """Simulate 1.02 and 0.9 times the predicted smallest kick of random loops that have one.
 
-    Loops that the larger kick starts and the smaller does not; loops drawn that cycle, but from no kick.
+    Loops that the larger kick starts and the smaller does not; loops drawn that cycle, but from no
+    kick.
     """
     right = tried = unreachable = 0
     draw = drawn_loops(seed)
@@ -190,7 +199,8 @@ def kicks(loops: int, seed: int) -> tuple[int, int]:
 def existence_p(loops: int, seed: int) -> tuple[int, int]:
     """Start self-regulating P loops with stick-slip midway between the bounds that a cycle needs.
 
-    `seed`: of the draw: K Kc J/S in 1.05..4 or 0.3..0.95, Td/T in {0, 0.2, 1}, Kc 0.1..0.8 of the ultimate gain.
+    `seed`: of the draw: K Kc J/S in 1.05..4 or 0.3..0.95, Td/T in {0, 0.2, 1}, Kc 0.1..0.8 of the
+    ultimate gain.
 
     Loops that cycle at the end of 400 T, of those with K Kc J/S above 1 and of those below.
     """
@@ -225,7 +235,8 @@ def _cycles_from_midway(gain: float, Td: float, J: float) -> bool:
 def existence_pi(loops: int, seed: int) -> Errors:
     """Compare the existence condition of self-regulating PI loops with a dead-band with simulation.
 
-    `loops`: how many: Td/T 0.05..2, Ti/T 0.3..3 and Td/Ts 5..20 evenly in their logarithms, Kc 0.1..0.9 of the ultimate gain.
+    `loops`: how many: Td/T 0.05..2, Ti/T 0.3..3 and Td/Ts 5..20 evenly in their logarithms, Kc
+    0.1..0.9 of the ultimate gain.
 
     Of `refined`; periods and amplitudes those of the exact cycle.
     """
@@ -263,7 +274,8 @@ def main() -> None:
     elif asked.what == "kicks":
         right, unreachable = kicks(loops, asked.seed)
         print(
-            f"1.02 kick_min starts the cycle and 0.9 does not: {right} of {loops}; no kick starts {unreachable} others"
+            f"1.02 kick_min starts the cycle and 0.9 does not: {right} of {loops}; no kick starts"
+            f" {unreachable} others"
         )
     elif asked.what == "existence-p":
         above, below = existence_p(loops, asked.seed)

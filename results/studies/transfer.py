@@ -1,12 +1,15 @@
-"""Does the ranking transfer? `python -m results.studies.transfer FOLDER`: the methods' order on grids, worlds and real units.
+"""Does the ranking transfer? `python -m results.studies.transfer FOLDER`: the methods' order on
+grids, worlds and real units.
 
-Every method that does without MV judges as many loops of each home, half of them sticky; its cost is that of the score table
-(an error 1, no decision .5), sticky and sound loops counting the same. Spearman's rank correlation of the costs between two
-homes says how far an order won on one holds on the other. Learned yardsticks stand beside the methods: gradient boosting on
-features of OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Slow methods
-judge the first loops only and are left out of the correlations. An order cannot agree with another home's better than with
-itself: the last table has how far two halves of a home agree, the whole home by Spearman and Brown, and how many loops an
-agreement of .9 would take. Answers are kept in the folder; it goes on where it stopped.
+Every method that does without MV judges as many loops of each home, half of them sticky; its cost
+is that of the score table (an error 1, no decision .5), sticky and sound loops counting the same.
+Spearman's rank correlation of the costs between two homes says how far an order won on one holds on
+the other. Learned yardsticks stand beside the methods: gradient boosting on features of OP and PV,
+and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Slow
+methods judge the first loops only and are left out of the correlations. An order cannot agree with
+another home's better than with itself: the last table has how far two halves of a home agree, the
+whole home by Spearman and Brown, and how many loops an agreement of .9 would take. Answers are kept
+in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -52,7 +55,9 @@ WANTED = 0.9  # agreement of a home with itself
 
 
 def methods() -> list[str]:
-    """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity tests."""
+    """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity
+    tests.
+    """
     about = {name: registry.load(name).METHOD for name in (*registry.names(), *registry.lent)}
     return [name for name, m in about.items() if not m.needs_mv and m.role != "nonlinearity"]
 
@@ -104,7 +109,9 @@ def _judged(record: LoopRecord, sticky: bool, group: Any, names: list[str]) -> d
 
 
 def features(record: LoopRecord) -> list[float]:
-    """Return what papers compute of OP and PV: shapes, spectra, their correlation, and how regularly they swing."""
+    """Return what papers compute of OP and PV: shapes, spectra, their correlation, and how
+    regularly they swing.
+    """
     swing = find_oscillation(record.op, record.pv, record.Ts)
     period = swing.period_s / record.Ts if np.isfinite(swing.period_s) else record.n / CYCLES
     op, pv = (_scaled(detrend(np.asarray(x, dtype=float))) for x in (record.op, record.pv))
@@ -148,10 +155,12 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def convolved(traces: np.ndarray) -> np.ndarray:
-    """Return shares of time in which convolutions of OP, PV and their sum exceed a bias: MiniRocket's features.
+    """Return shares of time in which convolutions of OP, PV and their sum exceed a bias:
+    MiniRocket's features.
 
-    Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the others -1, dilated; biases are
-    `BIASES` times the convolution's standard deviation, as symmetric waves spend half of their time above 0.
+    Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the
+    others -1, dilated; biases are `BIASES` times the convolution's standard deviation, as symmetric
+    waves spend half of their time above 0.
     """
     signals = [traces[:, 0], traces[:, 1], traces.sum(axis=1)]
     found = []
@@ -250,10 +259,12 @@ def _rank(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
-    """Yield Spearman's correlation of the methods' costs between any two homes, and between the halves of one.
+    """Yield Spearman's correlation of the methods' costs between any two homes, and between the
+    halves of one.
 
-    Keys: first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits); of
-    halves also whole (the agreement of the whole home by Spearman and Brown) and loops (how many would give `WANTED`).
+    Keys: first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the
+    spread over splits); of halves also whole (the agreement of the whole home by Spearman and
+    Brown) and loops (how many would give `WANTED`).
     """
     rng = np.random.default_rng(SEED)
     for a, b in combinations(homes, 2):
@@ -290,10 +301,11 @@ def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
 
 
 def reliability(half: float, loops: int) -> tuple[float, float]:
-    """Return how far as many other loops would agree with these, from the agreement of halves, and how many give `WANTED`.
+    """Return how far as many other loops would agree with these, from the agreement of halves, and
+    how many give `WANTED`.
 
-    Spearman (1910) and Brown (1910), Br. J. Psychol. 3, 271 and 296: k times as many loops agree by k r / (1 + (k - 1) r). Both
-    are NaN where halves do not agree at all.
+    Spearman (1910) and Brown (1910), Br. J. Psychol. 3, 271 and 296: k times as many loops agree by
+    k r / (1 + (k - 1) r). Both are NaN where halves do not agree at all.
 
     >>> whole, loops = reliability(0.5, 100)
     >>> round(whole, 3), round(loops)
@@ -302,13 +314,14 @@ def reliability(half: float, loops: int) -> tuple[float, float]:
     if not half > 0.0:
         return float("nan"), float("nan")
     whole = 2.0 * half / (1.0 + half)
-    return whole, loops * WANTED * (1.0 - whole) / (
-        whole * (1.0 - WANTED)
-    ) if whole < 1.0 else float(loops)
+    return whole, (
+        loops * WANTED * (1.0 - whole) / (whole * (1.0 - WANTED)) if whole < 1.0 else float(loops)
+    )
 
 
 def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
-    """Return every home with so many loops, of which slow methods judge the first; answers in the folder are read.
+    """Return every home with so many loops, of which slow methods judge the first; answers in the
+    folder are read.
 
     `real`: folder of real records; left out where it does not exist.
     """
@@ -335,7 +348,9 @@ def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
 
 
 def table(homes: dict[str, Home], names: list[str]) -> list[str]:
-    """Return costs of methods and learned yardsticks in every home, best first on all but their own; * learned or fitted there."""
+    """Return costs of methods and learned yardsticks in every home, best first on all but their
+    own; * learned or fitted there.
+    """
     fitted = {m: set(registry.load(m).METHOD.fitted_on) for m in names}
     fitted |= {
         m: {m.partition(", ")[2]} for m in next(iter(homes.values())).costs if m not in names
@@ -364,7 +379,10 @@ def agreement(found: list[dict[str, Any]]) -> list[str]:
     between = [row for row, f in zip(rows, found, strict=True) if "whole" not in f]
     own = [(*row[:1], *row[2:], f"{f['whole']:.2f}", f"{f['loops']:.0f}")
            for row, f in zip(rows, found, strict=True) if "whole" in f]  # fmt: skip
-    text = "agreement of each home with itself: halves (median, spread), the whole by Spearman and Brown, and loops for .9"
+    text = (
+        "agreement of each home with itself: halves (median, spread), the whole by Spearman and"
+        " Brown, and loops for .9"
+    )
     head = ("home", "halves", "lo", "hi", "whole", "loops for .9")
     return [
         *columns([("first", "second", "spearman", "lo", "hi"), *between]),
@@ -376,7 +394,9 @@ def agreement(found: list[dict[str, Any]]) -> list[str]:
 
 
 def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
-    """Write a picture of the correlations and of every method's cost from home to home, and its numbers beside it."""
+    """Write a picture of the correlations and of every method's cost from home to home, and its
+    numbers beside it.
+    """
     import pandas as pd
 
     from simbench.figures._style import BLUE, label, panels, styled, write_picture
@@ -388,8 +408,13 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
         for row in found:
             i, j = where.index(row["first"]), where.index(row["second"])
             for x, y in {(i, j), (j, i)}:
-                left.fill([x - 0.5, x + 0.5, x + 0.5, x - 0.5], [y - 0.5, y - 0.5, y + 0.5, y + 0.5],
-                          color=BLUE, alpha=float(np.clip(row["spearman"], 0.0, 1.0)) * 0.6, linewidth=0)  # fmt: skip
+                left.fill(
+                    [x - 0.5, x + 0.5, x + 0.5, x - 0.5],
+                    [y - 0.5, y - 0.5, y + 0.5, y + 0.5],
+                    color=BLUE,
+                    alpha=float(np.clip(row["spearman"], 0.0, 1.0)) * 0.6,
+                    linewidth=0,
+                )
                 says = f"{row['spearman']:.2f}\n{row['lo']:.2f} to {row['hi']:.2f}"
                 left.text(x, y, says, ha="center", va="center", fontsize=6)
         label(left, "", "", "Spearman of the methods' costs; diagonal: halves")
@@ -436,21 +461,26 @@ def main(arguments: list[str] | None = None) -> int:
             homes[source].learn(name, homes, source)
     found = list(order(homes, fast))
     print(
-        f"{', '.join(f'{h} {home.sticky.size} loops ({home.sticky.sum()} sticky)' for h, home in homes.items())}; seed {SEED}"
+        f"{', '.join(f'{h} {home.sticky.size} loops ({home.sticky.sum()} sticky)' for h, home in homes.items())};"
+        f" seed {SEED}"
     )
     print(
-        "cost: an error 1, no decision .5, sticky and sound loops counting the same; abroad: mean over homes without *, where"
+        "cost: an error 1, no decision .5, sticky and sound loops counting the same; abroad: mean"
+        " over homes without *, where"
     )
     print(
-        "a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n"
+        "a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by"
+        " folds)\n"
     )
     print("\n".join(table(homes, names)))
     few = min(given.slow, given.n)
     print(
-        f"{', '.join(dear) or 'no slow method'}: on the first {few} loops of each grid and world, and on all real ones"
+        f"{', '.join(dear) or 'no slow method'}: on the first {few} loops of each grid and world,"
+        " and on all real ones"
     )
     print(
-        f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops again\n"
+        f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops"
+        " again\n"
     )
     print("\n".join(agreement(found)))
     if given.picture is not None:

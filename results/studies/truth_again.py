@@ -1,4 +1,6 @@
-"""Do loops that are labelled as cycling go on without noise, for three times as long as the label asks?"""
+"""Do loops that are labelled as cycling go on without noise, for three times as long as the label
+asks?
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ STEP = 7  # groups between two that are looked at
 
 
 def goes_on(loop, seed: int, period_s: float) -> bool:
-    """Return whether the valve swings in the last third of a long motion whose noise ends with the record."""
+    """Return whether the valve swings in the last third of a long motion whose noise ends with the
+    record.
+    """
     samples = min(math.ceil(MOST_PERIODS * period_s / loop.sampling.Ts), MOST_SAMPLES)
     tail = valve_tail(loop, seed, samples, loop.sampling.n)
     bar = least_swing(loop)
@@ -46,7 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
         if looked == asked.loops:
             break
     print(
-        f"{asked.grid}: {on} of {looked} cycling loops go on without noise ({on / max(looked, 1):.3f}; at least {LEAST})"
+        f"{asked.grid}: {on} of {looked} cycling loops go on without noise"
+        f" ({on / max(looked, 1):.3f}; at least {LEAST})"
     )
     return int(on < LEAST * looked)
 

@@ -1,1 +1,3 @@
-"""Who can be trusted? Grids of scenarios simulated with their truth, judged by detectors, scored, compared, defended."""
+"""Who can be trusted? Grids of scenarios simulated with their truth, judged by detectors, scored,
+compared, defended.
+"""

@@ -1,4 +1,6 @@
-"""Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another, beside the published ones."""
+"""Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another,
+beside the published ones.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,13 @@ _ROC_POINTS = 200
 class _Calibration:
     """Cuts found on seeds A and what they do on seeds B."""
 
-    false_alarm: float  # wanted share of healthy loops called sticky; also the wanted share of wrong answers among the decided
-    # per method, against `cycled`, with the front end, on seeds B: published_false_alarm, published_detection; cut (score above
-    # = stiction), false_alarm, detection, auc, each with interval; informative (AUC's interval leaves out 0.5);
-    # no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided, all three without the
-    # front end
+    # wanted share of healthy loops called sticky; also the wanted share of wrong answers among the
+    # decided
+    false_alarm: float
+    # per method, against `cycled`, with the front end, on seeds B: published_false_alarm,
+    # published_detection; cut (score above = stiction), false_alarm, detection, auc, each with
+    # interval; informative (AUC's interval leaves out 0.5); no_stiction_below and stiction_above of
+    # the calibrated abstention, its coverage and wrong_decided, all three without the front end
     table: pd.DataFrame
     roc: pd.DataFrame  # columns method, threshold, false_alarm, detection; seeds B
     about: dict[str, Any]  # grid, its hash, seeds A and B
@@ -64,10 +68,15 @@ class _Calibration:
         """Return one line per method."""
         a = self.about
         lines = [
-            f"grid {a['grid']}: cuts from seed {a['seed_a']}, measured on seed {a['seed_b']} "
-            f"({a['positives']} cycling, {a['negatives']} not), wanted false alarms {self.false_alarm:g}",
-            f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
-            f"{'published':>15s}{'abstaining: decided, wrong':>29s}",
+            (
+                f"grid {a['grid']}: cuts from seed {a['seed_a']}, measured on seed {a['seed_b']}"
+                f" ({a['positives']} cycling, {a['negatives']} not), wanted false alarms"
+                f" {self.false_alarm:g}"
+            ),
+            (
+                f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
+                f"{'published':>15s}{'abstaining: decided, wrong':>29s}"
+            ),
         ]
         for r in self.table.itertuples():
             note = "" if r.informative else "  not informative here"
@@ -106,7 +115,9 @@ def calibrate(
     out: str | Path | None = None,
     **settings: Any,
 ) -> _Calibration:
-    """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B."""
+    """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds
+    B.
+    """
     if not 0.0 < false_alarm < 1.0:
         raise ParameterError(f"false_alarm = {false_alarm}; a share between 0 and 1 is needed")
     sets = dict(settings.pop("sets", None) or {})
@@ -143,7 +154,8 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
     for i, method in enumerate(b.methods):
         score_a, score_b = _scores(a.score, a, i), _scores(b.score, b, i)
         cut = cut_for(score_a[~_labels(a)], false_alarm)
-        # without the front end: it says "no" to more cycling loops than a small share of wrong answers allows
+        # without the front end: it says "no" to more cycling loops than a small share of wrong
+        # answers allows
         low, high = abstention(_scores(a.score_raw, a, i), _labels(a), false_alarm)
         raw_b = _scores(b.score_raw, b, i)
         said = b.verdict[i, b.truth["cycled"] >= 0]
@@ -193,7 +205,9 @@ def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
 
 
 def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[float, float]:
-    """Return the band of scores in which to abstain so that few of the decided are wrong and most are decided."""
+    """Return the band of scores in which to abstain so that few of the decided are wrong and most
+    are decided.
+    """
     known = ~np.isnan(score)
     score, positive = score[known], positive[known]
     if score.size == 0:

@@ -1,7 +1,9 @@
-"""The statistics of a benchmark: intervals of rates and AUC, paired and unpaired tests, corrections for many tests.
+"""The statistics of a benchmark: intervals of rates and AUC, paired and unpaired tests, corrections
+for many tests.
 
-McNemar and Friedman are scipy's. Wilson and Holm are a few lines: a library that has them (statsmodels) would serve nothing
-else here. AUC is counted here because scikit-learn gives neither DeLong's interval nor ranks of infinite scores.
+McNemar and Friedman are scipy's. Wilson and Holm are a few lines: a library that has them
+(statsmodels) would serve nothing else here. AUC is counted here because scikit-learn gives neither
+DeLong's interval nor ranks of infinite scores.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class Estimate(NamedTuple):
 def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.ndarray, np.ndarray]:
     """Return Wilson's score interval of a proportion.
 
-    Wilson (1927), J. Am. Stat. Assoc. 22, 209; vectorised form of `scipy.stats.binomtest(...).proportion_ci("wilson")`.
+    Wilson (1927), J. Am. Stat. Assoc. 22, 209; vectorised form of
+    `scipy.stats.binomtest(...).proportion_ci("wilson")`.
     """
     k, n = np.broadcast_arrays(np.asarray(right, dtype=float), np.asarray(of, dtype=float))
     z = ndtri(0.5 + level / 2)
@@ -55,7 +58,8 @@ def rate(right: int, of: int) -> Estimate:
 def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
     """Return the exact McNemar p-value of paired right/wrong answers.
 
-    McNemar (1947), Psychometrika 12, 153; the exact form is a binomial test of lost against lost + won at 1/2.
+    McNemar (1947), Psychometrika 12, 153; the exact form is a binomial test of lost against lost +
+    won at 1/2.
     """
     if lost + won == 0:
         return 1.0
@@ -66,7 +70,8 @@ def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
 def holm(p: ArrayLike) -> np.ndarray:
     """Return p-values corrected for their number.
 
-    Holm (1979), Scand. J. Stat. 6, 65. It needs no independence; with thousands of tests it has little power.
+    Holm (1979), Scand. J. Stat. 6, 65. It needs no independence; with thousands of tests it has
+    little power.
     """
     p = np.asarray(p, dtype=float)
     order = np.argsort(p, kind="stable")
@@ -77,10 +82,12 @@ def holm(p: ArrayLike) -> np.ndarray:
 
 
 def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float = 0.0) -> float:
-    """Return the p-value of "the rate fell by no more than the margin", from two independent samples.
+    """Return the p-value of "the rate fell by no more than the margin", from two independent
+    samples.
 
-    Score-like normal test: z = (p1 - p2 - margin)/sqrt(p1 q1/n1 + p2 q2/n2) with one success and one failure added to each
-    sample (Agresti and Caffo 2000, Am. Stat. 54, 280), which keeps it honest at rates near 0 and 1.
+    Score-like normal test: z = (p1 - p2 - margin)/sqrt(p1 q1/n1 + p2 q2/n2) with one success and
+    one failure added to each sample (Agresti and Caffo 2000, Am. Stat. 54, 280), which keeps it
+    honest at rates near 0 and 1.
     """
     if min(of_before, of_now) == 0:
         return 1.0
@@ -92,9 +99,9 @@ def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float 
 def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
     """Return the area under the ROC curve with DeLong's interval.
 
-    DeLong, DeLong and Clarke-Pearson (1988), Biometrics 44, 837, by midranks (Sun and Xu 2014). The interval is that of the
-    logit, so that it stays within 0..1; at AUC 0 or 1 DeLong's variance is 0, and Wilson's interval of the smaller class stands
-    in.
+    DeLong, DeLong and Clarke-Pearson (1988), Biometrics 44, 837, by midranks (Sun and Xu 2014). The
+    interval is that of the logit, so that it stays within 0..1; at AUC 0 or 1 DeLong's variance is
+    0, and Wilson's interval of the smaller class stands in.
     """
     positive = np.asarray(positive, dtype=bool)
     m, n = int(positive.sum()), int((~positive).sum())
@@ -171,7 +178,8 @@ def auc_drop_unpaired(
     positive_now: ArrayLike,
     margin: float = 0.0,
 ) -> float:
-    """Return the p-value of "the AUC fell by no more than the margin", from two independent samples.
+    """Return the p-value of "the AUC fell by no more than the margin", from two independent
+    samples.
 
     Normal test with DeLong's variances (see `auc`).
     """
@@ -196,13 +204,16 @@ class _Ranking(NamedTuple):
 def mean_ranks(
     results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None
 ) -> _Ranking:
-    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's.
+    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's
+    or a group bootstrap's.
 
-    `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the difference is then the level's
-    quantile of the largest deviation between any two mean ranks over 1000 draws of whole groups.
+    `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the
+    difference is then the level's quantile of the largest deviation between any two mean ranks over
+    1000 draws of whole groups.
 
-    Demsar (2006), J. Mach. Learn. Res. 7, 1. CD = q sqrt(k (k + 1)/(6 N)), q from the studentised range over sqrt 2. It is
-    conservative with many ties, as right/wrong answers give; there the paired `mcnemar` is the sharper test.
+    Demsar (2006), J. Mach. Learn. Res. 7, 1. CD = q sqrt(k (k + 1)/(6 N)), q from the studentised
+    range over sqrt 2. It is conservative with many ties, as right/wrong answers give; there the
+    paired `mcnemar` is the sharper test.
     """
     x = np.asarray(results, dtype=float)
     if x.ndim != 2 or x.shape[0] < 2 or x.shape[1] < 3:

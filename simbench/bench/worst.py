@@ -1,4 +1,6 @@
-"""Worst case: the healthy loop on which a method is most confidently wrong, found by random search and refinement."""
+"""Worst case: the healthy loop on which a method is most confidently wrong, found by random search
+and refinement.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ _ELITE = 6
 _TIME = 540.0  # s; a slow method on a slow machine stops here
 _DISTURBANCES = ("none", "sine", "propagated", "coloured", "steps", "random_walk")
 OSCILLATING = ("sine", "propagated")
-# every entry: lowest and highest value, drawn evenly in logarithm; periods in dead times + lags, sizes in the load's
+# every entry: lowest and highest value, drawn evenly in logarithm; periods in dead times + lags,
+# sizes in the load's
 RANGES = {
     "Td_over_T": (0.03, 3.0),  # integrating: over Ti
     "Ti": (0.3, 4.0),  # over T
@@ -62,7 +65,8 @@ class WorstCase:
     loop: Loop  # its valve has no friction
     seed: int  # of its run
     verdict: Verdict  # the method's answer
-    # tried, fooled: loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`
+    # tried, fooled: loops simulated, and on how many of those drawn far and wide the method said
+    # stiction, of `drawn`
     tried: int
     drawn: int  # loops drawn far and wide
     fooled: int
@@ -80,10 +84,9 @@ class WorstCase:
             else "comes nearest to being wrong"
         )
         return (
-            f"{self.method} {wrong} on this healthy loop: {self.verdict.verdict}, score {self.score:.4g}\n"
-            f"reason: {self.verdict.reason}\n"
-            f"{self.tried} healthy loops tried; of {self.drawn} drawn at random it called {self.fooled} sticky\n\n"
-            f"{self.to_toml()}"
+            f"{self.method} {wrong} on this healthy loop: {self.verdict.verdict}, score"
+            f" {self.score:.4g}\nreason: {self.verdict.reason}\n{self.tried} healthy loops tried;"
+            f" of {self.drawn} drawn at random it called {self.fooled} sticky\n\n{self.to_toml()}"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -100,9 +103,11 @@ class WorstCase:
     def to_toml(self) -> str:
         """Return the loop file, with seed and answer in comments."""
         head = [
-            "# A healthy loop that this method calls sticky."
-            if self.verdict.verdict == STICTION
-            else "# A healthy loop.",
+            (
+                "# A healthy loop that this method calls sticky."
+                if self.verdict.verdict == STICTION
+                else "# A healthy loop."
+            ),
             f'# method = "{self.method}"',
             f"# seed = {self.seed}",
             f'# verdict = "{self.verdict.verdict}"',
@@ -114,8 +119,9 @@ class WorstCase:
 def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
     """Search the healthy loop on which a method is most confidently wrong.
 
-    First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
-    drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
+    First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV
+    and a valve characteristic: drawn evenly, then the best ones are changed a little (an evolution
+    strategy with shrinking steps).
     """
 
     process = registry.load(method).METHOD.process
@@ -169,21 +175,24 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
         if integrating
         else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
     )
-    # without an oscillation from outside, the loop's own sets the pace: about four dead times and lags
+    # without an oscillation from outside, the loop's own sets the pace: about four dead times and
+    # lags
     period = x["period"] * (T + 2 * Td) if kind in OSCILLATING else 4 * Td + T
     table: dict[str, Any] = {
         "plant": plant,
-        "controller": {"type": "P", "Kc": 1.0}
-        if on["P"]
-        else {"type": "PI", "Kc": 1.0, "Ti": significant(x["Ti"] * T)},
+        "controller": (
+            {"type": "P", "Kc": 1.0}
+            if on["P"]
+            else {"type": "PI", "Kc": 1.0, "Ti": significant(x["Ti"] * T)}
+        ),
         "sampling": {
             "Ts": significant(period / x["samples_per_period"]),
             "n": round(x["samples_per_period"] * x["periods"]),
         },
         "noise": {"std": significant(x["noise"] * x["amplitude"]) if on["noisy"] else 0.0},
-        "valve": {"model": "gain_ratio", "R": x["rangeability"]}
-        if on["curved"]
-        else {"model": "ideal"},
+        "valve": (
+            {"model": "gain_ratio", "R": x["rangeability"]} if on["curved"] else {"model": "ideal"}
+        ),
         "effect": [],
     }
     if on["stepped"] or kind == "none":

@@ -1,1 +1,3 @@
-"""Blind checks of the gap diagnosis: records with hidden effects from independent simulators, sealed answers, their scoring."""
+"""Blind checks of the gap diagnosis: records with hidden effects from independent simulators,
+sealed answers, their scoring.
+"""

@@ -23,10 +23,11 @@ MOST_TESTS = 2  # a record
 
 
 def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 0) -> int:
-    """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json, answers-2/ID.json.
+    """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json,
+    answers-2/ID.json.
 
-    After each round the test that an answer asks for is opened and logged; where none is asked for, or it is refused, an answer
-    stands.
+    After each round the test that an answer asks for is opened and logged; where none is asked for,
+    or it is refused, an answer stands.
     """
     folder = Path(folder).resolve()
     if not 0 <= tests <= MOST_TESTS:
@@ -51,7 +52,8 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
         for name in answers:
             if not _answered(place / name):
                 print(
-                    f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before stands"
+                    f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before"
+                    " stands"
                 )
                 _write(place / name, answers[name])
     return done
@@ -117,7 +119,9 @@ def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, 
 
 
 def _blindfold(folder: str) -> None:
-    """Make this process unable to open anything of the folder but its records and the tests that were opened."""
+    """Make this process unable to open anything of the folder but its records and the tests that
+    were opened.
+    """
     allowed = tuple(os.path.join(folder, name) + os.sep for name in ("records", outcomes.OPENED))
     root = folder + os.sep
 

@@ -1,4 +1,6 @@
-"""Re-simulate what an answer claims: the world's loop with the claimed effect and parameters in place of the true ones."""
+"""Re-simulate what an answer claims: the world's loop with the claimed effect and parameters in
+place of the true ones.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ def true_shrinkages(
 ) -> list[dict[str, Any]]:
     """Return claimed and true shrinkage of the answer's best candidates.
 
-    Before: the true loop without its effect. After: the same with the claimed one; what no world draws is passed over.
+    Before: the true loop without its effect. After: the same with the claimed one; what no world
+    draws is passed over.
     """
     simulate, scale = (
         WORLDS.load(world).simulate,

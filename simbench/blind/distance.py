@@ -10,8 +10,11 @@ import numpy as np
 from scipy.signal import welch
 
 RESOLVABLE = 1.5  # gap over floor from which a gap counts as resolvable
-_CAP = 40.0  # seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide alone
-_LEAST_FLOOR = 0.3  # a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap
+# seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide
+# alone
+_CAP = 40.0
+# a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap
+_LEAST_FLOOR = 0.3
 _BANDS = 6
 
 
@@ -37,7 +40,8 @@ class Scale(NamedTuple):
 
 
 def features(s: Signals, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the record looks like regardless of phase, and the difference below which each number means nothing.
+    """Return what the record looks like regardless of phase, and the difference below which each
+    number means nothing.
 
     Means are left out: operating point and mean load are never an effect.
     """
@@ -110,7 +114,9 @@ def _regularity(x: np.ndarray) -> float:
 
 
 def _answer_to_steps(s: Signals, scale: Scale, lag: int) -> list[float]:
-    """Mean course of PV and OP after the set-point steps, per unit of step, in four windows of about one time scale."""
+    """Mean course of PV and OP after the set-point steps, per unit of step, in four windows of
+    about one time scale.
+    """
     times = np.flatnonzero(np.diff(s.sp)) + 1
     size = s.sp[times] - s.sp[times - 1]
     edges = [0, max(lag // 2, 1), lag + 1, 2 * lag + 2, 3 * lag + 3]
@@ -126,7 +132,9 @@ def _answer_to_steps(s: Signals, scale: Scale, lag: int) -> list[float]:
 
 
 class Cloud(NamedTuple):
-    """What one simulation looks like over many seeds: mean and spread of every feature, and the distance of its own members."""
+    """What one simulation looks like over many seeds: mean and spread of every feature, and the
+    distance of its own members.
+    """
 
     mean: np.ndarray
     spread: np.ndarray

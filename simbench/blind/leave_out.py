@@ -1,4 +1,5 @@
-"""Every effect taken out of the library in turn: what is said then, and how far does the gap shrink once it is back?
+"""Every effect taken out of the library in turn: what is said then, and how far does the gap shrink
+once it is back?
 
 Knows the truth and the diagnosis, so neither a world nor the diagnosis imports it.
 """
@@ -29,24 +30,40 @@ from simbench.progress import Progress
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
-    "record", "effect", "strength", "said", "right", "block", "nearest", "before", "left", "floor", "resolvable", "back",
-    "after", "asked", "error",
-)  # fmt: skip
+    "record",
+    "effect",
+    "strength",
+    "said",
+    "right",
+    "block",
+    "nearest",
+    "before",
+    "left",
+    "floor",
+    "resolvable",
+    "back",
+    "after",
+    "asked",
+    "error",
+)
 
 
 def leave_out(
     out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1, tests: int = 0
 ) -> pd.DataFrame:
-    """Diagnose records of every effect without and with the effect in the library, each with at most so many tests asked for.
+    """Diagnose records of every effect without and with the effect in the library, each with at
+    most so many tests asked for.
 
-    `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law that describes what has no
-    name; `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything.
+    `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law
+    that describes what has no name; `resolvable` says whether the gap stands out of its floor at
+    all: of the others nobody can say anything.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
         raise ParameterError(
-            f"leave-out: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)"
+            f"leave-out: world {world!r} runs no tests; it has no function test(answer, effects,"
+            " seed, plan)"
         )
     one = (f"after-{tests}-" if tests else "") + f"{world}-{seed}-"
     names = {f"{one}{e}-{i}": (i, e) for e in WORLD_EFFECTS for i in range(n)}
@@ -61,7 +78,8 @@ def leave_out(
     strange = [r for r in done.record if not str(r).startswith(one)]
     if strange:
         raise ParameterError(
-            f"leave-out: {table} holds {strange[0]}, not what begins with {one!r}; choose a new folder"
+            f"leave-out: {table} holds {strange[0]}, not what begins with {one!r}; choose a new"
+            " folder"
         )
     remove_stale_temporaries(folder(out / "records"))
     todo = [name for name in names if name not in set(done.record)]
@@ -93,7 +111,9 @@ def _one(
     seed: int,
     tests: int,
 ) -> dict[str, Any]:
-    """Draw one record, and diagnose it without and with its effect, beside the tests that were asked for without it."""
+    """Draw one record, and diagnose it without and with its effect, beside the tests that were
+    asked for without it.
+    """
     strength = _STRENGTHS[i % 2]
     row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {
         "record": name,
@@ -134,10 +154,18 @@ def _one(
     gap = law or without.gap
     here = true_circumstances(item.answer, item.baseline, pd.DataFrame(item.columns))
     return row | {
-        "said": without.effect, "right": without.effect in {UNKNOWN, *indistinguishable(effect, here)}, "block": without.block,
-        "nearest": known[0], "before": gap.before, "left": gap.after, "floor": gap.floor,
-        "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after, "asked": " ".join(asked),
-    }  # fmt: skip
+        "said": without.effect,
+        "right": without.effect in {UNKNOWN, *indistinguishable(effect, here)},
+        "block": without.block,
+        "nearest": known[0],
+        "before": gap.before,
+        "left": gap.after,
+        "floor": gap.floor,
+        "resolvable": without.gap.resolvable,
+        "back": whole.effect,
+        "after": whole.gap.after,
+        "asked": " ".join(asked),
+    }
 
 
 def summary(found: pd.DataFrame) -> pd.DataFrame:

@@ -136,7 +136,9 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
 
 
 def by_effect(table: pd.DataFrame) -> pd.DataFrame:
-    """Return first / group / top-3 / block / unknown / none shares per effect (or foreign kind) and strength."""
+    """Return first / group / top-3 / block / unknown / none shares per effect (or foreign kind) and
+    strength.
+    """
     rows = []
     what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign).where(
         table.kind != "two", "two effects"
@@ -167,7 +169,9 @@ def share(
 
 
 def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
-    """Return the expected calibration error of the named effect's probability (Naeini et al. 2015), equal-width bins."""
+    """Return the expected calibration error of the named effect's probability (Naeini et al. 2015),
+    equal-width bins.
+    """
     part = table[table.answered & (table.kind != "two")]
     error = (
         calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins)

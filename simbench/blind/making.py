@@ -29,9 +29,29 @@ PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
 _ANSWER_COLUMNS = (
-    "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
-    "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
-)  # fmt: skip
+    "id",
+    "world",
+    "kind",
+    "block",
+    "effect",
+    "block2",
+    "effect2",
+    "strength",
+    "ratio",
+    "shrinkage",
+    "gap_before",
+    "gap_after",
+    "floor",
+    "parameters",
+    "parameters2",
+    "foreign",
+    "mv",
+    "plant",
+    "controller",
+    "sp_moves",
+    "case",
+    "seed",
+)
 
 
 @dataclass(frozen=True)
@@ -39,7 +59,8 @@ class Plan:
     """How many records of each kind."""
 
     per_cell: int = 5  # single-effect records per effect and strength
-    # none, two, foreign: records without effect, with two effects from different blocks, with a foreign fault
+    # none, two, foreign: records without effect, with two effects from different blocks, with a
+    # foreign fault
     none: int = 120
     two: int = 75
     foreign: int = 75
@@ -49,10 +70,13 @@ class Plan:
 
     @classmethod
     def of(cls, n: int) -> Plan:
-        """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest two effects and foreign."""
+        """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest
+        two effects and foreign.
+        """
         if n < 100:
             raise ParameterError(
-                f"withheld: {n} records asked for; at least 100 are needed for one of each effect and strength"
+                f"withheld: {n} records asked for; at least 100 are needed for one of each effect"
+                " and strength"
             )
         per_cell = max(1, round(0.55 * n / (len(PLANNED) * len(STRENGTHS))))
         rest = n - per_cell * len(PLANNED) * len(STRENGTHS)
@@ -61,7 +85,9 @@ class Plan:
         return cls(per_cell=per_cell, none=none, two=two, foreign=rest - none - two)
 
     def entries(self, foreign: Sequence[str]) -> list[dict[str, Any]]:
-        """Return one entry per record, in order: what it must hold; `foreign` are the world's foreign kinds."""
+        """Return one entry per record, in order: what it must hold; `foreign` are the world's
+        foreign kinds.
+        """
         single = [
             {
                 "kind": "single",
@@ -109,7 +135,9 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
 
 
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
-    """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
+    """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both
+    files.
+    """
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
     for file, text in (
         (record, csv_of(item.columns)),
@@ -130,7 +158,9 @@ def make(
     world: str = OWN,
     tests: bool = False,
 ) -> str:
-    """Write a withheld folder and, elsewhere, the key to its answers; `tests`: with what every test of the menu would show."""
+    """Write a withheld folder and, elsewhere, the key to its answers; `tests`: with what every test
+    of the menu would show.
+    """
     out, key = Path(out), Path(key)
     refuse_key_inside("withheld", key, out)
     if (out / "records").exists():
@@ -141,7 +171,8 @@ def make(
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
         raise ParameterError(
-            f"withheld: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)"
+            f"withheld: world {world!r} runs no tests; it has no function test(answer, effects,"
+            " seed, plan)"
         )
     refuse_unwritable_key(key)
     folder(out)

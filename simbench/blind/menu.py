@@ -1,4 +1,6 @@
-"""The menu of tests on a loop of the blind check: what each does, sized by baseline and record alone."""
+"""The menu of tests on a loop of the blind check: what each does, sized by baseline and record
+alone.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ class TestPlan:
     raw: bool = False  # whether no archive stands between
     mv: bool = False  # whether the stem position is logged
     lab: np.ndarray | None = (
-        None  # samples at which the true process value is taken, and the std of its error (PV units)
+        # samples at which the true process value is taken, and the std of its error (PV units)
+        None
     )
     lab_std: float = 0.0
 
@@ -106,15 +109,24 @@ def plan(id_: str, columns: Mapping[str, np.ndarray], baseline: Mapping[str, Any
     lab = np.linspace(5, n - 5, _SAMPLES_OF_LAB).astype(int) if id_ == "lab" else None
     noise = float(baseline.get("noise", {}).get("std", 0.0))
     return TestPlan(
-        id_, n, sp, hand, Kc_ratio=0.5 if id_ == "kc_half" else 1.0, raw=id_ == "raw", mv=id_ == "mv",
-        lab=lab, lab_std=_LAB_STD * noise if id_ == "lab" else 0.0,
-    )  # fmt: skip
+        id_,
+        n,
+        sp,
+        hand,
+        Kc_ratio=0.5 if id_ == "kc_half" else 1.0,
+        raw=id_ == "raw",
+        mv=id_ == "mv",
+        lab=lab,
+        lab_std=_LAB_STD * noise if id_ == "lab" else 0.0,
+    )
 
 
 def operated(
     columns: dict[str, np.ndarray], true: np.ndarray, test: TestPlan, seed: int
 ) -> dict[str, np.ndarray]:
-    """Return the columns of a test with its mode (1 in manual) and its lab samples of the true PV (NaN between)."""
+    """Return the columns of a test with its mode (1 in manual) and its lab samples of the true PV
+    (NaN between).
+    """
     if test.manual.any():
         columns["mode"] = test.manual.astype(float)
     if test.lab is not None:
@@ -125,7 +137,9 @@ def operated(
 
 
 def csv_of(columns: Mapping[str, np.ndarray]) -> str:
-    """Return a record as the text of its CSV: the mode in words, no number where no sample was taken."""
+    """Return a record as the text of its CSV: the mode in words, no number where no sample was
+    taken.
+    """
     rows = zip(*([_cell(name, x) for x in c.tolist()] for name, c in columns.items()), strict=True)
     return "\n".join([",".join(columns), *(",".join(row) for row in rows)]) + "\n"
 

@@ -1,4 +1,6 @@
-"""Open a withheld folder: check the commitment, score the answers, write tables and the confusion picture."""
+"""Open a withheld folder: check the commitment, score the answers, write tables and the confusion
+picture.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def open_(
     out: str | Path | None = None,
     world: str = OWN,
 ) -> dict[str, Any]:
-    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else."""
+    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv
+    of someone else.
+    """
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
     text, commitment = _truth(folder, Path(key) if key is not None else None)
@@ -98,7 +102,8 @@ def _read_answers(text: str) -> list[dict[str, Any]]:
     missing = [c for c in ("id", "block", "effect") if c not in frame]
     if missing:
         raise ParameterError(
-            f"withheld: answers.csv lacks the column {missing[0]!r}; it has {', '.join(frame.columns)}"
+            f"withheld: answers.csv lacks the column {missing[0]!r}; it has"
+            f" {', '.join(frame.columns)}"
         )
     return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
 
@@ -148,7 +153,8 @@ def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
         return (folder / _OPEN_ANSWERS).read_text(encoding="utf-8"), None
     except OSError as error:
         raise ParameterError(
-            f"withheld: {folder} has neither {seal.SEALED} nor a readable {_OPEN_ANSWERS}: {error.strerror}"
+            f"withheld: {folder} has neither {seal.SEALED} nor a readable {_OPEN_ANSWERS}:"
+            f" {error.strerror}"
         ) from None
 
 
@@ -165,7 +171,8 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     missing = [c for c in ("op", "pv") if c not in frame]
     if missing:
         raise ParameterError(
-            f"withheld: {path} has no {missing[0].upper()}; its columns are {', '.join(frame.columns)}"
+            f"withheld: {path} has no {missing[0].upper()}; its columns are"
+            f" {', '.join(frame.columns)}"
         )
     return frame, read_toml(path.with_suffix(".toml"))
 

@@ -1,4 +1,6 @@
-"""What every test of the menu would show of each record of a check: sealed one by one, opened one by one, and logged."""
+"""What every test of the menu would show of each record of a check: sealed one by one, opened one
+by one, and logged.
+"""
 
 from __future__ import annotations
 
@@ -36,15 +38,19 @@ def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
     a, plan = item.answer, menu.plan(id_, item.columns, item.baseline)
     known = (a["effect"], a["effect2"]) if not a.get("foreign") else (a["foreign"], "")
     acts = [
-        {"effect": e, "parameters": a[p]} for e, p in zip(known, ("parameters", "parameters2")) if e not in ("", NONE)
-    ]  # fmt: skip
+        {"effect": e, "parameters": a[p]}
+        for e, p in zip(known, ("parameters", "parameters2"))
+        if e not in ("", NONE)
+    ]
     columns = test(a, acts, int(a["seed"]) + _SEED + menu.MENU.index(id_), plan)
     Ts = float(item.baseline["sampling"]["Ts"])
     return {"csv": menu.csv_of(columns), "toml": menu.settings_toml(plan.settings(Ts))}
 
 
 def open_one(out: Path, name: str, id_: str, order: int) -> Path:
-    """Open one test of a record, log it, and return the record it shows; its settings lie beside it."""
+    """Open one test of a record, log it, and return the record it shows; its settings lie beside
+    it.
+    """
     sealed = out / TESTS / f"{name}-{id_}.sealed"
     if not sealed.exists():
         raise ParameterError(

@@ -12,7 +12,9 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 
 def confusion(table: pd.DataFrame) -> pd.DataFrame:
-    """Return counts: one row per true effect (single effects, none, foreign), one column per name given."""
+    """Return counts: one row per true effect (single effects, none, foreign), one column per name
+    given.
+    """
     names = [e for b in BLOCKS for e in EFFECTS if EFFECTS[e].block == b] + [NONE, UNKNOWN]
     part = table[table.kind != "two"]
     counts = pd.crosstab(part.effect, part.named.where(part.named.isin(names), "no answer"))

@@ -25,7 +25,8 @@ def judge_record(
     named, order = str(found["effect"]), first_three(found)
     block = _text(truth.get("block")) or (EFFECTS[effect].block if effect in EFFECTS else effect)
     strange = (_text(truth.get("foreign")) or effect) if foreign else ""
-    # a foreign kind may have joined the library since its world was written: its own name is as right as `unknown`
+    # a foreign kind may have joined the library since its world was written: its own name is as
+    # right as `unknown`
     group = frozenset({UNKNOWN, strange}) if foreign else indistinguishable(effect, here)
     right = group if foreign else {effect}
     probability = {str(r["effect"]): r.get("probability") or 0.0 for r in found.get("ranking", [])}
@@ -71,14 +72,18 @@ def judge_record(
 
 
 def first_three(found: Mapping[str, Any]) -> list[str]:
-    """Return an answer's first three candidates: those it names, then its ranking, `none` and `unknown` included."""
+    """Return an answer's first three candidates: those it names, then its ranking, `none` and
+    `unknown` included.
+    """
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     named = [str(x["effect"]) for x in found.get("effects") or []] or [str(found["effect"])]
     return list(dict.fromkeys(named + [str(r["effect"]) for r in ranked]))[:3]
 
 
 def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
-    """Return the share of the gap a ranked candidate says it closes, None where the answer has no resolvable gap."""
+    """Return the share of the gap a ranked candidate says it closes, None where the answer has no
+    resolvable gap.
+    """
     gap = found.get("gap") or {}
     before, after, floor = (
         _number(x)
@@ -107,7 +112,9 @@ def _claims(found: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[
 
 
 def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float | None:
-    """Largest relative error over the effect's numbers that are not at their identity; J excepted, R by its logarithm."""
+    """Largest relative error over the effect's numbers that are not at their identity; J excepted,
+    R by its logarithm.
+    """
     mine = next(
         (
             x.get("parameters") or {}
@@ -138,7 +145,9 @@ def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float
 def true_circumstances(
     truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame
 ) -> Circumstances:
-    """Return what decides the true effect's group, from baseline, record and the row of answers.csv."""
+    """Return what decides the true effect's group, from baseline, record and the row of
+    answers.csv.
+    """
     signal = {
         c: record[c].to_numpy(float) if c in record else None for c in ("sp", "op", "pv", "mv")
     }

@@ -44,13 +44,16 @@ def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
     plain = _mix(content, key)
     if not matches(salt + plain, commitment):
         raise ParameterError(
-            "withheld: the answers do not match the commitment; they, the key or the commitment were changed"
+            "withheld: the answers do not match the commitment; they, the key or the commitment"
+            " were changed"
         )
     return plain.decode()
 
 
 def write(sealed: _Sealed, folder: Path, key: Path) -> None:
-    """Write sealed answers and commitment into the folder, and the key into its own file readable by its owner only."""
+    """Write sealed answers and commitment into the folder, and the key into its own file readable
+    by its owner only.
+    """
     secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
     told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
     for file, content in told.items():

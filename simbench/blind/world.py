@@ -1,4 +1,6 @@
-"""A world: an independent simulator that draws records with hidden effects and can run their loops again."""
+"""A world: an independent simulator that draws records with hidden effects and can run their loops
+again.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from simbench.loop.effects import Vocabulary
 
 
 class _Worlds(PluginFolder):
-    """The installed worlds, and any module on the path or in the working directory, by its dotted name."""
+    """The installed worlds, and any module on the path or in the working directory, by its dotted
+    name.
+    """
 
     def load(self, name: str) -> ModuleType:
         if "." not in name or not all(part.isidentifier() for part in name.split(".")):
@@ -37,17 +41,39 @@ WORLDS = _Worlds(
     ("TITLE", "FOREIGN", "Item", "draw", "simulate"),
 )
 OWN = "own"
-# in this order since the first set was sealed: a seed means the same records for ever, whatever effects are added or installed
+# in this order since the first set was sealed: a seed means the same records for ever, whatever
+# effects are added or installed
 PLANNED = (
-    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
-    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
-    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
-)  # fmt: skip
+    "stiction",
+    "deadband",
+    "deadzone",
+    "valve_lag",
+    "valve_characteristic",
+    "gain_mismatch",
+    "time_constant_mismatch",
+    "dead_time_mismatch",
+    "extra_lag",
+    "noise",
+    "quantisation",
+    "sensor_lag",
+    "compression",
+    "outliers",
+    "drift",
+    "oscillation",
+    "load_steps",
+    "load_drift",
+    "saturation",
+    "detuning",
+    "error_deadband",
+    "op_quantisation",
+)
 WORLD_EFFECTS = Vocabulary(PLANNED)
 
 
 class Item(NamedTuple):
-    """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it, and the truth."""
+    """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it,
+    and the truth.
+    """
 
     columns: dict[str, np.ndarray]
     baseline: dict[str, Any]

@@ -16,7 +16,8 @@ import typer
 
 from detectors.errors import ParameterError
 
-# a user without a home folder is told by matplotlib that its cache is temporary, which needs no action
+# a user without a home folder is told by matplotlib that its cache is temporary, which needs no
+# action
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 # each registers its verbs, in the order of the help
@@ -24,7 +25,8 @@ from simbench.cli import simulate, detect, plant, bench, exam, confirm, gap, cat
 from simbench.cli.common import app
 from simbench.usage import exit_code
 
-# typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
+# typer has carried its own copy of click since 0.2x; its public error leads to the classes of
+# whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
 
 

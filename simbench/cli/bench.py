@@ -39,10 +39,15 @@ if TYPE_CHECKING:
 AllowFailed = Annotated[
     float,
     typer.Option(
-        metavar="SHARE", min=0.0, max=1.0,
-        help="Share of scenarios or of a method's records that may fail; above it: no rank for the method, exit code 1.",
+        metavar="SHARE",
+        min=0.0,
+        max=1.0,
+        help=(
+            "Share of scenarios or of a method's records that may fail; above it: no rank for the"
+            " method, exit code 1."
+        ),
     ),
-]  # fmt: skip
+]
 
 
 @app.command(
@@ -116,7 +121,8 @@ def run(
 
     if out is not None and str(out).startswith("memory:/"):
         raise ParameterError(
-            f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed"
+            f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is"
+            " needed"
         )
     axes = {
         k: [number(v) for v in str(values).split(",")]
@@ -124,14 +130,28 @@ def run(
     }
     with _interruptible():
         folder = run_grid(
-            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
-            front_end=front_end, plugins=plugin or [],
-            backend=backend, address=address, resume=resume, until_width=until_width, sets=pairs(sets or [], "--set"),
-            axes=axes, thresholds=threshold_file(thresholds), large=large, time_limit=time_limit,
-            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [], plant_plugins=plant_plugin or [],
+            grid,
+            out or Path("runs") / Path(grid).stem,
+            tuple(method or ["fast", ORACLE]),
+            jobs,
+            raw=raw,
+            front_end=front_end,
+            plugins=plugin or [],
+            backend=backend,
+            address=address,
+            resume=resume,
+            until_width=until_width,
+            sets=pairs(sets or [], "--set"),
+            axes=axes,
+            thresholds=threshold_file(thresholds),
+            large=large,
+            time_limit=time_limit,
+            valve_plugins=valve_plugin or [],
+            effect_plugins=effect_plugin or [],
+            plant_plugins=plant_plugin or [],
             controller_plugins=controller_plugin or [],
             fresh_seeds=fresh_seeds or sealed,
-        )  # fmt: skip
+        )
     scores, failed = score_run(folder, raw, allow_failed=allow_failed), read_failures(folder)
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
@@ -179,7 +199,9 @@ def map_of_grid(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its axes."""
+    """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its
+    axes.
+    """
     from simbench.bench.map.making import map_grid
     from simbench.figures import draw_map
 
@@ -321,7 +343,10 @@ def verify(
     share: Annotated[
         float,
         typer.Option(
-            help="Share of the scenarios to simulate and judge again; at least 1000 by fast methods, 100 by others."
+            help=(
+                "Share of the scenarios to simulate and judge again; at least 1000 by fast methods,"
+                " 100 by others."
+            )
         ),
     ] = 0.05,
     jobs: Jobs = 1,
@@ -334,7 +359,9 @@ def verify(
     time_limit: Limit = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Simulate a random share of a run again, judge it again, and recompute every score; exit 1 with each contradiction."""
+    """Simulate a random share of a run again, judge it again, and recompute every score; exit 1
+    with each contradiction.
+    """
     from simbench.bench.execute.verify import verify_run
 
     found = verify_run(folder, share, jobs, plugin or [], time_limit)
@@ -422,16 +449,20 @@ def figure(
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
     show(
-        rows
-        if as_json
-        else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows),
+        (
+            rows
+            if as_json
+            else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows)
+        ),
         as_json,
     )
 
 
 @contextlib.contextmanager
 def _interruptible() -> Iterator[None]:
-    """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare exit code."""
+    """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare
+    exit code.
+    """
     from simbench.bench.execute.run import Interrupted
 
     try:
@@ -442,7 +473,10 @@ def _interruptible() -> Iterator[None]:
 
 
 def _where(folder: Path, full: bool) -> str:
-    return f"A report with pictures: simbench score {folder} --report report.html{'' if full else '; every table: --full'}."
+    return (
+        f"A report with pictures: simbench score {folder} --report"
+        f" report.html{'' if full else '; every table: --full'}."
+    )
 
 
 def _end(failed: Failures, allowed: float) -> None:

@@ -147,7 +147,9 @@ World = Annotated[
 
 
 def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a verb the options that say how a record is read and what is known of it; it takes them as `about`."""
+    """Give a verb the options that say how a record is read and what is known of it; it takes them
+    as `about`.
+    """
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
         said = typer.Option(
@@ -188,7 +190,9 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
-    """Say under an answer what reading its records assumed: beside JSON, or of several records, on stderr."""
+    """Say under an answer what reading its records assumed: beside JSON, or of several records, on
+    stderr.
+    """
     read = list(records)
     for record in read:
         whose = f"{record.tag}: " if len(read) > 1 else ""
@@ -215,7 +219,9 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 def refuse_picture(path: Path | None, *read: Path | None) -> None:
-    """Refuse, before any work, a picture that would stand in place of what is read, or is of no known kind."""
+    """Refuse, before any work, a picture that would stand in place of what is read, or is of no
+    known kind.
+    """
     from simbench.files import picture_kind, refuse_own_input
 
     refuse_own_input([path], read)
@@ -252,7 +258,8 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
                 or not abs(value) <= 1e60
             ):
                 raise ParameterError(
-                    f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is needed"
+                    f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is"
+                    " needed"
                 )
     return found
 

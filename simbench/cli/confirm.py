@@ -76,7 +76,9 @@ def travel(
     *,
     about: dict,
 ) -> None:
-    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is
+    graded by Table 11.1.
+    """
     _one_of("confirm travel", loop, "--record REC.csv", record)
     refuse_picture(picture, loop, record)
     read: list[LoopRecord] = []

@@ -81,9 +81,17 @@ def detect(
         one.strip() for text in asked for one in text.split(",")
     }
     report = judge_files(
-        path, asked, labels=labels, raw=raw, front_end=front_end, plugins=plugin or [],
-        thresholds=threshold_file(thresholds), time_limit=time_limit, conclude=_conclude if weighed else None, **about,
-    )  # fmt: skip
+        path,
+        asked,
+        labels=labels,
+        raw=raw,
+        front_end=front_end,
+        plugins=plugin or [],
+        thresholds=threshold_file(thresholds),
+        time_limit=time_limit,
+        conclude=_conclude if weighed else None,
+        **about,
+    )
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
     for sentence in failed(report.verdicts):
@@ -126,7 +134,9 @@ def diagnose(
     *,
     about: dict,
 ) -> None:
-    """Say whether one valve sticks and why, with the causes weighed and the chapter's procedure step by step."""
+    """Say whether one valve sticks and why, with the causes weighed and the chapter's procedure
+    step by step.
+    """
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY
@@ -148,10 +158,15 @@ def diagnose(
     whole = diagnosis.as_json()
     own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
     more = {
-        "verdict": concluded.verdict, "reason": concluded.reason, "next_test": concluded.next,
-        "conclusion": concluded.as_json(), PROBABILITY: concluded.probability, "causes": causes.as_json(), "procedure": own,
+        "verdict": concluded.verdict,
+        "reason": concluded.reason,
+        "next_test": concluded.next,
+        "conclusion": concluded.as_json(),
+        PROBABILITY: concluded.probability,
+        "causes": causes.as_json(),
+        "procedure": own,
         "notes": [*record.notes],
-    }  # fmt: skip
+    }
     show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
     say_assumed([record], as_json)
     if power:

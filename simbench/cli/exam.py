@@ -68,7 +68,8 @@ def answer(
     from simbench.bench.exam.answering import answer_exam
 
     print(
-        f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records answered: {out}"
+        f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records"
+        f" answered: {out}"
     )
 
 
@@ -120,9 +121,11 @@ def open_(
 
             write_report(opened.run, report)
         show(
-            told
-            if as_json
-            else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)]),
+            (
+                told
+                if as_json
+                else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)])
+            ),
             as_json,
         )
         if report is not None:

@@ -108,7 +108,9 @@ def gap_plan(
     *,
     about: dict,
 ) -> None:
-    """Say which test to run next: what it would tell, its size, how long it lasts and what it does to the plant."""
+    """Say which test to run next: what it would tell, its size, how long it lasts and what it does
+    to the plant.
+    """
     from simbench.gap.command import plan_files
 
     found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
@@ -146,7 +148,9 @@ def gap_predict(
     *,
     about: dict,
 ) -> None:
-    """Predict what PV and OP will do under other settings, with 90 % intervals and whether the record supports them."""
+    """Predict what PV and OP will do under other settings, with 90 % intervals and whether the
+    record supports them.
+    """
     from simbench.gap.command import predict_file
 
     found = predict_file(
@@ -175,7 +179,9 @@ def gap_discover(
     *,
     about: dict,
 ) -> None:
-    """Describe by a law what the simulation lacks and no known effect names: where, how, with what certificate."""
+    """Describe by a law what the simulation lacks and no known effect names: where, how, with what
+    certificate.
+    """
     from simbench.gap.command import discover_file
 
     found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
@@ -194,7 +200,9 @@ def leave_out_(
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
-    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks once it is back."""
+    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks
+    once it is back.
+    """
     from simbench.blind.leave_out import leave_out, summary
 
     table = summary(leave_out(out, world, n, seed, jobs, tests))
@@ -221,7 +229,9 @@ def gap_study(
     jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
-    """Say what separates a set of records from a grid, which effects explain it, and what each costs each detector."""
+    """Say what separates a set of records from a grid, which effects explain it, and what each
+    costs each detector.
+    """
     from simbench.plant.command import study_folder
 
     found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
@@ -260,7 +270,9 @@ def answer(
         typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2."),
     ] = 0,
 ) -> None:
-    """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
+    """Diagnose every record, without sight of the answers and whatever the world; resumes where it
+    stopped.
+    """
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap.command import one_file
 

@@ -28,7 +28,9 @@ def trust_(
     *,
     about: dict,
 ) -> None:
-    """Say which detector to trust on this very loop, what it could have seen, and how probable stiction is."""
+    """Say which detector to trust on this very loop, what it could have seen, and how probable
+    stiction is.
+    """
     from simbench.plant.command import trust_file
 
     found = trust_file(path, loop, method or ["all"], html=html, **about)
@@ -70,7 +72,9 @@ def report_(
     *,
     about: dict,
 ) -> None:
-    """Put a plant's loops on one page: who must do what, ranked by what the cause costs and how sure it is."""
+    """Put a plant's loops on one page: who must do what, ranked by what the cause costs and how
+    sure it is.
+    """
     from simbench.plant.command import report_folder
 
     fleet, beside = report_folder(

@@ -6,7 +6,9 @@ from typing import Any
 
 
 class _Room(ModuleType):
-    """This room, which a notebook calls: `simbench.confirm(record)` is `simbench.confirm.recorded.confirm(record)`."""
+    """This room, which a notebook calls: `simbench.confirm(record)` is
+    `simbench.confirm.recorded.confirm(record)`.
+    """
 
     def __call__(self, *arguments: Any, **settings: Any) -> Any:
         from simbench.confirm.recorded import confirm

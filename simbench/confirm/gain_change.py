@@ -1,4 +1,6 @@
-"""Controller gain change: the period of a stiction cycle follows Kc, that of an oscillation from outside does not."""
+"""Controller gain change: the period of a stiction cycle follows Kc, that of an oscillation from
+outside does not.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,12 @@ from simbench.loop.setup import Setup
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHIFT = 0.10  # change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al. 2005)
-_KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit dies
+# change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al.
+# 2005)
+SHIFT = 0.10
+# factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit
+# dies
+_KEPT = 2.0
 PERIODS = 12  # wanted before the change and after it
 _SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
 LONGEST = 100_000  # samples of one run
@@ -35,8 +41,9 @@ class Phase:
     Kc: float  # controller gain (% per PV unit)
     period: float  # s; NaN when there is no sustained oscillation
     amplitude: float  # of OP (%), as sqrt(2) times its standard deviation
-    # whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3 samples or
-    # more at a time (the crest of a smooth wave may meet one value in every cycle)
+    # whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100,
+    # or elsewhere for 3 samples or more at a time (the crest of a smooth wave may meet one value in
+    # every cycle)
     saturated: bool
     error: float = (
         np.nan
@@ -126,14 +133,16 @@ class GainChange:
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
     """Change the controller gain of an oscillating loop and see whether the period follows.
 
-    Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's band sets. Near the
-    stability limit of a healthy loop the period moves too: there the oscillation dies or collapses with the gain, and the
-    answer is no decision. A loop at rest is nudged by load steps; when it rests all the same there is nothing to confirm.
-    Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
+    Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's
+    band sets. Near the stability limit of a healthy loop the period moves too: there the
+    oscillation dies or collapses with the gain, and the answer is no decision. A loop at rest is
+    nudged by load steps; when it rests all the same there is nothing to confirm. Choudhury,
+    Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
     """
     if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
         raise ParameterError(
-            f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold"
+            f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most"
+            " threefold"
         )
     result = None
     for nudge in NUDGES:
@@ -147,7 +156,9 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
 
 
 def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
-    """Return period and amplitude of an oscillating OP; the period is NaN when it is not sustained."""
+    """Return period and amplitude of an oscillating OP; the period is NaN when it is not
+    sustained.
+    """
     found = oscillation_of(op, Ts)
     amplitude = float(np.sqrt(2) * op.std())
     seen = found.sustained and amplitude > _SMALLEST
@@ -159,7 +170,9 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
 
 
 def _period_error(op: np.ndarray, Ts: float) -> float:
-    """Return the standard error of the mean cycle (s): cycles lie between upward crossings of a band around the mean."""
+    """Return the standard error of the mean cycle (s): cycles lie between upward crossings of a
+    band around the mean.
+    """
     x = op - op.mean()
     band = _BAND * x.std()
     side = np.where(x > band, 1, np.where(x < -band, -1, 0))
@@ -226,13 +239,19 @@ def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
     if np.isnan(after.period):
         return (
             "no_decision",
-            f"the oscillation did not go on when Kc changed by {change:+.0f} %: tuning, or too little kick",
+            (
+                f"the oscillation did not go on when Kc changed by {change:+.0f} %: tuning, or too"
+                " little kick"
+            ),
             np.nan,
         )
     shift = abs(after.period / before.period - 1)
     if before.saturated or after.saturated:
         return "no_decision", "OP runs into its limits, where the gain does not act", shift
-    says = f"Kc changed by {change:+.0f} % and the period by {100 * (after.period / before.period - 1):+.1f} %"
+    says = (
+        f"Kc changed by {change:+.0f} % and the period by"
+        f" {100 * (after.period / before.period - 1):+.1f} %"
+    )
     if shift <= SHIFT:
         return "no_stiction", f"{says}: the oscillation comes from outside this loop", shift
     ratio = after.amplitude / before.amplitude

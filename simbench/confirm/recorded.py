@@ -1,4 +1,6 @@
-"""The confirmation tests on records of a plant: two records with another controller gain, or one of a travel test by hand."""
+"""The confirmation tests on records of a plant: two records with another controller gain, or one of
+a travel test by hand.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,15 @@ from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
 if TYPE_CHECKING:
     from detectors.sources import Source
 
-_EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
+# of the variance of OP's increments by a PI controller, from which its gain is read off a record
+_EXPLAINED = 0.8
 _HELD = 5  # samples for which OP must rest between two steps
 _LATE = 0.5  # of a hold counts as settled
 
 
 def controller_gain(record: LoopRecord) -> float | None:
-    """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not that of a PI controller.
+    """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not
+    that of a PI controller.
 
     Least squares of OP's increments on the error's increments and the error.
     """
@@ -38,17 +42,21 @@ def controller_gain(record: LoopRecord) -> float | None:
 def gain_change_recorded(
     before: LoopRecord, after: LoopRecord, factor: float | None = None
 ) -> GainChange:
-    """Judge a change of controller gain from a record before it and one after it, as `gain_change` does."""
+    """Judge a change of controller gain from a record before it and one after it, as `gain_change`
+    does.
+    """
     if not np.isclose(before.Ts, after.Ts):
         raise ParameterError(
-            f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both"
+            f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for"
+            " both"
         )
     gains = (
         (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
     )
     if gains[0] is None or gains[1] is None:
         raise ParameterError(
-            "gain change: the records do not show the controller gain; new over old is needed: --ratio"
+            "gain change: the records do not show the controller gain; new over old is needed:"
+            " --ratio"
         )
     ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
     if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
@@ -83,18 +91,21 @@ def confirm(
     ratio: float | None = None,
     **signals: Any,
 ) -> TravelTest | GainChange:
-    """Is it the valve? Judge the record of a travel test, or the records before and after a change of controller gain.
+    """Is it the valve? Judge the record of a travel test, or the records before and after a change
+    of controller gain.
 
     Parameters
     ----------
     record : LoopRecord, run, DataFrame, mapping, str or Path
-        Of a travel test, or from before the change of gain; SP, OP, PV as `simbench.detect` takes them.
+        Of a travel test, or from before the change of gain; SP, OP, PV as `simbench.detect` takes
+        them.
     after : LoopRecord, run, DataFrame, mapping, str or Path, optional
         From after the change of gain.
     ratio : float, optional
         Controller gain after over before; read off the records where it is not given.
     **signals
-        op, pv, sp, mv, Ts in place of one record, and what is known of both, as in `simbench.detect`.
+        op, pv, sp, mv, Ts in place of one record, and what is known of both, as in
+        `simbench.detect`.
 
     Returns
     -------
@@ -116,7 +127,8 @@ def confirm(
     if after is None:
         if ratio is not None:
             raise ParameterError(
-                f"ratio = {ratio:g} without a second record; confirm(before, after, ratio={ratio:g}) is needed"
+                f"ratio = {ratio:g} without a second record; confirm(before, after,"
+                f" ratio={ratio:g}) is needed"
             )
         return travel_recorded(first)
     return gain_change_recorded(first, as_record(after, **signals), ratio)
@@ -125,9 +137,10 @@ def confirm(
 def travel_recorded(record: LoopRecord) -> TravelTest:
     """Read S and J off the record of a valve travel test.
 
-    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on in the direction of the last
-    movement, S when it goes against it. A sum that one step alone makes up says no more than that step: only sums of small
-    steps, up to a third of the largest, count.
+    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on
+    in the direction of the last movement, S when it goes against it. A sum that one step alone
+    makes up says no more than that step: only sums of small steps, up to a third of the largest,
+    count.
     """
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
@@ -135,7 +148,8 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     starts, lengths = starts[lengths >= _HELD], lengths[lengths >= _HELD]
     if starts.size < 4:
         raise ParameterError(
-            f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are needed"
+            f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are"
+            " needed"
         )
     seen, error = _readings(record, starts, lengths)
     steps = np.diff(op[starts])
@@ -145,7 +159,9 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     phase, side, total = np.zeros(op.size, dtype=int), 0.0, 0.0
     since = 0
     for k, step in enumerate(steps):
-        total += step  # with its sign: the valve stands where it last moved, however OP wanders before it moves again
+        # with its sign: the valve stands where it last moved, however OP wanders before it moves
+        # again
+        total += step
         change = abs(seen[k + 1] - seen[since])
         if change <= max(
             SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]),
@@ -177,7 +193,9 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
 def _readings(
     record: LoopRecord, starts: np.ndarray, lengths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """PV's settled mean in every hold, on an integrating process its slope per second, with standard errors."""
+    """PV's settled mean in every hold, on an integrating process its slope per second, with
+    standard errors.
+    """
     seen, error = np.empty(starts.size), np.empty(starts.size)
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
         late = record.pv[start + int((1.0 - _LATE) * length) : start + length]
@@ -198,7 +216,10 @@ def _told(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
             "PV did not move on small steps: the record holds no travel test, or noise hides it"
         )
     elif same is None or back is None:
-        reason = f"the record holds no small steps {'in the direction of' if same is None else 'against'} the last movement"
+        reason = (
+            "the record holds no small steps"
+            f" {'in the direction of' if same is None else 'against'} the last movement"
+        )
     else:
         reason = (
             f"band S {back:.3g} %, of which slip jump J {same:.3g} %"

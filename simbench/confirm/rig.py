@@ -1,4 +1,6 @@
-"""Loops that an engineer works on while they run: controller gain changed on the way, OP moved by hand, loops coupled."""
+"""Loops that an engineer works on while they run: controller gain changed on the way, OP moved by
+hand, loops coupled.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,14 @@ from simbench.loop.setup import Setup, control_start, parts_of, plant_start
 
 
 def lengthened(loop: Loop, samples: int) -> Loop:
-    """Return a loop with another number of samples, or say that a test would need more than are run."""
+    """Return a loop with another number of samples, or say that a test would need more than are
+    run.
+    """
     if samples > MAX_SAMPLES:
-        slow = f"Td = {loop.plant.Td:g} s, T = {loop.plant.T or loop.controller.Ti or 0.0:g} s and Ts = {loop.sampling.Ts:g} s"
+        slow = (
+            f"Td = {loop.plant.Td:g} s, T = {loop.plant.T or loop.controller.Ti or 0.0:g} s and Ts"
+            f" = {loop.sampling.Ts:g} s"
+        )
         raise ParameterError(
             f"the test would take {samples} samples with {slow}; at most {MAX_SAMPLES} are run"
         )
@@ -40,7 +47,9 @@ def run_rig(
     gain: Sequence[np.ndarray | None] | None = None,
     influence: np.ndarray | None = None,
 ) -> list[Trace]:
-    """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the compiled loop."""
+    """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the
+    compiled loop.
+    """
     n, Ts = setups[0].sp.size, setups[0].Ts
     if any(s.sp.size != n or s.Ts != Ts for s in setups):
         raise ParameterError("loops that run side by side need the same sampling period and length")
@@ -82,7 +91,9 @@ class LiveLoop:
         self.deviation = 0.0
 
     def control(self, k: int, gain: float = 1.0, by_hand: float | None = None) -> None:
-        """Measure PV of sample `k`, and move the valve by the controller (Kc times `gain`) or to the OP (%) set by hand."""
+        """Measure PV of sample `k`, and move the valve by the controller (Kc times `gain`) or to
+        the OP (%) set by hand.
+        """
         setup, steps = self.setup, self.steps
         y = steps["plant_output"](self.x, self.plant_p) + setup.load_out[k]
         self.deviation = y - setup.pv0

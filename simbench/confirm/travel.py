@@ -1,4 +1,6 @@
-"""Valve travel test: OP by hand in small steps until PV moves; in the same direction it measures J, reversed it measures S."""
+"""Valve travel test: OP by hand in small steps until PV moves; in the same direction it measures J,
+reversed it measures S.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,8 @@ _LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 class TravelTest:
     """Outcome of a valve travel test."""
 
-    # sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J, and the stiction of the
-    # printed procedure. None when the end of travel came first.
+    # sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J,
+    # and the stiction of the printed procedure. None when the end of travel came first.
     same_direction: float | None
     reversed: (
         float | None
@@ -59,16 +61,25 @@ class TravelTest:
         return NO_DECISION if self.sticky is None else STICTION if self.sticky else NO_STICTION
 
     def as_json(self) -> dict[str, Any]:
-        """Return the outcome without its signals; S and J lie within a small step below what was added up."""
+        """Return the outcome without its signals; S and J lie within a small step below what was
+        added up.
+        """
 
         def interval(x: float | None) -> list[float] | None:
             return None if x is None else [max(0.0, x - self.increment), x]
 
         return {
-            "verdict": self.verdict, "S": self.S, "S_interval": interval(self.S), "J": self.J, "J_interval": interval(self.J),
+            "verdict": self.verdict,
+            "S": self.S,
+            "S_interval": interval(self.S),
+            "J": self.J,
+            "J_interval": interval(self.J),
             "S_minus_J": None if self.S is None or self.J is None else self.S - self.J,
-            "increment": self.increment, "wait": self.wait, "sticky": self.sticky, "reason": self.reason,
-        }  # fmt: skip
+            "increment": self.increment,
+            "wait": self.wait,
+            "sticky": self.sticky,
+            "reason": self.reason,
+        }
 
     def as_text(self) -> str:
         """Return the outcome in three lines."""
@@ -76,7 +87,10 @@ class TravelTest:
         def size(x: float | None) -> str:
             return "not found" if x is None else f"{x:.3g} % (+0/-{self.increment:g})"
 
-        return f"{self.reason}\nsame direction (slip jump J)  {size(self.J)}\nreversed (whole band S)       {size(self.S)}"
+        return (
+            f"{self.reason}\nsame direction (slip jump J)  {size(self.J)}\nreversed (whole band S) "
+            f"      {size(self.S)}"
+        )
 
     def plot(self) -> Figure:
         """Draw OP and PV over the test, with the three phases marked."""
@@ -104,14 +118,16 @@ def travel_test(
 ) -> TravelTest:
     """Put a loop in manual and step its valve until PV moves.
 
-    Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that
-    measures the slip jump J, since the dead-band is already crossed; small steps in the opposite direction measure the whole
-    band S. PV has moved when its settled mean (integrating plants: its slope) changed by five standard errors, and by a fifth
-    of what a small step of a moving valve does.
+    Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a
+    two-parameter valve that measures the slip jump J, since the dead-band is already crossed; small
+    steps in the opposite direction measure the whole band S. PV has moved when its settled mean
+    (integrating plants: its slope) changed by five standard errors, and by a fifth of what a small
+    step of a moving valve does.
     """
     if not 0 < increment < big_step <= 50:
         raise ParameterError(
-            f"travel test: increment {increment} % and big step {big_step} %; 0 < increment < big step <= 50 is needed"
+            f"travel test: increment {increment} % and big step {big_step} %; 0 < increment < big"
+            " step <= 50 is needed"
         )
     manual = _Manual(loop, increment, big_step, seed)
     side = 1.0 if manual.op <= 50 else -1.0
@@ -169,7 +185,9 @@ class _Manual:
         )
 
     def steps_until_moved(self, step: float, phase: int) -> float | None:
-        """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit comes first."""
+        """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit
+        comes first.
+        """
         before, count = self.seen, 0
         bar = max(SIGMAS * np.sqrt(2) * self.error, MOVE_SHARE * self.least_answer, 1e-12)
         while 0 <= self.op + step <= 100:
@@ -181,7 +199,9 @@ class _Manual:
         return None
 
     def learn_answer(self) -> None:
-        """Take what the big steps did to PV, per % of them, as the least that a moving valve does."""
+        """Take what the big steps did to PV, per % of them, as the least that a moving valve
+        does.
+        """
         self.least_answer = (
             self.increment * abs(self.seen - self.rest) / abs(self.op - self.first_op)
         )

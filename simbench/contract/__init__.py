@@ -1,4 +1,6 @@
-"""Does this detector, valve, effect, recogniser, plant, controller, world or grid keep its contract?"""
+"""Does this detector, valve, effect, recogniser, plant, controller, world or grid keep its
+contract?
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ def check_file(path: str | Path) -> Contract:
 
 
 def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
-    """Check one file as `check_file` does, in a worker process: a file that ends it or never answers breaks its contract."""
+    """Check one file as `check_file` does, in a worker process: a file that ends it or never
+    answers breaks its contract.
+    """
     kind = kind_of(path)
     if kind == "grid":
         return check_file(path)

@@ -22,8 +22,8 @@ def measured_band(
 ) -> tuple[float, float]:
     """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
 
-    A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
-    of many plays shows their mean width.
+    A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J,
+    by its phase. A hysteresis of many plays shows their mean width.
     """
     ends = [0.0, *(reach * t for t in _TURNS)]
     branches = [np.arange(a, b, np.sign(b - a) * _STEP) for a, b in pairwise(ends)]
@@ -61,7 +61,10 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     if not np.isfinite(found_S):
         return f"maps on S = {S:g}, but MV never follows a reversal of OP"
     if abs(found_S - S) > _NEAR * S + _BAND_TOLERANCE:
-        return f"maps on S = {S:g}, but MV follows a reversal of OP only after {found_S:.3g} % of travel"
+        return (
+            f"maps on S = {S:g}, but MV follows a reversal of OP only after {found_S:.3g} % of"
+            " travel"
+        )
     if abs(found_J - J) > _NEAR * J + _BAND_TOLERANCE:
         return f"maps on J = {J:g}, but MV slips by {abs(round(found_J, 2)):g} % of travel"
     return ""
@@ -70,7 +73,9 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
 def _without_memory(
     stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13
 ) -> bool:
-    """Return whether MV takes the same way up and down: at a travel stop it stands too, but holds nothing back."""
+    """Return whether MV takes the same way up and down: at a travel stop it stands too, but holds
+    nothing back.
+    """
     up = middle + np.arange(-reach, reach, 50 * _STEP)
     mv = stages_response(tuple(stages), np.concatenate([up, up[::-1]]), float(up[0]))
     return bool(np.array_equal(mv[: up.size], mv[up.size :][::-1]))

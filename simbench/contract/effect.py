@@ -1,4 +1,6 @@
-"""The contract every effect keeps: words and ranges, nothing at no strength, something at some, where it says it acts."""
+"""The contract every effect keeps: words and ranges, nothing at no strength, something at some,
+where it says it acts.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ _LEVEL = {
     "plant": {"type": "integrating", "K": 0.05, "Td": 2.0},
     "controller": {"type": "PI", "Kc": 2.0, "Ti": 60.0},
 }
-# shares of the way from no strength to the end of the range; times its own size where there is no end
+# shares of the way from no strength to the end of the range; times its own size where there is no
+# end
 _SHARES, _TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 50.0)
 
 
@@ -54,7 +57,10 @@ def check_effect(name: str) -> Contract:
         return Contract("effect", name, tuple(broken))
     broken = [*_no_strength(name, module), *_some_strength(name, module)]
     if name not in RECOGNISERS.names():
-        note = "simulated, but not diagnosed: no file under simbench.recognised says how it is recognised"
+        note = (
+            "simulated, but not diagnosed: no file under simbench.recognised says how it is"
+            " recognised"
+        )
         return Contract("effect", name, tuple(broken), (note,))
     found = check_recogniser(name)
     return Contract(
@@ -83,7 +89,10 @@ def _description(module: ModuleType) -> Iterator[str]:
     for key, rule in () if faults else module.PARAMETERS.items():
         if isinstance(rule, Number) and not rule.low <= rule.identity <= rule.high:
             allowed = f"{rule.low:g}..{rule.high:g}"
-            yield f"parameter {key}: identity = {rule.identity:g}; a value in {allowed} that does nothing is needed"
+            yield (
+                f"parameter {key}: identity = {rule.identity:g}; a value in {allowed} that does"
+                " nothing is needed"
+            )
 
 
 def no_strength(module: ModuleType) -> dict[str, float | str]:
@@ -94,7 +103,9 @@ def no_strength(module: ModuleType) -> dict[str, float | str]:
 
 
 def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
-    """Yield parameters ever further away from those under which an effect does nothing, upwards first."""
+    """Yield parameters ever further away from those under which an effect does nothing, upwards
+    first.
+    """
     none = no_strength(module)
     for up in (True, False):
         for i in range(len(_SHARES)):
@@ -131,7 +142,10 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
         if found.faults:
             yield from (f"{fault}, at no strength ({where} plant)" for fault in found.faults)
         elif found.refusal is None and not _same(found.value, plain):
-            yield f"is not the identity at no strength: the record changes at {shown(no_strength(module))} ({where} plant)"
+            yield (
+                "is not the identity at no strength: the record changes at"
+                f" {shown(no_strength(module))} ({where} plant)"
+            )
 
 
 def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
@@ -145,7 +159,10 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
         if found.refusal is not None or _same(found.value, plain):
             continue
         if not _same(found.value, _run(name, table).value):
-            yield f"is not deterministic: the same seed gives another record at {shown(table)}; draw from apply's rng"
+            yield (
+                f"is not deterministic: the same seed gives another record at {shown(table)}; draw"
+                " from apply's rng"
+            )
         if np.array_equal(found.value.op, plain.op) != (module.ACTS == "record"):
             moved = "stays as it was" if module.ACTS == "loop" else "changes too"
             yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {shown(table)}"

@@ -1,4 +1,6 @@
-"""The contract every grid keeps: it validates, its parts are known, its groups repeat themselves, no two scenarios are one."""
+"""The contract every grid keeps: it validates, its parts are known, its groups repeat themselves,
+no two scenarios are one.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ def check_grid(path: str | Path) -> Contract:
 
     Notes
     -----
-    Every group is built; at most `MOST` and one of every block are settled as a run would. Not checked, as it needs the whole
-    run: that 45 to 55 % of the scenarios cycle, and that settings alone do not predict the label (`make leak`).
+    Every group is built; at most `MOST` and one of every block are settled as a run would. Not
+    checked, as it needs the whole run: that 45 to 55 % of the scenarios cycle, and that settings
+    alone do not predict the label (`make leak`).
 
     Examples
     --------
@@ -60,7 +63,8 @@ def _repeated(grid: Grid, groups: list[Group]) -> Iterator[str]:
 
 
 def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
-    # in a plain grid every draft is its scenario; in a ruled one the first of each block stand for the rest
+    # in a plain grid every draft is its scenario; in a ruled one the first of each block stand for
+    # the rest
     chosen = (
         range(len(groups))
         if grid.content.loop is not None

@@ -1,4 +1,6 @@
-"""The contract every plant and controller plug-in keeps: what it says of itself, its rest, its step, and that it is a law."""
+"""The contract every plant and controller plug-in keeps: what it says of itself, its rest, its
+step, and that it is a law.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +85,10 @@ def _description(kind: str, module: ModuleType) -> Iterator[str]:
     yield from faults
     for key in _KEPT[kind] if not faults else ():
         if key in module.PARAMETERS:
-            yield f"parameter {key} is what every {kind} has: it arrives in p, and needs no place in PARAMETERS"
+            yield (
+                f"parameter {key} is what every {kind} has: it arrives in p, and needs no place in"
+                " PARAMETERS"
+            )
 
 
 def _walked(what: str, start: Any, step: Any, count: int) -> tuple[list[tuple], list[str]]:
@@ -131,7 +136,10 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
     if faults or more:
         return
     if np.abs(rest).max() > _AT_REST:
-        yield f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under an MV that stands still"
+        yield (
+            f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under an MV that stands"
+            " still"
+        )
     if np.ptp(up) <= _AT_REST:
         yield "does not answer: PV stays under an MV of 1 % off rest"
     if not np.array_equal(up, under(1.0, 400)[0]):
@@ -143,7 +151,10 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
             x = g.A @ x + g.B_old + g.B_new
             told.append(float(g.C @ x))
         if np.abs(up - told).max() > _SAME * np.abs(told).max():
-            yield f"says linear(p), but its step response differs from it by up to {np.abs(up - told).max():.3g}"
+            yield (
+                "says linear(p), but its step response differs from it by up to"
+                f" {np.abs(up - told).max():.3g}"
+            )
 
 
 def _controller_faults(setup: Setup) -> Iterator[str]:
@@ -166,14 +177,23 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
     if faults or more:
         return
     if np.abs(rest - setup.op0).max() > _AT_REST:
-        yield f"does not stay at rest: OP moves by {np.abs(rest - setup.op0).max():.3g} % without an error"
+        yield (
+            f"does not stay at rest: OP moves by {np.abs(rest - setup.op0).max():.3g} % without an"
+            " error"
+        )
     if pushed.min() < p.lo or pushed.max() > p.hi:
-        yield f"leaves its limits: OP from {pushed.min():.4g} to {pushed.max():.4g}, within p.lo..p.hi is needed"
+        yield (
+            f"leaves its limits: OP from {pushed.min():.4g} to {pushed.max():.4g}, within"
+            " p.lo..p.hi is needed"
+        )
     moves = abs(pushed[-1] - pushed[1]) > _AT_REST and (
         pushed[-1] in (p.lo, p.hi) or abs(pushed[-1] - pushed[_LONG // 2]) > _AT_REST
     )
     if moves != module.INTEGRAL:
-        yield f"says INTEGRAL = {module.INTEGRAL}, and under a constant error OP {'moves on' if moves else 'comes to rest'}"
+        yield (
+            f"says INTEGRAL = {module.INTEGRAL}, and under a constant error OP"
+            f" {'moves on' if moves else 'comes to rest'}"
+        )
 
 
 def _loop_faults(table: dict[str, Any]) -> Iterator[str]:

@@ -1,4 +1,6 @@
-"""The contract of a recogniser: a fit never below the one without effect, and numbers that the effect's ranges allow."""
+"""The contract of a recogniser: a fit never below the one without effect, and numbers that the
+effect's ranges allow.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ _WORSE = 0.1  # nats by which a search may miss the fit it began from
 
 
 def check_recogniser(name: str) -> Contract:
-    """Check how an effect is recognised against its contract, on a short record without any effect."""
+    """Check how an effect is recognised against its contract, on a short record without any
+    effect.
+    """
     r = PLUGINS.load(name).RECOGNISER
     if not isinstance(r, Recogniser):
         return Contract(
@@ -78,7 +82,10 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
     if not count >= 0:
         yield f"pays for {count!r} numbers; 0 or more are needed"
     if best.loglik < base.loglik - _WORSE:
-        yield f"fits {base.loglik - best.loglik:.3g} nats worse than no effect at all; give the base itself back instead"
+        yield (
+            f"fits {base.loglik - best.loglik:.3g} nats worse than no effect at all; give the base"
+            " itself back instead"
+        )
     if twice.faults or twice.value[0].loglik != best.loglik:
         yield "is not deterministic: the same record is fitted in two ways"
     if best is not base:
@@ -91,7 +98,10 @@ def _number_faults(name: str, r: Recogniser, best: Fit, situation: Situation) ->
     if numbers.faults:
         return
     if not isinstance(numbers.value, dict) or not numbers.value:
-        yield f"has a fit, but its numbers are {numbers.value!r}; the effect's parameters in the loop file's units are needed"
+        yield (
+            f"has a fit, but its numbers are {numbers.value!r}; the effect's parameters in the loop"
+            " file's units are needed"
+        )
     elif name in EFFECTS.names():
         try:
             resolve(EFFECTS.load(name).PARAMETERS, numbers.value, f"effect {name!r}")

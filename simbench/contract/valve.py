@@ -1,4 +1,6 @@
-"""The contract every valve model and stage keeps: what it says of itself, its step, and the band it says it has."""
+"""The contract every valve model and stage keeps: what it says of itself, its step, and the band it
+says it has.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ def check_valve(name: str) -> Contract:
 
     Notes
     -----
-    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
-    benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
+    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held
+    against `mapped_SJ`: what a benchmark calls sticky is what the valve maps on, so a wrong label
+    there falsifies every score.
 
     Examples
     --------
@@ -92,7 +95,9 @@ def _description(module: ModuleType) -> Iterator[str]:
         yield f"FRICTION = {module.FRICTION!r}, true or false is needed"
     yield from schema_faults(module.PARAMETERS)
     if module.FRICTION is True and not hasattr(module, "mapped_SJ"):
-        yield "has friction, but no mapped_SJ(p) that says which S and J (% of travel) it stands for"
+        yield (
+            "has friction, but no mapped_SJ(p) that says which S and J (% of travel) it stands for"
+        )
 
 
 def schema_faults(schema: Any) -> Iterator[str]:
@@ -111,7 +116,9 @@ def schema_faults(schema: Any) -> Iterator[str]:
 
 
 def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
-    """Take a few samples by hand: the state is a tuple of floats of one length, and a function of what is given."""
+    """Take a few samples by hand: the state is a tuple of floats of one length, and a function of
+    what is given.
+    """
     p = valve_parameters(module, table, 1.0)
 
     def walk() -> list[tuple]:
@@ -133,10 +140,16 @@ def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     ]
     numbers = [x for s in first.value[1:] if isinstance(s, tuple) for x in s]
     if wrong:
-        yield f"gives the state {wrong[0]!r} after {first.value[0]!r}; a tuple of one length throughout is needed"
+        yield (
+            f"gives the state {wrong[0]!r} after {first.value[0]!r}; a tuple of one length"
+            " throughout is needed"
+        )
     elif not all(type(x) is float for x in numbers):
         odd = next(x for x in numbers if type(x) is not float)
-        yield f"gives the state {odd!r} ({type(odd).__name__}); floats are needed, compiled states hold nothing else"
+        yield (
+            f"gives the state {odd!r} ({type(odd).__name__}); floats are needed, compiled states"
+            " hold nothing else"
+        )
     elif first.value != second.value:
         yield "is not deterministic: the same OP gives another MV the second time"
 
@@ -156,7 +169,10 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
     if not np.array_equal(op, given):
         yield "writes into the OP it was given"
     if not np.array_equal(slow.value, fast.value):
-        yield f"gives other numbers compiled than in plain Python from sample {int(np.argmax(slow.value != fast.value))} on"
+        yield (
+            "gives other numbers compiled than in plain Python from sample"
+            f" {int(np.argmax(slow.value != fast.value))} on"
+        )
     if slow.value.min() < 0.0 or slow.value.max() > 100.0:
         yield f"leaves its travel: MV from {slow.value.min():.4g} to {slow.value.max():.4g} %"
     rest, begun = (
@@ -164,7 +180,10 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
         module.start(37.5, valve_parameters(module, table, 1.0))[0],
     )
     if np.any(np.abs(rest - begun) > _AT_REST):
-        yield f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that stands still"
+        yield (
+            f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that"
+            " stands still"
+        )
 
 
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:

@@ -1,4 +1,6 @@
-"""The contract every world keeps: pure draws, answers in the vocabulary's words, baselines that load, loops that run again."""
+"""The contract every world keeps: pure draws, answers in the vocabulary's words, baselines that
+load, loops that run again.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +119,10 @@ def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
         entry["kind"], said["effect"]
     )
     if said["kind"] != entry["kind"] or said["effect"] != wanted:
-        yield f"the answer says {said['kind']} {said['effect']!r}, asked was {entry['kind']} {wanted!r}"
+        yield (
+            f"the answer says {said['kind']} {said['effect']!r}, asked was {entry['kind']}"
+            f" {wanted!r}"
+        )
     if entry["kind"] == "foreign" and said["foreign"] != entry["effect"]:
         yield f"the answer's foreign fault is {said['foreign']!r}, asked was {entry['effect']!r}"
     for effect, table, block in (
@@ -128,7 +133,10 @@ def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
         if known is None:
             continue
         if not set(said.get(table, {})) <= set(known.parameters):
-            yield f"{table} of {said[effect]} are {sorted(said[table])}, known: {', '.join(known.parameters)}"
+            yield (
+                f"{table} of {said[effect]} are {sorted(said[table])}, known:"
+                f" {', '.join(known.parameters)}"
+            )
         if said.get(block) != known.block:
             yield f"{block} of {said[effect]} is {said.get(block)!r}, it is {known.block}"
 

@@ -1,8 +1,10 @@
-"""The chapter's figures and tables, one file each: `data()` returns the numbers drawn, `draw(data)` the picture.
+"""The chapter's figures and tables, one file each: `data()` returns the numbers drawn, `draw(data)`
+the picture.
 
-A file here is a figure: its name with hyphens for underscores is the id. `SOURCE` says where the original stands. The name of
-`data`'s parameter says what the figure needs: none, `isdb` (ISDB file or folder of real records) or `run` (folder of a run).
-Files that begin with an underscore are shared by the figures and are no figures themselves.
+A file here is a figure: its name with hyphens for underscores is the id. `SOURCE` says where the
+original stands. The name of `data`'s parameter says what the figure needs: none, `isdb` (ISDB file
+or folder of real records) or `run` (folder of a run). Files that begin with an underscore are
+shared by the figures and are no figures themselves.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ __all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures"]
 
 
 def draw_path(diagnosis: Diagnosis, path) -> None:
-    """Write a picture of the diagnosis procedure with the path one diagnosis took; see `simbench.figures._chart`."""
+    """Write a picture of the diagnosis procedure with the path one diagnosis took; see
+    `simbench.figures._chart`.
+    """
     from simbench.figures._chart import draw_path as write
 
     write(diagnosis, path)
@@ -35,7 +39,9 @@ def draw_history(history: History, path) -> None:
 
 
 def draw_map(found: GridMap) -> None:
-    """Write a picture per method of a map, METHOD.svg in its folder; see `simbench.figures._map`."""
+    """Write a picture per method of a map, METHOD.svg in its folder; see
+    `simbench.figures._map`.
+    """
     from simbench.figures._map import draw
     from simbench.figures._style import write_picture
 

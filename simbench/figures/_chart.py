@@ -1,4 +1,6 @@
-"""The diagnosis procedure as a flow chart, laid out from its own steps, with the path of one diagnosis marked on it."""
+"""The diagnosis procedure as a flow chart, laid out from its own steps, with the path of one
+diagnosis marked on it.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ _BOX, _GAP, _LINE, _PAD = (
 
 
 def flow_table() -> pd.DataFrame:
-    """Return the procedure as one row per answer: source, question, answer, target, verdict, next."""
+    """Return the procedure as one row per answer: source, question, answer, target, verdict,
+    next.
+    """
     rows = []
     for source, (question, answers) in FLOW.items():
         for answer, target in answers.items():
@@ -87,13 +91,16 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             x, bend = left + _BOX + _GAP, left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
             path, at = (
-                [(left + _BOX, y), (x, z)]
-                if straight
-                else [(left + _BOX, y), (bend, y), (bend, z), (x, z)],
+                (
+                    [(left + _BOX, y), (x, z)]
+                    if straight
+                    else [(left + _BOX, y), (bend, y), (bend, z), (x, z)]
+                ),
                 z,
             )
             if target not in ends[source]:
-                # it stands beside an earlier question, whose own answer has its place there: named where it leaves
+                # it stands beside an earlier question, whose own answer has its place there: named
+                # where it leaves
                 at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
                 path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
             _arrow(axes, path, ink)

@@ -14,7 +14,9 @@ from simbench.figures._style import BLUE, GREY, label
 
 @dataclass(frozen=True)
 class _Marks:
-    """Zero crossings (s, both positive), values at lag 0 and at the peak between them (-), and the two indices (-)."""
+    """Zero crossings (s, both positive), values at lag 0 and at the peak between them (-), and the
+    two indices (-).
+    """
 
     tau_l: float
     tau_r: float
@@ -25,7 +27,8 @@ class _Marks:
 
 
 def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
-    """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1.
+    """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to
+    -1..1.
 
     Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector.
     """

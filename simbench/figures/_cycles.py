@@ -1,4 +1,6 @@
-"""Limit cycles for the figures: simulate a sticky loop on its cycle, cut whole periods, draw them in five rows."""
+"""Limit cycles for the figures: simulate a sticky loop on its cycle, cut whole periods, draw them
+in five rows.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from simbench.theory.sampled import sampled_loop
 
 
 def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
-    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean upwards."""
+    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean
+    upwards.
+    """
     Ts = loop.sampling.Ts
     found = exact_cycle(sampled_loop(loop))
     length = 1000 if found is None else round((2 * periods + 2) * found.period / Ts)
@@ -40,7 +44,9 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
 def panel_cycles(
     panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]
 ) -> pd.DataFrame:
-    """Return three periods of the cycle of every panel's loop, behind the panel, its ratio of dead time and its S/2J."""
+    """Return three periods of the cycle of every panel's loop, behind the panel, its ratio of dead
+    time and its S/2J.
+    """
     cycles = []
     for panel, dead, band in panels:
         cycle = sustained_cycle(loop(dead, band), periods=3)

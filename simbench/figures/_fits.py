@@ -1,4 +1,6 @@
-"""Half-cycle fits for drawing: the sine and the triangle that the detector fits, on the record's own time."""
+"""Half-cycle fits for drawing: the sine and the triangle that the detector fits, on the record's
+own time.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from simbench.figures._style import BLACK, BLUE, RED, label
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
     """Fit a sine and a triangle to every significant half cycle.
 
-    The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and sign.
+    The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and
+    sign.
     """
     at = zero_crossings(x, GUARD * float(x.std()))
     rows = []

@@ -20,7 +20,9 @@ _MOST_LABELS = 12  # along an axis
 def draw(
     part: pd.DataFrame, method: str, names: tuple[str, str | None], values: dict[str, list[Any]]
 ) -> Figure:
-    """Draw one method's rows of a map; each field is the mean over the cells that share both values."""
+    """Draw one method's rows of a map; each field is the mean over the cells that share both
+    values.
+    """
     x, y = names
     table = part.assign(_all="").pivot_table(
         index=y or "_all", columns=x, values="accuracy", aggfunc="mean"

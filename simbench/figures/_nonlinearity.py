@@ -1,4 +1,6 @@
-"""Control error, its bicoherence and the PV-OP plot of one real loop, with and without filtering."""
+"""Control error, its bicoherence and the PV-OP plot of one real loop, with and without
+filtering.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
     """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form."""
     if record.n < 4 * _SEGMENT:
         raise RecordError(
-            f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a bicoherence"
+            f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a"
+            " bicoherence"
         )
     e = -pv if record.sp is None else record.sp - pv
     higher = bicoherence(e, _SEGMENT)

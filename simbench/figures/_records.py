@@ -1,4 +1,6 @@
-"""Real loops by the chapter's names (CHEM1, PAP2, ...), from an ISDB file or from a folder of records."""
+"""Real loops by the chapter's names (CHEM1, PAP2, ...), from an ISDB file or from a folder of
+records.
+"""
 
 from __future__ import annotations
 

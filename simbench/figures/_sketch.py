@@ -22,7 +22,9 @@ def box(x: float, y: float, text: str) -> list[list]:
 
 
 def arrow(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
-    """Return a line with a head at its last point, and a text beside its first stretch or at a place."""
+    """Return a line with a head at its last point, and a text beside its first stretch or at a
+    place.
+    """
     return _path("arrow", points, text, at)
 
 

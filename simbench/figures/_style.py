@@ -1,4 +1,6 @@
-"""One look for every figure: Okabe and Ito's colours, sizes for print, axes with quantity and unit."""
+"""One look for every figure: Okabe and Ito's colours, sizes for print, axes with quantity and
+unit.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def write_picture(figure: Figure, path: str | Path, simplified: float | None = None) -> None:
-    """Write a figure in the format that the file's name asks for; the same numbers give the same bytes."""
+    """Write a figure in the format that the file's name asks for; the same numbers give the same
+    bytes.
+    """
     kind = picture_kind(path)
     plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
     rc = {"svg.hashsalt": Path(path).stem} | (
@@ -73,7 +77,9 @@ def write_picture(figure: Figure, path: str | Path, simplified: float | None = N
 def panels(
     rows: int, columns: int, width: float, height: float, **more: Any
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure of `rows` x `columns` axes, `width` x `height` inches; the axes as a 2-D array."""
+    """Return a figure of `rows` x `columns` axes, `width` x `height` inches; the axes as a 2-D
+    array.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **more)
 
@@ -81,7 +87,9 @@ def panels(
 def mosaic(
     layout: list[list[str]], width: float, height: float, **more: Any
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Return a figure whose axes lie as their names in `layout` do, `width` x `height` inches; the axes by name."""
+    """Return a figure whose axes lie as their names in `layout` do, `width` x `height` inches; the
+    axes by name.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplot_mosaic(layout, **more)
 
@@ -110,7 +118,9 @@ def span(
     text: str,
     gap: tuple[float, float],
 ) -> None:
-    """Draw a two-headed arrow between two points and its name beside the middle, `gap` points away."""
+    """Draw a two-headed arrow between two points and its name beside the middle, `gap` points
+    away.
+    """
     axes.annotate(
         "",
         end,

@@ -1,7 +1,8 @@
-"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot be told apart.
+"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot
+be told apart.
 
-Detectors that see the valve position MV are left out, and so are those made for a part of the scenarios. Behind a name: *
-fitted on this grid, + on its siblings.
+Detectors that see the valve position MV are left out, and so are those made for a part of the
+scenarios. Behind a name: * fitted on this grid, + on its siblings.
 """
 
 from __future__ import annotations
@@ -20,14 +21,17 @@ SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar
 def data(run) -> pd.DataFrame:
     """Rank the detectors of a run.
 
-    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases, home
-    (where its constants were fitted).
+    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference),
+    accuracy, lo, hi, cases, home (where its constants were fitted).
     """
     from simbench.bench.score.compare import compare
 
     found = compare(run)
     if np.isnan(found.critical_difference):
-        needed = "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a label"
+        needed = (
+            "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a"
+            " label"
+        )
         raise ParameterError(f"{run}: ranks need at least {needed}")
     ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
     ranked.insert(2, "half_width", found.critical_difference / 2)

@@ -1,6 +1,8 @@
-"""Figure 11.10: the three symbols of a time series, increasing (I), steady (S) and decreasing (D), and where they come from.
+"""Figure 11.10: the three symbols of a time series, increasing (I), steady (S) and decreasing (D),
+and where they come from.
 
-A sample is I or D where its difference lies more than one standard deviation from the mean difference.
+A sample is I or D where its difference lies more than one standard deviation from the mean
+difference.
 """
 
 from __future__ import annotations

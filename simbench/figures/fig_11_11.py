@@ -1,8 +1,10 @@
-"""Figure 11.11: qualitative shapes of a sticky valve's OP-MV plot, and what Yamashita's indices make of them.
+"""Figure 11.11: qualitative shapes of a sticky valve's OP-MV plot, and what Yamashita's indices
+make of them.
 
-(a) IS II and DS DD: the valve catches up along with OP. (b) IS SI and DS SD: it jumps while OP rests. (c) IS DI and DS ID:
-the move comes when OP has already turned; rho3 takes it out. The text does not say which shape its panel (c) holds; ours is
-what PV of a fast flow loop under PI draws, the case the chapter calls common in industry and missed by the method.
+(a) IS II and DS DD: the valve catches up along with OP. (b) IS SI and DS SD: it jumps while OP
+rests. (c) IS DI and DS ID: the move comes when OP has already turned; rho3 takes it out. The text
+does not say which shape its panel (c) holds; ours is what PV of a fast flow loop under PI draws,
+the case the chapter calls common in industry and missed by the method.
 """
 
 from __future__ import annotations
@@ -24,14 +26,22 @@ SHAPES = {
 
 # where each side's name stands, in points from its middle
 ASIDE = {
-    "IS": (0, -9), "DS": (0, 8), "II": (14, -6), "DD": (-14, 6), "SI": (12, 0), "SD": (-13, 0), "DI": (13, 7), "ID": (-13, -7),
-}  # fmt: skip
+    "IS": (0, -9),
+    "DS": (0, 8),
+    "II": (14, -6),
+    "DD": (-14, 6),
+    "SI": (12, 0),
+    "SD": (-13, 0),
+    "DI": (13, 7),
+    "ID": (-13, -7),
+}
 
 
 def data() -> pd.DataFrame:
     """Walk each shape ten times and compute the indices.
 
-    Columns: panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-), rho3 (-).
+    Columns: panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-),
+    rho3 (-).
     """
     rows = []
     for panel, corners in SHAPES.items():
@@ -48,7 +58,8 @@ def data() -> pd.DataFrame:
 def walk(
     op: np.ndarray, mv: np.ndarray, steps: int = 8, rest: int = 24
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Go round a closed path ten times, `steps` samples a side, and rest at every second corner, as SS.
+    """Go round a closed path ten times, `steps` samples a side, and rest at every second corner, as
+    SS.
 
     Rests keep the standard deviation of the differences below their size while something moves.
     """

@@ -1,4 +1,6 @@
-"""Figure 11.12: time trends and PV-OP plot of flow loop PAP2, with Yamashita's indices (needs ISDB)."""
+"""Figure 11.12: time trends and PV-OP plot of flow loop PAP2, with Yamashita's indices (needs
+ISDB).
+"""
 
 from __future__ import annotations
 

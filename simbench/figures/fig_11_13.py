@@ -1,6 +1,8 @@
-"""Figure 11.13: trends and cross-correlation of OP and PV, even without stiction (left), odd with stiction (right).
+"""Figure 11.13: trends and cross-correlation of OP and PV, even without stiction (left), odd with
+stiction (right).
 
-Left: a linear loop under an external sine whose controller is slow against it (w Ti = 10). Right: a sticky flow-like loop.
+Left: a linear loop under an external sine whose controller is slow against it (w Ti = 10). Right: a
+sticky flow-like loop.
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ STICKY = {
 def data() -> pd.DataFrame:
     """Simulate both loops and correlate their second halves.
 
-    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag (s), Phi (-), dtau (-), drho
-    (-).
+    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag
+    (s), Phi (-), dtau (-), drho (-).
     """
     rows = []
     record = simulate(Loop.from_table(HEALTHY)).record.window(2000, 4000)

@@ -1,4 +1,6 @@
-"""Figure 11.14: the variables that Horch's measures are made of, on a cross-correlation that is neither even nor odd."""
+"""Figure 11.14: the variables that Horch's measures are made of, on a cross-correlation that is
+neither even nor odd.
+"""
 
 from __future__ import annotations
 

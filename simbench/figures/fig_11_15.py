@@ -38,7 +38,8 @@ def draw(data: pd.DataFrame) -> Figure:
         printed = PRINTED[str(name)]
         note(
             place,
-            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})",
+            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f},"
+            f" {printed[1]:.2f})",
         )
         place.set_ylim(-1.15, 1.7)
     return figure

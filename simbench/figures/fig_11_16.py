@@ -1,7 +1,8 @@
-"""Figure 11.16: three tunings of e^-s/(3s + 1) without stiction give three kinds of cross-correlation (Example 11.3).
+"""Figure 11.16: three tunings of e^-s/(3s + 1) without stiction give three kinds of
+cross-correlation (Example 11.3).
 
-In a linear PI loop OP answers PV alone, so the phase is fixed by w Ti. The chapter prints the three verdicts in the order
-opposite to its own Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
+In a linear PI loop OP answers PV alone, so the phase is fixed by w Ti. The chapter prints the three
+verdicts in the order opposite to its own Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Figure 11.18: half-cycle fits to OP of flow loop CHEM1 and to PV of level loop PAP3 (needs ISDB)."""
+"""Figure 11.18: half-cycle fits to OP of flow loop CHEM1 and to PV of level loop PAP3 (needs
+ISDB).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ PRINTED = {
 def data(isdb: str) -> pd.DataFrame:
     """Fit the loops that are there; CHEM1 is needed.
 
-    Columns: loop, Ts (s), eta, eta_two_line (-), half (number), sample (index), signal, sine, triangle (record's units).
+    Columns: loop, Ts (s), eta, eta_two_line (-), half (number), sample (index), signal, sine,
+    triangle (record's units).
     """
     rows = []
     for name, (signal, process, kind, _) in PRINTED.items():
@@ -59,6 +62,9 @@ def draw(data: pd.DataFrame) -> Figure:
             f"{signal} - drift (record's units)",
             str(name),
         )
-        both = f"η = {part.eta.iloc[0]:.2f}, with two free lines {part.eta_two_line.iloc[0]:.2f} (printed: {printed:.2f})"
+        both = (
+            f"η = {part.eta.iloc[0]:.2f}, with two free lines {part.eta_two_line.iloc[0]:.2f}"
+            f" (printed: {printed:.2f})"
+        )
         note(place, both, 0.99, 0.98, "right")
     return figure

@@ -1,6 +1,8 @@
-"""Figure 11.19: Procedure 11.3, the way of `choudhury` through a record, with the bounds that the program holds.
+"""Figure 11.19: Procedure 11.3, the way of `choudhury` through a record, with the bounds that the
+program holds.
 
-First a nonlinearity in the control error, by bicoherence or by surrogates, then an ellipse of filtered PV over filtered OP.
+First a nonlinearity in the control error, by bicoherence or by surrogates, then an ellipse of
+filtered PV over filtered OP.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ def data() -> pd.DataFrame:
         box(
             0,
             -1.5,
-            f"bicoherence: NGI > {bounds['ngi_low']:g} and NLI > {bounds['nli_low']:g}\nor surrogates: NPI > 1",
+            f"bicoherence: NGI > {bounds['ngi_low']:g} and NLI > {bounds['nli_low']:g}\nor"
+            " surrogates: NPI > 1",
         ),
         arrow([(2.6, -1.5), (4.1, -1.5)], "no"),
         box(5.9, -1.5, "linear: tuning or\nan outside oscillation"),
@@ -37,7 +40,8 @@ def data() -> pd.DataFrame:
         box(
             0,
             -3.3,
-            f"zero-phase band-pass of OP and PV:\nmax({LOWEST}, f - {BESIDE}) to min(0.5, f + {BESIDE}) per sample",
+            f"zero-phase band-pass of OP and PV:\nmax({LOWEST}, f - {BESIDE}) to min(0.5, f +"
+            f" {BESIDE}) per sample",
         ),
         arrow([(0, -3.85), (0, -4.5)]),
         box(0, -4.9, "the four most regular cycles"),

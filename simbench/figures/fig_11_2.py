@@ -1,4 +1,5 @@
-"""Figure 11.2: a level loop, the example of a loop with a valve: the controller moves the outflow until the level is right.
+"""Figure 11.2: a level loop, the example of a loop with a valve: the controller moves the outflow
+until the level is right.
 
 Without outflow control the level integrates: it is the process of the integrating loops here.
 """

@@ -1,4 +1,5 @@
-"""Figure 11.20: an ellipse fitted to the filtered PV-OP plot, its axes, its limits, and the apparent stiction along OP.
+"""Figure 11.20: an ellipse fitted to the filtered PV-OP plot, its axes, its limits, and the
+apparent stiction along OP.
 
 The loop is simulated, with S = 5 %: the apparent stiction is a mark of the loop, not the valve's S.
 """
@@ -30,7 +31,8 @@ LOOP = {
 def data() -> pd.DataFrame:
     """Simulate four periods, add measurement noise, filter, and fit.
 
-    Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
+    Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and
+    alpha (rad).
     """
     cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
     period = cycle["period (s)"].iloc[0]

@@ -1,4 +1,6 @@
-"""Figure 11.21: nonlinearity indices and PV-OP plot of flow loop CHEM30 without filtering (needs ISDB)."""
+"""Figure 11.21: nonlinearity indices and PV-OP plot of flow loop CHEM30 without filtering (needs
+ISDB).
+"""
 
 from __future__ import annotations
 

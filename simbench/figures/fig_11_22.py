@@ -1,4 +1,6 @@
-"""Figure 11.22: the same views of CHEM30 after filtering, with the fitted ellipse and the apparent stiction (needs ISDB)."""
+"""Figure 11.22: the same views of CHEM30 after filtering, with the fitted ellipse and the apparent
+stiction (needs ISDB).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ SOURCE = (
 
 
 def data(isdb: str) -> pd.DataFrame:
-    """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular stretch."""
+    """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular
+    stretch.
+    """
     record = real_loop(isdb, "CHEM30", kind="flow")
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
     op, pv = band(record.op, period, 3), band(record.pv, period, 3)

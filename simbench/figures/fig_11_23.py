@@ -1,4 +1,6 @@
-"""Figure 11.23: ellipse fitted to level loop POW2 with its 10 % limits and the share of points between them (needs ISDB)."""
+"""Figure 11.23: ellipse fitted to level loop POW2 with its 10 % limits and the share of points
+between them (needs ISDB).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Figure 11.25: a lower controller gain leaves the period of an oscillation that comes from outside.
+"""Figure 11.25: a lower controller gain leaves the period of an oscillation that comes from
+outside.
 
 The same loop as in Fig. 11.24, but the valve is ideal and a sine of 60 s acts on PV.
 """

@@ -1,6 +1,8 @@
-"""Figure 11.26: valve travel test: small steps of OP in manual until PV moves, in the same direction and reversed.
+"""Figure 11.26: valve travel test: small steps of OP in manual until PV moves, in the same
+direction and reversed.
 
-In the same direction, as the procedure prints it, the sum of the steps is the slip jump J; against it, the whole band S.
+In the same direction, as the procedure prints it, the sum of the steps is the slip jump J; against
+it, the whole band S.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ LOOP = {
 def data() -> pd.DataFrame:
     """Run the test on a simulated flow loop with S = 3 % and J = 1.1 %.
 
-    Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S measured (%), J measured (%).
+    Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
+    measured (%), J measured (%).
     """
     found = travel_test(Loop.from_table(LOOP))
     trace = found.trace

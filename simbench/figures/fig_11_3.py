@@ -1,6 +1,7 @@
 """Figure 11.3: a pneumatic control valve, and where it sticks.
 
-Air lifts the diaphragm against a spring; the stem carries the plug through the packing, whose friction is the stiction.
+Air lifts the diaphragm against a spring; the stem carries the plug through the packing, whose
+friction is the stiction.
 """
 
 from __future__ import annotations

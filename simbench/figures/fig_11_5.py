@@ -1,7 +1,8 @@
-"""Figure 11.5: a sticky valve's OP-MV plot with its phases: sticking (dead-band, stick band), slip jump, motion.
+"""Figure 11.5: a sticky valve's OP-MV plot with its phases: sticking (dead-band, stick band), slip
+jump, motion.
 
-OP rises, pauses at D, rises on to G and falls back: after the pause only the stick band J has to be overcome, after a
-reversal the whole width S.
+OP rises, pauses at D, rises on to G and falls back: after the pause only the stick band J has to be
+overcome, after a reversal the whole width S.
 """
 
 from __future__ import annotations
@@ -67,9 +68,14 @@ def draw(data: pd.DataFrame) -> Figure:
         shown.add(name)
     half = (S - J) / 2
     points = {
-        "A": (10, 10 + half), "B": (10 + S, 10 + half), "C": (10 + S, 10 + half + J), "D": (65, 65 - half),
-        "E": (65 + J, 65 - half), "F": (65 + J, 65 - half + J), "G": (90, 90 - half),
-    }  # fmt: skip
+        "A": (10, 10 + half),
+        "B": (10 + S, 10 + half),
+        "C": (10 + S, 10 + half + J),
+        "D": (65, 65 - half),
+        "E": (65 + J, 65 - half),
+        "F": (65 + J, 65 - half + J),
+        "G": (90, 90 - half),
+    }
     aside = {
         "A": (-9, 0),
         "B": (8, -7),

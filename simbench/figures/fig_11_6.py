@@ -1,7 +1,7 @@
 """Figure 11.6: PV-OP plots of four industrial flow loops with stiction (needs ISDB).
 
-Unlike Fig. 11.5 the plots are distorted by process, controller and disturbances. The chapter does not name its four loops; the
-first four of ours that are there are drawn.
+Unlike Fig. 11.5 the plots are distorted by process, controller and disturbances. The chapter does
+not name its four loops; the first four of ours that are there are drawn.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def data(isdb: str) -> pd.DataFrame:
         if len(rows) == 4:
             return pd.concat(rows, ignore_index=True)
     raise NeedsRecord(
-        f"needs four sticky flow loops of ISDB ({', '.join(LOOPS[:6])}, ...); {isdb} holds {len(rows)}"
+        f"needs four sticky flow loops of ISDB ({', '.join(LOOPS[:6])}, ...); {isdb} holds"
+        f" {len(rows)}"
     )
 
 

@@ -1,6 +1,8 @@
-"""Figure 11.7: friction force against velocity: Coulomb, with viscous, with stiction, and Stribeck friction.
+"""Figure 11.7: friction force against velocity: Coulomb, with viscous, with stiction, and Stribeck
+friction.
 
-The forces are those of the physical valve models' published actuator; the Stribeck part lives below 1 mm/s.
+The forces are those of the physical valve models' published actuator; the Stribeck part lives below
+1 mm/s.
 """
 
 from __future__ import annotations
@@ -12,13 +14,17 @@ from matplotlib.figure import Figure
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 from simbench.loop.parameters import VALVES, valve_parameters
 
-SOURCE = "Jelali (2013), Fig. 11.7, after Olsson et al. (1998); numbers: Choudhury et al. (2005), Table 1"
+SOURCE = (
+    "Jelali (2013), Fig. 11.7, after Olsson et al. (1998); numbers: Choudhury et al. (2005),"
+    " Table 1"
+)
 
 
 def data() -> pd.DataFrame:
     """Evaluate the four static friction laws at the published parameters.
 
-    Columns: panel, velocity (mm/s), friction (N); three rows at velocity 0 (-, at rest, +) where the law jumps.
+    Columns: panel, velocity (mm/s), friction (N); three rows at velocity 0 (-, at rest, +) where
+    the law jumps.
     """
     p = valve_parameters(VALVES.load("stribeck"), {}, 1.0)
     wide, narrow = np.linspace(0.0, 600.0, 61), np.linspace(0.0, 1.5, 151)

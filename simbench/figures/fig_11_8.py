@@ -1,7 +1,9 @@
-"""Figure 11.8: Nyquist curve of a PI loop and -1/N of stick-slip and dead-band: self-regulating (left), integrating (right).
+"""Figure 11.8: Nyquist curve of a PI loop and -1/N of stick-slip and dead-band: self-regulating
+(left), integrating (right).
 
-Where the curves meet, the describing function predicts a limit cycle; a pure dead-band meets the integrating loop only. The
-prediction is qualitative: OP is a triangle, and periods are off by up to 40 %.
+Where the curves meet, the describing function predicts a limit cycle; a pure dead-band meets the
+integrating loop only. The prediction is qualitative: OP is a triangle, and periods are off by up to
+40 %.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ def loop(panel: str, J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Compute the curves and where they meet.
 
-    Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%), period (s).
+    Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%),
+    period (s).
     """
     rows = []
     for panel in PLANTS:

@@ -1,6 +1,8 @@
-"""Figure 11.9: OP, MV, PV and their plots against each other in a sticky self-regulating loop, over Td/T and over S/2J.
+"""Figure 11.9: OP, MV, PV and their plots against each other in a sticky self-regulating loop, over
+Td/T and over S/2J.
 
-PV turns from a square through a sine to a triangle as Td/T or S/2J falls; OP stays a triangle and MV keeps its jumps.
+PV turns from a square through a sine to a triangle as Td/T or S/2J falls; OP stays a triangle and
+MV keeps its jumps.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ PANELS = [
 
 
 def loop(Td_over_T: float, S_over_2J: float) -> Loop:
-    """Return the loop of one panel: FOPTD, PI with Ti = T and half the gain at which Kc K Td / T = 1."""
+    """Return the loop of one panel: FOPTD, PI with Ti = T and half the gain at which Kc K Td / T =
+    1.
+    """
     T = Td / Td_over_T
     return Loop.from_table(
         {
@@ -40,7 +44,8 @@ def loop(Td_over_T: float, S_over_2J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
+    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP,
+    % as K = 1).
     """
     return panel_cycles(PANELS, "Td_over_T", loop)
 

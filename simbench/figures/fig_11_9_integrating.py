@@ -1,6 +1,8 @@
-"""Figure 11.9, integrating: the same five views for an integrating process under PI, over Td/Ti and over S/2J.
+"""Figure 11.9, integrating: the same five views for an integrating process under PI, over Td/Ti and
+over S/2J.
 
-Here PV is the triangle (the square MV integrated once) and OP, which integrates it again, is rounded.
+Here PV is the triangle (the square MV integrated once) and OP, which integrates it again, is
+rounded.
 """
 
 from __future__ import annotations
@@ -12,7 +14,10 @@ from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._style import styled
 
-SOURCE = "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes'; not drawn there"
+SOURCE = (
+    "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes';"
+    " not drawn there"
+)
 Ts, S, Td, K = 2.0, 5.0, 20.0, 0.01
 PANELS = [
     ("a", 0.2, 1.25),
@@ -39,7 +44,8 @@ def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
+    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP,
+    PV units).
     """
     return panel_cycles(PANELS, "Td_over_Ti", loop)
 

@@ -1,7 +1,8 @@
-"""Horch's verdict hangs on w Ti, not on the valve: sticky loops and healthy loops under a sine fall on one curve.
+"""Horch's verdict hangs on w Ti, not on the valve: sticky loops and healthy loops under a sine fall
+on one curve.
 
-In a PI loop OP answers PV alone, so dtau = (2/pi) atan(1/(w Ti)) for any linear loop; the verdict changes at w Ti = 0.577 and
-at 1.73.
+In a PI loop OP answers PV alone, so dtau = (2/pi) atan(1/(w Ti)) for any linear loop; the verdict
+changes at w Ti = 0.577 and at 1.73.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from simbench.loop.simulate import simulate
 
 SOURCE = "He et al. (2007), analysis of Horch (1999); Jelali (2013), Sect. 11.5"
 Td, PERIODS = 20.0, 20
-# healthy loops: w Ti of the outside sine; sticky loops: T = Ti over Td, which sets w Ti of their own cycle
+# healthy loops: w Ti of the outside sine; sticky loops: T = Ti over Td, which sets w Ti of their
+# own cycle
 W_TI = np.geomspace(0.08, 12.0, 30)
 T_OVER_TD = np.geomspace(0.2, 40.0, 30)
 

@@ -1,4 +1,6 @@
-"""Horch's verdict over w Ti, for sticky loops and for healthy ones under a sine of the same period: it follows w Ti."""
+"""Horch's verdict over w Ti, for sticky loops and for healthy ones under a sine of the same period:
+it follows w Ti.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ from detectors.verdict import STICTION
 from simbench.bench.store.reading import read_table
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
-SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"
+SOURCE = (
+    "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any"
+    " linear PI loop"
+)
 BOUNDS = {
     "stiction": (2 / 3, 1 / np.sqrt(3)),
     "no_stiction": (1 / 3, np.sqrt(3)),
@@ -25,8 +30,9 @@ VALVES = {True: ("sticky valve", RED, "o"), False: ("healthy valve under a sine"
 def data(run: str | Path) -> pd.DataFrame:
     """Collect Horch's indices from the section `horch` of a run of grid own-ground.
 
-    Columns: w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the cotangent of the sampled
-    controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a sample.
+    Columns: w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the
+    cotangent of the sampled controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler
+    integral leads the continuous one by half a sample.
     """
     scenarios, verdicts = (read_table(run, kind).to_pandas() for kind in ("scenarios", "verdicts"))
     both = scenarios[scenarios.block == "horch"].merge(
@@ -52,7 +58,9 @@ def data(run: str | Path) -> pd.DataFrame:
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
-    """Draw dtau over w Ti for both valves, with the law of a linear loop and the bounds of the verdict."""
+    """Draw dtau over w Ti for both valves, with the law of a linear loop and the bounds of the
+    verdict.
+    """
     figure, ((axes,),) = panels(1, 1, 6.4, 4.2)
     x = np.geomspace(data.w_Ti.min(), data.w_Ti.max(), 200)
     axes.plot(

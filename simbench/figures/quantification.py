@@ -1,7 +1,9 @@
-"""Quantification: how far the S and J of each method lie from the valve's, by family of valves, and what its intervals hold.
+"""Quantification: how far the S and J of each method lie from the valve's, by family of valves, and
+what its intervals hold.
 
-Left and middle: median error in shares of the valve's S. Right: share of the intervals for S or J that hold the truth, with its
-95 % interval, for methods that say nine in ten (band .87 to .93). *, + as in the tables: fitted on this grid, on its siblings.
+Left and middle: median error in shares of the valve's S. Right: share of the intervals for S or J
+that hold the truth, with its 95 % interval, for methods that say nine in ten (band .87 to .93). *,
++ as in the tables: fitted on this grid, on its siblings.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ _MARKS = "osD^vPX<>*"
 def data(run: str | Path) -> pd.DataFrame:
     """Score S and J by method and family of valves.
 
-    Columns: method, family, parameter, n, median_error, coverage, width, lo and hi of the coverage, home (where the method's
-    constants were fitted); families of 20 and more.
+    Columns: method, family, parameter, n, median_error, coverage, width, lo and hi of the coverage,
+    home (where the method's constants were fitted); families of 20 and more.
     """
     book = RunArrays.read(run)
     found = quantification(book)

@@ -1,7 +1,9 @@
-"""Score map: how often each detector is right, over dead time and the shape of stiction, plants drawn apart.
+"""Score map: how often each detector is right, over dead time and the shape of stiction, plants
+drawn apart.
 
-The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions together. Under each share stand
-the half width of its 95 % interval and the number of loops; empty: fewer than 20. Hatched: not made for such a process.
+The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions
+together. Under each share stand the half width of its 95 % interval and the number of loops; empty:
+fewer than 20. Hatched: not made for such a process.
 """
 
 from __future__ import annotations
@@ -32,9 +34,10 @@ MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like s
 def data(run: str | Path) -> pd.DataFrame:
     """Count right answers against `cycled`, with the oscillation front end.
 
-    Columns: method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
-    n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home (where
-    the method's constants were fitted).
+    Columns: method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf
+    dead-band), n, applicable (of n), right and no_decision (shares of the applicable; NaN where
+    there are none), lo, hi (95 % interval of right), home (where the method's constants were
+    fitted).
     """
     return cells(RunArrays.read(run))
 
@@ -100,7 +103,9 @@ def cells(book: RunArrays) -> pd.DataFrame:
 
 
 def levels(values: np.ndarray) -> np.ndarray:
-    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a level of their own."""
+    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a
+    level of their own.
+    """
     if np.unique(values).size <= MOST_LEVELS:
         return values
     plain = np.isfinite(values) & (values > 0)
@@ -141,7 +146,8 @@ def draw(data: pd.DataFrame) -> Figure:
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
         bar.set_label(
-            "share of right answers (no decision counts as wrong)\n* fitted here, + on its siblings; hatched: does not apply"
+            "share of right answers (no decision counts as wrong)\n* fitted here, + on its"
+            " siblings; hatched: does not apply"
         )
     return figure
 

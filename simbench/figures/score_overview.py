@@ -1,8 +1,9 @@
 """Score overview: all detectors on one sheet, best first, healthy and sticky loops apart.
 
-One row per method, sorted by cost where it applies; methods that see MV, yardsticks and nonlinearity tests stand apart.
-A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction;
-below it half the width of its 95 % interval; empty: fewer than 20 loops.
+One row per method, sorted by cost where it applies; methods that see MV, yardsticks and
+nonlinearity tests stand apart. A share under "healthy" or "sticky, at rest" is that of the answer
+no stiction, under "cycling" that of the answer stiction; below it half the width of its 95 %
+interval; empty: fewer than 20 loops.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ ROW_GROUPS = ("OP and PV", "see MV", "yardsticks", "other tests")
 def data(run: str | Path) -> pd.DataFrame:
     """Count right answers against `cycled`, with the oscillation front end, by kind of loop.
 
-    Columns: method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the
-    applicable); best method first.
+    Columns: method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable,
+    right (share of the applicable); best method first.
     """
     return overview(RunArrays.read(run))
 
@@ -143,7 +144,10 @@ def draw(data: pd.DataFrame) -> Figure:
             if methods.kind.iloc[k] != methods.kind.iloc[k - 1]:
                 place.axhline(k - 0.5, color="white", linewidth=3)
     bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
-    about = "number beside a name: rank; * fitted on this grid, + on its siblings; hatched: does not apply"
+    about = (
+        "number beside a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
+        " apply"
+    )
     bar.set_label(f"share right where it applies (no decision is not right)\n{about}")
     return figure
 

@@ -1,7 +1,9 @@
-"""Surrogate index NPI: most sticky cycles stay below its bound, and linear oscillations driven by noise may rise above it.
+"""Surrogate index NPI: most sticky cycles stay below its bound, and linear oscillations driven by
+noise may rise above it.
 
-A strict cycle of any shape keeps its harmonics, and so its predictability, in every surrogate: NPI near 0. A linear loop that
-noise makes oscillate wanders in amplitude, as do its surrogates, and by chance predicts itself better or worse than they do.
+A strict cycle of any shape keeps its harmonics, and so its predictability, in every surrogate: NPI
+near 0. A linear loop that noise makes oscillate wanders in amplitude, as do its surrogates, and by
+chance predicts itself better or worse than they do.
 """
 
 from __future__ import annotations
@@ -18,7 +20,10 @@ from scenarios.spec import Loop
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, RED, label, panels, styled
 from simbench.loop.simulate import simulate
 
-SOURCE = "Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; Jelali (2013), Sect. 11.6"
+SOURCE = (
+    "Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; Jelali (2013), Sect."
+    " 11.6"
+)
 NOISE = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # std over that of the oscillation
 SEEDS = 12
 N, PERIOD = 3000, 60.0

@@ -1,4 +1,6 @@
-"""Table 11.1: ideal and acceptable values of a valve's parameters, and three simulated valves measured against them."""
+"""Table 11.1: ideal and acceptable values of a valve's parameters, and three simulated valves
+measured against them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,10 @@ from scenarios.spec import Loop
 from simbench.confirm.grade import grade
 from simbench.figures._style import styled, table
 
-SOURCE = "Jelali (2013), Table 11.1, after Ruel (2000); limits of the process gain 0.5 and 3, as far as the text keeps them"
+SOURCE = (
+    "Jelali (2013), Table 11.1, after Ruel (2000); limits of the process gain 0.5 and 3, as far as"
+    " the text keeps them"
+)
 VALVES = {
     "good valve": ("choudhury", {"S": 0.4, "J": 0.2}, 1.2, 0.05),
     "worn linkage": ("hysteresis", {"S": 0.5, "H": 4.5}, 0.8, 0.05),
@@ -20,7 +25,8 @@ VALVES = {
 def data() -> pd.DataFrame:
     """Measure three valves as an engineer would: in manual, by steps.
 
-    Columns: parameter, ideal, practical, and per valve the measured value and whether it is acceptable (NAME: ok).
+    Columns: parameter, ideal, practical, and per valve the measured value and whether it is
+    acceptable (NAME: ok).
     """
     graded = {name: grade(_loop(*valve)) for name, valve in VALVES.items()}
     first = next(iter(graded.values()))
@@ -55,7 +61,7 @@ def draw(data: pd.DataFrame) -> Figure:
         shown[name] = [f"{x:.2g}" for x in data[name]]
         framed |= {(i, 3 + j) for i, ok in enumerate(data[f"{name}: ok"]) if not ok}
     foot = (
-        "Measured on simulated loops in manual: stiction by the travel test in the same direction (+0/-0.2 %), hysteresis over "
-        "a full traverse less the dead-band. Framed: to be checked."
+        "Measured on simulated loops in manual: stiction by the travel test in the same direction"
+        " (+0/-0.2 %), hysteresis over a full traverse less the dead-band. Framed: to be checked."
     )
     return table(shown, [19, 6, 34, 12, 13, 18], framed=framed, foot=foot)

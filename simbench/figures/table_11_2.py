@@ -1,7 +1,9 @@
-"""Table 11.2: typical shapes of OP and PV behind a sticky valve, checked by the shape classifier on simulated cycles.
+"""Table 11.2: typical shapes of OP and PV behind a sticky valve, checked by the shape classifier on
+simulated cycles.
 
-Four loops per cell, J/S from 0.2 to 1; every cycle gets one of four labels (square, triangle, saw-tooth, sine) by dynamic time
-warping. A saw-tooth counts as a triangle, and a parabola, whose label does not exist, as a sine.
+Four loops per cell, J/S from 0.2 to 1; every cycle gets one of four labels (square, triangle,
+saw-tooth, sine) by dynamic time warping. A saw-tooth counts as a triangle, and a parabola, whose
+label does not exist, as a sine.
 """
 
 from __future__ import annotations
@@ -54,10 +56,11 @@ COUNTS_AS = {
 
 
 def data() -> pd.DataFrame:
-    """Simulate four loops per cell, label their cycles and keep two periods of the second loop for the picture.
+    """Simulate four loops per cell, label their cycles and keep two periods of the second loop for
+    the picture.
 
-    Columns: process, action, signal, table (shape), agreement (-, share of the cycles with the table's label), cycles, t/P (-),
-    value (mean removed, largest 1).
+    Columns: process, action, signal, table (shape), agreement (-, share of the cycles with the
+    table's label), cycles, t/P (-), value (mean removed, largest 1).
     """
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
@@ -97,7 +100,10 @@ def draw(data: pd.DataFrame) -> Figure:
         for i, (signal, wave) in enumerate(part.groupby("signal", sort=False)):
             place = axes[i, j]
             place.plot(wave["t/P (-)"], wave["value (-)"], color=SIGNAL[str(signal)])
-            word = f"{signal}: {wave['table'].iloc[0]}\n{wave['agreement'].iloc[0]:.0%} of {wave['cycles'].iloc[0]} cycles"
+            word = (
+                f"{signal}: {wave['table'].iloc[0]}\n{wave['agreement'].iloc[0]:.0%} of"
+                f" {wave['cycles'].iloc[0]} cycles"
+            )
             place.set_title(word, fontsize=8)
             place.set_ylim(-1.15, 1.15)
             label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")

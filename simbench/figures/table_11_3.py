@@ -1,8 +1,9 @@
-"""Table 11.3: which loops a sticky valve keeps cycling: as printed, by theory, reached by load steps, and in simulations.
+"""Table 11.3: which loops a sticky valve keeps cycling: as printed, by theory, reached by load
+steps, and in simulations.
 
-Each cell is a grid of tunings and valves; a simulated loop counts when any of six starts leaves the valve cycling. Where
-count and table differ the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under
-tight PI.
+Each cell is a grid of tunings and valves; a simulated loop counts when any of six starts leaves the
+valve cycling. Where count and table differ the table is too coarse: a self-regulating P loop cycles
+if K Kc J > S, and a dead-band cycles under tight PI.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ LOADS, STEPS = (
 
 
 def ultimate_gain(plant: dict, Ti: float | None) -> float:
-    """Return the Kc (% per PV unit) at which the loop with the continuous plant would oscillate without a valve's help."""
+    """Return the Kc (% per PV unit) at which the loop with the continuous plant would oscillate
+    without a valve's help.
+    """
     w = np.geomspace(1e-3, 1e2, 20001)
     s = 1j * w
     lag = s if plant["type"] == "integrating" else plant["T"] * s + 1
@@ -110,9 +113,10 @@ def load_step(size: float) -> Part:
 def data() -> pd.DataFrame:
     """Count the cycling loops of every cell.
 
-    Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the grid of the theory: loops,
-    exist, reached (by any of 25 random load steps), disagreements (against the table, each with its condition); on this
-    figure's own grid of simulations: cycled, simulated.
+    Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the
+    grid of the theory: loops, exist, reached (by any of 25 random load steps), disagreements
+    (against the table, each with its condition); on this figure's own grid of simulations: cycled,
+    simulated.
     """
     rows = []
     for check in check_table_11_3():
@@ -158,15 +162,16 @@ def draw(data: pd.DataFrame) -> Figure:
         rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"]
     )
     foot = (
-        "First line: the table. Then: loops in which the exact cycle exists; those that any of 25 random load steps reaches; "
-        "simulated loops that cycle from at least one of six starts. Self-regulating P with stick-slip cycles if and only if "
-        "K Kc J > S; a dead-band under PI only where Kc is near its limit."
+        "First line: the table. Then: loops in which the exact cycle exists; those that any of 25"
+        " random load steps reaches; simulated loops that cycle from at least one of six starts."
+        " Self-regulating P with stick-slip cycles if and only if K Kc J > S; a dead-band under PI"
+        " only where Kc is near its limit."
     )
     return table(frame, [16, 11, 26, 26], foot=foot)
 
 
 def _cell(row: dict) -> str:
     return (
-        f"{row['table']}\nexists in {row['exist']} of {row['loops']}\nreached in {row['reached']} of {row['loops']}\n"
-        f"cycled in {row['cycled']} of {row['simulated']}"
+        f"{row['table']}\nexists in {row['exist']} of {row['loops']}\nreached in {row['reached']}"
+        f" of {row['loops']}\ncycled in {row['cycled']} of {row['simulated']}"
     )

@@ -23,5 +23,8 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the table."""
-    foot = "First letter: OP, second: MV (valve position). SS is skipped. In IS and DS the valve stands still while OP moves."
+    foot = (
+        "First letter: OP, second: MV (valve position). SS is skipped. In IS and DS the valve"
+        " stands still while OP moves."
+    )
     return table(data, [12, 10, 10, 10], framed={(0, 2), (2, 2)}, foot=foot)

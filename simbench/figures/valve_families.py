@@ -1,8 +1,9 @@
-"""Valve families: what each method finds of every friction model, and its false alarms on every healthy valve.
+"""Valve families: what each method finds of every friction model, and its false alarms on every
+healthy valve.
 
-Rows are methods, best first; columns are valve families in the same cells: left, the share of the cycling loops that are called
-sticky; right, the share of the loops that do not cycle and are called sticky all the same. Behind a name: * fitted on this
-grid, + on its siblings.
+Rows are methods, best first; columns are valve families in the same cells: left, the share of the
+cycling loops that are called sticky; right, the share of the loops that do not cycle and are called
+sticky all the same. Behind a name: * fitted on this grid, + on its siblings.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ FEWEST = 10  # loops: a share of fewer is not shown
 def data(run: str | Path) -> pd.DataFrame:
     """Count by method and valve family.
 
-    Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were
-    fitted); best method first.
+    Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the
+    method's constants were fitted); best method first.
     """
     book = RunArrays.read(run)
     found = rates(read(run))

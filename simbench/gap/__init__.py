@@ -1,7 +1,8 @@
-"""Why does a simulated loop not look like the plant's record: where, which effect, how far it shrinks.
+"""Why does a simulated loop not look like the plant's record: where, which effect, how far it
+shrinks.
 
-The public names stand in `__init__.pyi`; each is loaded when first asked for: the blind check's generator lives in this
-package and must not load the models the diagnosis uses.
+The public names stand in `__init__.pyi`; each is loaded when first asked for: the blind check's
+generator lives in this package and must not load the models the diagnosis uses.
 """
 
 from simbench.lazy import attach

@@ -1,4 +1,6 @@
-"""All effects tried on one record: which are possible, proven, likely, alike, and what could have been seen of each."""
+"""All effects tried on one record: which are possible, proven, likely, alike, and what could have
+been seen of each.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,16 @@ from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
 from simbench.loop.plant import first_order_like
 
-LAST = 9.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
+# most nats of an effect that the load may have made: anything else that explains as much is named
+# first
+LAST = 9.0
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: its gain (nats) over the base, its own numbers paid for; `used` False when nothing was switched on."""
+    """A fitted effect: its gain (nats) over the base, its own numbers paid for; `used` False when
+    nothing was switched on.
+    """
 
     effect: str
     fit: Fit
@@ -35,8 +41,9 @@ class Candidate:
 class Fitted:
     """Effects fitted to one record.
 
-    `base` is the fit without effect, `candidates` those with one each, `parameters` the effects' numbers in the units of the
-    loop file, `chosen` the effects named (none, one or two, strongest first), `final` the fit with all of them.
+    `base` is the fit without effect, `candidates` those with one each, `parameters` the effects'
+    numbers in the units of the loop file, `chosen` the effects named (none, one or two, strongest
+    first), `final` the fit with all of them.
     """
 
     situation: Situation
@@ -48,7 +55,9 @@ class Fitted:
 
 
 def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
-    """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is known, here or in a test."""
+    """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is
+    known, here or in a test.
+    """
     by_mv = s.record.mv is not None if by_mv is None else by_mv
     fitted = [
         e
@@ -59,7 +68,9 @@ def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
 
 
 def proven(s: Situation) -> dict[str, Parameters]:
-    """Return the effects that the controller's law or single samples show without doubt, with their parameters."""
+    """Return the effects that the controller's law or single samples show without doubt, with their
+    parameters.
+    """
     found = {
         e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))
     }
@@ -83,9 +94,11 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
 
 
 def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
-    """Return the nats of a fit over the base; what the size of innovations alone tells counts by their tails (White 1982).
+    """Return the nats of a fit over the base; what the size of innovations alone tells counts by
+    their tails (White 1982).
 
-    Rare large innovations, as shots, steps or heavy-tailed noise leave, make a variance uncertain, and no signal.
+    Rare large innovations, as shots, steps or heavy-tailed noise leave, make a variance uncertain,
+    and no signal.
     """
     nats = fit.loglik - base.loglik
     if nats <= 0.0 or not (fit.spec.walk or fit.spec.load_walk or "noise_std" in fit.spec.free):
@@ -101,7 +114,9 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
 def beside_the_load(
     engine: Engine, base: Fit, candidates: dict[str, Candidate]
 ) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate what the load may do by itself; return the base and the candidates, gains over the new base."""
+    """Allow to every candidate what the load may do by itself; return the base and the candidates,
+    gains over the new base.
+    """
     for effect, one in candidates.items():
         ordinary = recogniser(effect).ordinary
         if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
@@ -120,7 +135,8 @@ def beside_the_load(
 def beside_the_plant(
     engine: Engine, base: Fit, candidates: dict[str, Candidate]
 ) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate a plant of higher order than the baseline's, if any candidate stands out of it.
+    """Allow to every candidate a plant of higher order than the baseline's, if any candidate stands
+    out of it.
 
     Parameters and returns are those of `beside_the_load`.
     """
@@ -137,7 +153,9 @@ def beside_the_plant(
 def _on_top_of(
     engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]
 ) -> dict[str, Candidate]:
-    """Return the likelier of the two fits of each: as it was, less what the new base brought (nats), or on top of that base."""
+    """Return the likelier of the two fits of each: as it was, less what the new base brought
+    (nats), or on top of that base.
+    """
     best = max((c.log_likelihood_gain for c in candidates.values()), default=0.0)
     again = fit_candidates(
         engine,
@@ -154,7 +172,8 @@ def _on_top_of(
 
 
 def _reshaped(engine: Engine, fit: Fit) -> Fit:
-    """Return the fit under the other shape of load (1/f, or first and second order) where that is more likely.
+    """Return the fit under the other shape of load (1/f, or first and second order) where that is
+    more likely.
 
     The base's shape was chosen without the effect, and may have been bent around it.
     """
@@ -179,7 +198,9 @@ def _reshaped(engine: Engine, fit: Fit) -> Fit:
 
 
 def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:
-    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here,
+    itself included.
+    """
     plant, r = first_order_like(s.baseline.plant).model_dump(), s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
     return tuple(

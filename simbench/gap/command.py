@@ -1,4 +1,6 @@
-"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop file out."""
+"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop
+file out.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,8 @@ def diagnose_files(
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(
-                f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed"
+                f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is"
+                " needed"
             )
     asked = [
         read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about)
@@ -101,9 +104,15 @@ def diagnose_files(
 
 
 def _write(
-    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any],
-    write_loop: str | Path | None, picture: str | Path | None, html: str | Path | None, told: Any,
-) -> None:  # fmt: skip
+    report: GapReport,
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    about: dict[str, Any],
+    write_loop: str | Path | None,
+    picture: str | Path | None,
+    html: str | Path | None,
+    told: Any,
+) -> None:
     """Write what was asked for of a report."""
     if write_loop is not None:
         with whole_file(write_loop) as f:
@@ -127,14 +136,19 @@ def discover_file(
     html: str | Path | None = None,
     **about: Any,
 ) -> Discovery:
-    """Describe by a law what the simulation of a loop file lacks of a record's file; progress goes to stderr."""
+    """Describe by a law what the simulation of a loop file lacks of a record's file; progress goes
+    to stderr.
+    """
     refuse_own_input([write_effect, html], [record, baseline])
     if write_effect is not None:
         refuse_effect_file(write_effect)
     loop, read = load_loop(baseline), read_record(record, automatic=False, **about)
     found = discover(read, loop, progress=True)
     if write_effect is not None and found.law is not None:
-        said = f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}: {found.law.text}"
+        said = (
+            f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}:"
+            f" {found.law.text}"
+        )
         said += f"; {found.law.nats:.0f} nats on samples that it was not fitted to."
         write_law(found.law, write_effect, said, f"fitted to {Path(record).name}")
     if html is not None:
@@ -175,14 +189,18 @@ def predict_file(
     tests: Sequence[str] = (),
     **about: Any,
 ) -> Prediction:
-    """Predict what the loop of a record does under other settings, given as KEY=VALUE on the command line."""
+    """Predict what the loop of a record does under other settings, given as KEY=VALUE on the
+    command line.
+    """
     settings = read_settings(words, load_loop(baseline))
     with one_thread():
         return predict(diagnose_files([record], baseline, tests=tests, **about), settings)
 
 
 def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind check's processes call it."""
+    """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind
+    check's processes call it.
+    """
     return diagnose_files([record], baseline, tests=tests).as_json()
 
 

@@ -49,7 +49,9 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-_PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
+# of the least noise that is believed, below which the model predicts PV to its digits: nothing is
+# missing
+_PREDICTED = 0.1
 _EXPLANATIONS = 5  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
@@ -64,14 +66,17 @@ def diagnose(
     seed: int = 0,
     **signals: Unpack[RecordSignals],
 ) -> GapReport:
-    """Say where a simulation differs from a record, which effect it lacks, and how far adding it closes the gap.
+    """Say where a simulation differs from a record, which effect it lacks, and how far adding it
+    closes the gap.
 
     Parameters
     ----------
     record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
-        SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them. Several records of one loop are judged together.
+        SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them. Several records of one
+        loop are judged together.
     baseline : Loop, Partial or None
-        The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
+        The simulation; None identifies plant and tuning from the record, a partial one what it does
+        not say.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int
@@ -109,16 +114,24 @@ def diagnose(
     paces = sorted({r.Ts for r in records})
     if paces[-1] > (1.0 + SAME_TS) * paces[0]:
         raise RecordError(
-            f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
+            f"records judged together must have one Ts; it is {paces[0]:g} s in one and"
+            f" {paces[-1]:g} s in another"
         )
     return diagnose_all(records, baseline, tests, jobs, seed)
 
 
 def diagnose_all(
-    records: list[LoopRecord], baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = (), jobs: int = 1,
-    seed: int = 0, *, describe: bool = True,
-) -> GapReport:  # fmt: skip
-    """Return the report of `diagnose`; `describe` looks for a law of what is unknown, which changes no conclusion."""
+    records: list[LoopRecord],
+    baseline: Loop | Partial | None,
+    tests: Sequence[RecordedTest] = (),
+    jobs: int = 1,
+    seed: int = 0,
+    *,
+    describe: bool = True,
+) -> GapReport:
+    """Return the report of `diagnose`; `describe` looks for a law of what is unknown, which changes
+    no conclusion.
+    """
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         found, behind, more = _assess_all(records, baseline, jobs, tests)
@@ -133,7 +146,8 @@ def diagnose_all(
                 seed,
             )
             if like.block:
-                # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
+                # a law that pays on unseen samples, or the best of all explanations, says where
+                # better than a test that fails
                 weights = replace(weights, unknown_block=like.block)
         out = replace(report(found, weights, runs, more, behind, judged_by), looks_like=like)
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
@@ -160,7 +174,8 @@ def conclude(
     record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
         SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them.
     loop : Loop, Partial or None
-        The loop where it is known; friction is then weighed with every other effect that could explain the record.
+        The loop where it is known; friction is then weighed with every other effect that could
+        explain the record.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation; they need a loop.
     **signals
@@ -195,7 +210,8 @@ def conclude(
 def _assess_one(
     record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
 ) -> tuple[Assessment, CandidateLoops | str]:
-    """Return the assessment of one record, with its tests, and the loops that may stand behind it, or why it is not weighed.
+    """Return the assessment of one record, with its tests, and the loops that may stand behind it,
+    or why it is not weighed.
 
     Beside a trusted baseline friction is weighed with all other effects: no loops are needed then.
     """
@@ -217,7 +233,9 @@ def _assess_one(
 
 
 def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
-    """Assess a record with those of its tests that nothing speaks against; what contradicts is said and not counted."""
+    """Assess a record with those of its tests that nothing speaks against; what contradicts is said
+    and not counted.
+    """
     kept, notes = [], []
     for test in tests:
         one = modelled(test, situation)
@@ -231,9 +249,11 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
         others = other_plants(found, found.situation, kept)
         if any(others):
             notes += [
-                f"test: {one.name} contradicts the record and is not counted: {said}; the loop behind {one.name} is another"
-                for one, said in zip(kept, others) if said
-            ]  # fmt: skip
+                f"test: {one.name} contradicts the record and is not counted: {said}; the loop"
+                f" behind {one.name} is another"
+                for one, said in zip(kept, others)
+                if said
+            ]
             kept = [one for one, said in zip(kept, others) if not said]
             found = assess(situation, kept)
     if kept:
@@ -250,7 +270,9 @@ def _assess_all(
     jobs: int,
     tests: Sequence[RecordedTest] = (),
 ) -> tuple[Assessment, CandidateLoops | str, list[str]]:
-    """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
+    """Assess every record; evidence adds up, and the longest record carries the tests, the fits,
+    parameters and the gap.
+    """
     longest = max(records, key=lambda r: r.n) if tests else None
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
         calls = (
@@ -276,7 +298,10 @@ def _assess_all(
     gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
     parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
+    said = (
+        f"{len(every)} records judged together; gap and parameters are those of"
+        f" {main.situation.record.tag or 'the longest'}"
+    )
     return (
         replace(
             main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others
@@ -287,7 +312,9 @@ def _assess_all(
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:
-    """Return the answer: the most probable, and a second effect of another block that was found on top of it."""
+    """Return the answer: the most probable, and a second effect of another block that was found on
+    top of it.
+    """
     p = weights.probability
     if not found.situation.trusted and found.stiction is not None and found.stiction < DENIED_BELOW:
         # friction that is not the more probable, all its effects taken together, is none of them
@@ -299,10 +326,11 @@ def named_by(weights: Classified, found: Assessment) -> list[str]:
 
 
 def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
-    """Return the probabilities with "unknown" in the place of an effect that does not narrow the simulated loop's gap.
+    """Return the probabilities with "unknown" in the place of an effect that does not narrow the
+    simulated loop's gap.
 
-    What single samples, the controller's law or MV show stands unless the gap widens beyond its interval: a twin may fail for
-    its load's sake.
+    What single samples, the controller's law or MV show stands unless the gap widens beyond its
+    interval: a twin may fail for its load's sake.
     """
     named = named_by(weights, found)
     effects = [e for e in named if e in EFFECTS]
@@ -316,7 +344,8 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
 def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
     """Return "unknown" for "none" where a wide gap stays that is not the load's.
 
-    Either the best model leaves something behind, or the record differs from its simulation in every stretch of it alike.
+    Either the best model leaves something behind, or the record differs from its simulation in
+    every stretch of it alike.
     """
     if not _wide(found, runs) or float(np.std(found.base.residual)) < _PREDICTED:
         return weights
@@ -337,17 +366,25 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
 
 
 def _wide(found: Assessment, runs: ClosedLoops) -> bool:
-    """Return whether a gap stays that recalibration does not close; an identified baseline is recalibrated already."""
+    """Return whether a gap stays that recalibration does not close; an identified baseline is
+    recalibrated already.
+    """
     gap = runs.shrink([])
     size = gap.recalibrated if found.situation.trusted else max(gap.before, gap.recalibrated)
     return gap.resolvable and size > _WIDE * gap.floor
 
 
 def report(
-    found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (), behind: CandidateLoops | str = "",
+    found: Assessment,
+    weights: Classified,
+    runs: ClosedLoops,
+    more: Sequence[str] = (),
+    behind: CandidateLoops | str = "",
     judged_by: Classified | None = None,
-) -> GapReport:  # fmt: skip
-    """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what is unknown was described."""
+) -> GapReport:
+    """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what
+    is unknown was described.
+    """
     situation = found.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     named = named_by(weights, found)
@@ -400,13 +437,15 @@ def report(
         notes.append(f"next test: none, {why}")
     if by_load:
         notes.append(
-            f"the gap ({main.recalibrated:.2f}, floor {main.floor:.2f}) comes and goes along the record: a draw of the load"
+            f"the gap ({main.recalibrated:.2f}, floor {main.floor:.2f}) comes and goes along the"
+            " record: a draw of the load"
         )
     if first == UNKNOWN and runs.lacking is not None and runs.lacking.features:
         notes.append(f"the simulation lacks: in the record {runs.lacking.sentence}")
     if not main.resolvable:
         notes.append(
-            f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed"
+            f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
+            " shrinkage is claimed"
         )
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     if situation.trusted and not behind:
@@ -419,20 +458,34 @@ def report(
         conclusion = from_record(Prepared(replace(situation.record, mv=None)), behind)[0]
     group = alike(first, situation, found.parameters.get(first))
     return GapReport(
-        block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
-        gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        conclusion=conclusion, behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
-    )  # fmt: skip
+        block=weights.block(first),
+        effect=first,
+        effects=answers,
+        group=group,
+        ranking=tuple(lines),
+        gap=gap,
+        shrinkage=shrinkage,
+        blocks=weights.shares,
+        next_test=advice,
+        notes=tuple(notes),
+        conclusion=conclusion,
+        behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
+    )
 
 
 def _advice(
     found: Assessment, weights: Classified, runs: ClosedLoops
 ) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
-    """Return the next test, why there is none, and the probability of a right answer after each test."""
+    """Return the next test, why there is none, and the probability of a right answer after each
+    test.
+    """
     s = found.situation
     open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in found.asked
     if open_yet and not (s.law.known or s.archive.faithful):
-        says = "log the loop without the archive between: the recorded PV is not the PV the controller saw"
+        says = (
+            "log the loop without the archive between: the recorded PV is not the PV the"
+            " controller saw"
+        )
         raw = {
             "test": "raw",
             "size": 0.0,

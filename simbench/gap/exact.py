@@ -1,6 +1,8 @@
-"""Laws that need no likelihood: of the controller from error to OP, and of the sensor from single samples of PV.
+"""Laws that need no likelihood: of the controller from error to OP, and of the sensor from single
+samples of PV.
 
-A law is fitted to the first part of the record and judged by what it leaves on the rest, beside the best law without it.
+A law is fitted to the first part of the record and judged by what it leaves on the rest, beside the
+best law without it.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ _Numbers = dict[str, float]
 
 @lru_cache(maxsize=4)
 def controller_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
+    """Return the law between error and OP that the baseline's does not know; None where the
+    baseline's explains OP.
+    """
     told = _told(s, first)
     if (
         told
@@ -46,7 +50,8 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
     ):
         # a PID's terms are the baseline's own
         return max(told, key=lambda one: one.nats, default=None)
-    # an archive may store PV before the controller ran; where no law is exact, nothing has said so yet
+    # an archive may store PV before the controller ran; where no law is exact, nothing has said so
+    # yet
     aligned = [_Controller.of(s, late) for late in sorted({s.law.late, 1})]
     plain = min((one.left({}) for one in aligned), key=aligned[0].misfit)
     found = [one.idle(first, plain) for one in aligned]
@@ -102,8 +107,9 @@ def _read_off(
 ) -> FoundLaw:
     """Return a law that shows in single samples, whose numbers are read off, not fitted.
 
-    How often its `event` (n,) happens is learnt from one part of the record and judged on the other beside a chance `q` of
-    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit), or of the longest run that chance brings.
+    How often its `event` (n,) happens is learnt from one part of the record and judged on the other
+    beside a chance `q` of it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020,
+    cross-fit), or of the longest run that chance brings.
     """
     q = float(np.clip(q, 1e-6, 0.5))
 
@@ -122,7 +128,9 @@ def _read_off(
 
 
 class _Controller(NamedTuple):
-    """The controller's signals (OP in %, error in PV units), its own numbers, and the digits of OP."""
+    """The controller's signals (OP in %, error in PV units), its own numbers, and the digits of
+    OP.
+    """
 
     op: np.ndarray
     e: np.ndarray
@@ -186,9 +194,11 @@ class _Controller(NamedTuple):
     def fitted(
         self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray
     ) -> FoundLaw | None:
-        """Return a law with its numbers fitted robustly to the first part, from a guess and in steps of `by`.
+        """Return a law with its numbers fitted robustly to the first part, from a guess and in
+        steps of `by`.
 
-        How the integral counts the newest error is fitted too: under another form other numbers are the same law.
+        How the integral counts the newest error is fitted too: under another form other numbers are
+        the same law.
         """
         scale = max(self.misfit(plain[:first]), self.unit)
 
@@ -198,9 +208,14 @@ class _Controller(NamedTuple):
         box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
             found = scipy.optimize.least_squares(
-                misfit, [*guess.values(), self.newest], bounds=tuple(zip(*box)), loss="soft_l1", f_scale=0.1,
-                x_scale=[*by.values(), 0.5], max_nfev=60,
-            )  # fmt: skip
+                misfit,
+                [*guess.values(), self.newest],
+                bounds=tuple(zip(*box)),
+                loss="soft_l1",
+                f_scale=0.1,
+                x_scale=[*by.values(), 0.5],
+                max_nfev=60,
+            )
         numbers = {m: float(v) for m, v in zip(guess, found.x)}
         spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(
             np.std(misfit(found.x))
@@ -239,7 +254,9 @@ class _Controller(NamedTuple):
             yield "ramps", guess, guess
 
     def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
+        """Return the law of a controller that does not run in some samples, where OP stands though
+        it should move.
+        """
         still = np.append(False, np.diff(self.op) == 0.0)
         asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
         runs = np.array(
@@ -256,7 +273,8 @@ class _Controller(NamedTuple):
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
-        # what the error was when the controller last ran, and (bumpless return) just before; each form of the integral
+        # what the error was when the controller last ran, and (bumpless return) just before; each
+        # form of the integral
         last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]
         tries = []
         for before in (self.e[last], self.e[:-1]):
@@ -312,7 +330,9 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:
-    """Return the numbers of a form that controller or samples show without doubt, where nothing known does; None otherwise."""
+    """Return the numbers of a form that controller or samples show without doubt, where nothing
+    known does; None otherwise.
+    """
     if any(block == LAW_FORMS[form].block for block, _ in s.facts.values()) or not s.trusted:
         return None
     find = controller_law if LAW_FORMS[form].block == "controller" else sensor_law

@@ -1,4 +1,6 @@
-"""A law found in a record, as one data object: block, form, numbers, where it acts and what it brings on unseen samples."""
+"""A law found in a record, as one data object: block, form, numbers, where it acts and what it
+brings on unseen samples.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,10 @@ from simbench.loop.laws import LAW_FORMS
 class FoundLaw:
     """A form with its numbers (units of the loop file), fitted to the first part of a record.
 
-    `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by sample over the record,
-    `intervals` the values of each number that do little worse, `on` (n,) the spells of one that comes and goes;
-    `late` samples by which OP answers PV late in the archive.
+    `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by
+    sample over the record, `intervals` the values of each number that do little worse, `on` (n,)
+    the spells of one that comes and goes; `late` samples by which OP answers PV late in the
+    archive.
     """
 
     form: str
@@ -45,7 +48,9 @@ class FoundLaw:
 
 
 def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
-    """Return where (True) a law is likeliest on, whose `evidence` (n,) counts only there; a change costs `price` (Viterbi)."""
+    """Return where (True) a law is likeliest on, whose `evidence` (n,) counts only there; a change
+    costs `price` (Viterbi).
+    """
     n = evidence.size
     came_on, came_off = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     on, off = 0.0, 0.0

@@ -1,8 +1,10 @@
-"""What the plant will do under other settings: the corrected model of a diagnosis, simulated with intervals and a range.
+"""What the plant will do under other settings: the corrected model of a diagnosis, simulated with
+intervals and a range.
 
-Draws of the model stand for what the record leaves open: the effect by its probability, the fitted numbers by their
-curvature, load and noise by their seeds. Each draw runs twice, as the record was and under the new settings; the ratio
-of the two, times what the record shows, is the prediction: what every draw has wrong in the same way cancels.
+Draws of the model stand for what the record leaves open: the effect by its probability, the fitted
+numbers by their curvature, load and noise by their seeds. Each draw runs twice, as the record was
+and under the new settings; the ratio of the two, times what the record shows, is the prediction:
+what every draw has wrong in the same way cancels.
 """
 
 from __future__ import annotations
@@ -36,9 +38,10 @@ _FAINT = 0.03  # probability below which an explanation is not drawn
 _FREQUENCIES = 1500  # at which the open loop is computed
 _QUANTILES = (0.05, 0.95)
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
-# the one number calibrated: error of any corrected model, as a standard deviation of the logarithm, added in quadrature. With
-# it 90 % intervals held .93 of fresh records, over PV, OP and travel, on 12 development records: the first four of the worlds
-# of results/studies/worlds, seeds 946001 to 946003.
+# the one number calibrated: error of any corrected model, as a standard deviation of the logarithm,
+# added in quadrature. With it 90 % intervals held .93 of fresh records, over PV, OP and travel, on
+# 12 development records: the first four of the worlds of results/studies/worlds, seeds 946001 to
+# 946003.
 MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
 _LEAST = 1e-12  # that a logarithm is taken of
@@ -71,8 +74,8 @@ class Prediction:
     Parameters
     ----------
     pv_std, op_std : Interval or None
-        Standard deviations of PV (PV units) and OP (%) over a record as long as the given one; None where nothing could be
-        simulated.
+        Standard deviations of PV (PV units) and OP (%) over a record as long as the given one; None
+        where nothing could be simulated.
     period_s : Interval or None
         Period (s) of the oscillation; None where none is expected.
     op_travel_per_hour : Interval or None
@@ -113,14 +116,19 @@ class Prediction:
             if self.period_s is None
             else f"oscillation of {self.period_s.value:.3g} s"
         )
-        return f"PV standard deviation {p.value:.3g} [{p.lo:.3g}, {p.hi:.3g}] after {now:.3g} in the record; {swings}."
+        return (
+            f"PV standard deviation {p.value:.3g} [{p.lo:.3g}, {p.hi:.3g}] after {now:.3g} in the"
+            f" record; {swings}."
+        )
 
     def as_text(self) -> str:
         """Return the prediction for a terminal."""
         rows = [
-            ("PV standard deviation (PV units)", "pv_std"), ("OP standard deviation (%)", "op_std"),
-            ("period of the oscillation (s)", "period_s"), ("OP travel (% per hour)", "op_travel_per_hour"),
-        ]  # fmt: skip
+            ("PV standard deviation (PV units)", "pv_std"),
+            ("OP standard deviation (%)", "op_std"),
+            ("period of the oscillation (s)", "period_s"),
+            ("OP travel (% per hour)", "op_travel_per_hour"),
+        ]
         lines = [
             self.sentence(),
             "",
@@ -215,7 +223,9 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
 
 @dataclass(frozen=True, eq=False)
 class _Draw:
-    """One loop that the record allows; `kick` (%) starts its cycle; OP lies `ahead` (%) where a ramp began with a warm-up."""
+    """One loop that the record allows; `kick` (%) starts its cycle; OP lies `ahead` (%) where a
+    ramp began with a warm-up.
+    """
 
     loop: Loop
     kick: float
@@ -223,7 +233,9 @@ class _Draw:
 
 
 def _draws(report: GapReport, seed: int) -> list[_Draw]:
-    """Return loops about the corrected one; explanations by their probabilities, numbers by the likelihood's curvature."""
+    """Return loops about the corrected one; explanations by their probabilities, numbers by the
+    likelihood's curvature.
+    """
     found, loops = report.behind.found, report.behind.loops
     s, rng = found.situation, np.random.default_rng([seed, 71])
     named = tuple(report.named)
@@ -294,7 +306,9 @@ class Measures:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A draw before and after the change; None where it runs away. `margin`: gain margin after it, None where not known."""
+    """A draw before and after the change; None where it runs away. `margin`: gain margin after it,
+    None where not known.
+    """
 
     before: Measures | None
     after: Measures | None
@@ -312,7 +326,9 @@ def _run(s: Situation, draw: _Draw, settings: Mapping[str, Any], seed: int) -> _
 
 
 def _moved(loop: Loop, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings, with the steps of the set point moved as its first value is unless they are set themselves."""
+    """Return the settings, with the steps of the set point moved as its first value is unless they
+    are set themselves.
+    """
     out = dict(settings)
     if (
         "setpoint.value" in out
@@ -325,7 +341,9 @@ def _moved(loop: Loop, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _warm_up(s: Situation) -> int:
-    """Return the samples simulated before a record begins, in which a moved set point is reached and a cycle is found."""
+    """Return the samples simulated before a record begins, in which a moved set point is reached
+    and a cycle is found.
+    """
     return s.record.n // 2
 
 
@@ -363,7 +381,9 @@ def measure(op: np.ndarray, pv: np.ndarray, Ts: float) -> Measures:
 
 
 def _margin(loop: Loop) -> float | None:
-    """Return the gain margin with the lags of effects in the loop, its hold as half a sample; None of other controllers."""
+    """Return the gain margin with the lags of effects in the loop, its hold as half a sample; None
+    of other controllers.
+    """
     if loop.controller.type not in ("P", "PI"):
         return None
     setup = undisturbed(loop)
@@ -402,9 +422,11 @@ def _interval(y: np.ndarray) -> Interval:
 
 
 def _compared(name: str, record: Measures, pairs: Sequence[_Pair]) -> Interval | None:
-    """Return a number of the record times what the change does to it in each draw; None where no draw has it.
+    """Return a number of the record times what the change does to it in each draw; None where no
+    draw has it.
 
-    The two runs of a draw have different loads: the scatter of their ratio is that of a fresh record and of the given one.
+    The two runs of a draw have different loads: the scatter of their ratio is that of a fresh
+    record and of the given one.
     """
     log = {
         id(m): float(np.log(max(getattr(m, name), _LEAST)))
@@ -461,7 +483,8 @@ def _limits(
     margin = [p.margin for p in pairs if p.margin is not None]
     if margin and np.quantile(margin, _SHARE) < _LEAST_MARGIN:
         why.append(
-            f"the fitted loop comes near its stability limit (gain margin {np.quantile(margin, _SHARE):.2g})"
+            "the fitted loop comes near its stability limit (gain margin"
+            f" {np.quantile(margin, _SHARE):.2g})"
         )
     if len(whole) < (1.0 - _SHARE) * len(pairs):
         why.append(f"{len(pairs) - len(whole)} of {len(pairs)} draws of the model run away")
@@ -471,23 +494,26 @@ def _limits(
         seen, middle = np.log(max(getattr(record, name), 1e-12)), np.median(x)
         if abs(seen - middle) > _REPRODUCED * max(float(x.std()), _LEAST_SPREAD):
             why.append(
-                f"the corrected model does not reproduce the record: standard deviation of {words} {np.exp(middle):.3g}, "
-                f"recorded {np.exp(seen):.3g}"
+                f"the corrected model does not reproduce the record: standard deviation of {words}"
+                f" {np.exp(middle):.3g}, recorded {np.exp(seen):.3g}"
             )
     for name, words in (("pv_std", "PV"), ("op_std", "OP")):
         if found[name].value > _FARTHER * getattr(record, name):
             why.append(
-                f"{words} would move {found[name].value / getattr(record, name):.1f} times as far as in the record"
+                f"{words} would move {found[name].value / getattr(record, name):.1f} times as far"
+                " as in the record"
             )
     pv = found["pv_std"]
     if pv.hi > _WIDEST * pv.lo:
         why.append(
-            f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or {pv.hi:.3g}"
+            f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or"
+            f" {pv.hi:.3g}"
         )
     mean = float(np.median([p.after.op_mean for p in whole]))
     if not record.op_lo <= mean <= record.op_hi:
         why.append(
-            f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to {record.op_hi:.3g} %"
+            f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to"
+            f" {record.op_hi:.3g} %"
         )
     lo, hi = (float(np.median([getattr(p.after, n) for p in whole])) for n in ("op_lo", "op_hi"))
     if (lo <= 0.0 < record.op_lo) or (hi >= 100.0 > record.op_hi):

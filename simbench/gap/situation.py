@@ -1,4 +1,6 @@
-"""A record beside its baseline, checked: what every room that fits, simulates or decides is told."""
+"""A record beside its baseline, checked: what every room that fits, simulates or decides is
+told.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,18 @@ from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.response import valve_response
 
-_LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
+# longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
+_LOAD_MEMORY = 4.0
 
 
 @dataclass(frozen=True)
 class Archive:
     """What single samples prove of the PV on record.
 
-    `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller sees it, or in the "record"
-    alone. `band` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share of
-    samples hit, their mean height, and where. What was not found is None or 0.
+    `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller
+    sees it, or in the "record" alone. `band` is the largest error of the lines that an archive drew
+    between the samples it kept. `spikes` are the share of samples hit, their mean height, and
+    where. What was not found is None or 0.
     """
 
     rounding: tuple[float, str] | None = None
@@ -38,13 +42,15 @@ class Archive:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """A record beside its baseline, checked, with what single blocks show before anything is fitted.
+    """A record beside its baseline, checked, with what single blocks show before anything is
+    fitted.
 
-    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `proven` the
-    parameters of effects that the controller's law or single samples show without doubt; `notes` what the reader must know;
-    `frozen` and `unexplained_law` why the controller is none of the known ones. `trusted`: the baseline's plant is its
-    author's, not identified; `tuned`: its controller is. `valve_lag` is the time constant (s) of a sound valve that the
-    baseline's dead time holds, 0 where MV shows none.
+    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the
+    engine's input; `proven` the parameters of effects that the controller's law or single samples
+    show without doubt; `notes` what the reader must know; `frozen` and `unexplained_law` why the
+    controller is none of the known ones. `trusted`: the baseline's plant is its author's, not
+    identified; `tuned`: its controller is. `valve_lag` is the time constant (s) of a sound valve
+    that the baseline's dead time holds, 0 where MV shows none.
     """
 
     record: LoopRecord
@@ -71,7 +77,9 @@ class Situation:
 
     @property
     def facts(self) -> dict[str, tuple[str, str]]:
-        """Block and words of everything that single samples or the controller's law show without doubt."""
+        """Block and words of everything that single samples or the controller's law show without
+        doubt.
+        """
         found = {
             "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
             "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
@@ -114,10 +122,11 @@ class Situation:
 
 @dataclass(frozen=True, eq=False)
 class ModelledTest:
-    """A test as the fits need it: the engine's input, OP and MV (%), lab samples of the true PV (NaN between) and their std.
+    """A test as the fits need it: the engine's input, OP and MV (%), lab samples of the true PV
+    (NaN between) and their std.
 
-    `pace` are samples to one of the record's; `law` the controller's in automatic, None where it was not asked; `proven` as in
-    `Situation`; `moved` whether somebody moved SP, or OP in manual.
+    `pace` are samples to one of the record's; `law` the controller's in automatic, None where it
+    was not asked; `proven` as in `Situation`; `moved` whether somebody moved SP, or OP in manual.
     """
 
     name: str
@@ -134,7 +143,9 @@ class ModelledTest:
 
 
 def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
-    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
+    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no
+    gap.
+    """
     if valve.name == "ideal":
         return op
     own: dict[str, Any] = dict(valve.parameters)

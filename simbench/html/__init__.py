@@ -1,1 +1,3 @@
-"""What every HTML page here is made of: the page itself, sortable tables, pictures as inline SVG."""
+"""What every HTML page here is made of: the page itself, sortable tables, pictures as inline
+SVG.
+"""

@@ -11,7 +11,9 @@ from markupsafe import Markup
 
 @cache
 def _environment(room: str) -> Environment:
-    """Return a room's templates and the shared ones; every text is escaped, a missing value is an error."""
+    """Return a room's templates and the shared ones; every text is escaped, a missing value is an
+    error.
+    """
     loader = ChoiceLoader(
         [PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")]
     )

@@ -29,7 +29,10 @@ def inline_svg(figure: Figure, name: str, says: str) -> Markup:
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
     width = re.search(r'viewBox="0 0 ([\d.]+)', text)
     wide = float(width.group(1)) if width else 400.0
-    head = f'<svg role="img" aria-label="{escape(says, quote=True)}" style="max-width:{wide * 1.5:.0f}px" '
+    head = (
+        f'<svg role="img" aria-label="{escape(says, quote=True)}"'
+        f' style="max-width:{wide * 1.5:.0f}px" '
+    )
     text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
     text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
     return Markup(text.replace("<svg ", head, 1))

@@ -1,4 +1,6 @@
-"""P, PI and PID controllers: one sample each, and the same law as a transfer function for the theory."""
+"""P, PI and PID controllers: one sample each, and the same law as a transfer function for the
+theory.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import numpy as np
 # numba tells named tuples apart by their names: no two in the loop may share one
 PI = namedtuple("PI", "Kc Ki lo hi")
 P = namedtuple("P", "Kc op0 lo hi")
-# kd = Td/(Td/N + Ts), fade = (Td/N)/(Td/N + Ts); `back` = 0 asks for clamping; `on` names what the schedule goes by
+# kd = Td/(Td/N + Ts), fade = (Td/N)/(Td/N + Ts); `back` = 0 asks for clamping; `on` names what the
+# schedule goes by
 PID = namedtuple("PID", "Kc Ki lo hi b c kd fade back velocity pv0 on at factor")
 SCHEDULED_ON = ("pv", "op", "sp")
 NoGap = namedtuple("NoGap", "unused")
@@ -17,15 +20,18 @@ Gap = namedtuple("Gap", "half_band step")
 
 
 def pi_start(op0, e0):
-    """Return the state (OP, previous error) at rest; the first error counts as a change from `e0`."""
+    """Return the state (OP, previous error) at rest; the first error counts as a change from
+    `e0`.
+    """
     return op0, e0
 
 
 def pi_step(e, sp, state, p):
     """One sample of PI in velocity form: the backward-Euler integral, limited to lo..hi.
 
-    Limiting OP itself is the anti-windup: the integral takes up whatever the limit cut off, so OP leaves the limit at once when
-    the error turns. `p.Kc` carries the sign of the direction, `p.Ki` = Kc Ts/Ti.
+    Limiting OP itself is the anti-windup: the integral takes up whatever the limit cut off, so OP
+    leaves the limit at once when the error turns. `p.Kc` carries the sign of the direction, `p.Ki`
+    = Kc Ts/Ti.
     """
     u = state[0] + (p.Kc * (e - state[1]) + p.Ki * e)
     return min(max(u, p.lo), p.hi), e
@@ -47,16 +53,20 @@ def kicked(state, kick, p):
 
 
 def pid_start(op0, e0):
-    """Return the state at rest: OP, what integrates (the integral, in velocity form OP before its limits), P, D, D's input."""
+    """Return the state at rest: OP, what integrates (the integral, in velocity form OP before its
+    limits), P, D, D's input.
+    """
     return op0, op0, 0.0, 0.0, e0
 
 
 def pid_step(e, sp, state, p):
-    """One sample of PID: backward-Euler integral and filtered derivative, SP weighted in P and D, anti-windup.
+    """One sample of PID: backward-Euler integral and filtered derivative, SP weighted in P and D,
+    anti-windup.
 
-    Astrom and Hagglund (2006), Advanced PID Control, chapters 3 and 13. Positional: OP = P + I + D; back-calculation feeds what
-    the limit cuts off back to I, clamping holds I while the limit holds OP. Velocity: OP before its limits moves by the changes
-    of P, I and D; clamping takes the limited OP for the next sample, back-calculation brings it there with Tt.
+    Astrom and Hagglund (2006), Advanced PID Control, chapters 3 and 13. Positional: OP = P + I + D;
+    back-calculation feeds what the limit cuts off back to I, clamping holds I while the limit holds
+    OP. Velocity: OP before its limits moves by the changes of P, I and D; clamping takes the
+    limited OP for the next sample, back-calculation brings it there with Tt.
     """
     r = sp - p.pv0
     g = scheduled(sp - e if p.on == 0.0 else state[0] if p.on == 1.0 else sp, p.at, p.factor)
@@ -96,7 +106,9 @@ def scheduled(x, at, factor):
 
 
 def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
-    """Return the numbers of a loop file's PID for `pid_step`; `Kc` (signed) and `Ti` as effects left them."""
+    """Return the numbers of a loop file's PID for `pid_step`; `Kc` (signed) and `Ti` as effects
+    left them.
+    """
     Td = c.Td or 0.0
     lag = Td / derivative_filter(c)
     back = 0.0
@@ -128,7 +140,9 @@ def derivative_filter(c):
 
 
 def plugin_kicked(state, kick, p):
-    """Return the state of a plug-in with OP, its first entry, offset by `kick` (%), within its limits."""
+    """Return the state of a plug-in with OP, its first entry, offset by `kick` (%), within its
+    limits.
+    """
     return (min(max(state[0] + kick, p.lo), p.hi), *state[1:])
 
 

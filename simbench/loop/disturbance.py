@@ -1,4 +1,6 @@
-"""Loads from outside the loop: sine, steps, ramp, random walk, coloured noise, and the oscillation of another sticky loop."""
+"""Loads from outside the loop: sine, steps, ramp, random walk, coloured noise, and the oscillation
+of another sticky loop.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +28,18 @@ _START = Number("s", low=0.0, default=0.0, says="when it begins")
 
 
 def sine(t, Ts, p, rng):
-    """Return amplitude sin(2 pi (t - start)/period + phase); its phase walks where `jitter` is given."""
+    """Return amplitude sin(2 pi (t - start)/period + phase); its phase walks where `jitter` is
+    given.
+    """
     return p.amplitude * np.sin(
         2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase
     )
 
 
 def steps(t, Ts, p, rng):
-    """Return a load that jumps every `period` to a new level, drawn evenly from -amplitude..amplitude."""
+    """Return a load that jumps every `period` to a new level, drawn evenly from
+    -amplitude..amplitude.
+    """
     index = np.floor_divide(t, p.period).astype(int)
     levels = rng.uniform(-p.amplitude, p.amplitude, size=max(int(index[-1]), 0) + 1)
     return levels[np.maximum(index, 0)]
@@ -50,7 +56,9 @@ def random_walk(t, Ts, p, rng):
 
 
 def coloured(t, Ts, p, rng):
-    """Return coloured noise of standard deviation `amplitude` and correlation time `period`, smoothed by `lag` where given."""
+    """Return coloured noise of standard deviation `amplitude` and correlation time `period`,
+    smoothed by `lag` where given.
+    """
     a = np.exp(-Ts / p.period)
     white = rng.standard_normal(t.size)
     white[1:] *= np.sqrt(1 - a**2)
@@ -79,10 +87,12 @@ _LEAST_SAMPLES = (
 
 
 def propagated(t, Ts, p, rng):
-    """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
+    """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak
+    `amplitude`.
 
-    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact cycle of
-    equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
+    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen
+    so that the exact cycle of equations.md 2.3 has the wanted period. The shape of its waves, not
+    their cause, reaches our loop.
     """
     warm_up = int(np.ceil(12 * p.period / Ts))
     seed = int(rng.integers(2**31))
@@ -99,7 +109,8 @@ def propagated(t, Ts, p, rng):
     half_swing = np.ptp(warm) / 2
     if not half_swing > 0.05 * p.J:
         raise ParameterError(
-            f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S"
+            f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle;"
+            " choose J nearer to S"
         )
     if np.ndim(moved):
         wave = np.interp(warm_up + np.arange(t.size) + moved, np.arange(wave.size), wave)
@@ -125,7 +136,8 @@ def _other_loop(
             "noise": {"std": noise * J},
         }
     )
-    # it starts on its cycle, which from rest it might never reach: the valve has just stopped at +j, OP at its maximum
+    # it starts on its cycle, which from rest it might never reach: the valve has just stopped at
+    # +j, OP at its maximum
     top, pv = 50.0 + S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * period / 4))
     begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
     setup = plain_setup(other, seed)

@@ -1,4 +1,6 @@
-"""Valves, effects, plants and controllers of others: what one takes part in is computed in its worker process."""
+"""Valves, effects, plants and controllers of others: what one takes part in is computed in its
+worker process.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def hosted_parts(
     controllers: _Files = (),
     seconds: float = SECONDS,
 ) -> Iterator[None]:
-    """Make files of parts known for one question; these, and what is installed, live in worker processes."""
+    """Make files of parts known for one question; these, and what is installed, live in worker
+    processes.
+    """
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
         for folder, files in zip(
@@ -66,7 +70,8 @@ def _close() -> None:
 
 
 def host_of(parts: Iterable[tuple[str, str]]) -> Host | None:
-    """Return the worker in which those of others among some parts (kind, name) live; None where all are built in.
+    """Return the worker in which those of others among some parts (kind, name) live; None where all
+    are built in.
 
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
     True
@@ -90,7 +95,9 @@ def ask(host: Host | None, function: Callable, *arguments: Any) -> Any:
 
 
 def _describe_parts(sources: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Import parts in their worker, and return their descriptions; ParameterError where one describes nothing of its kind."""
+    """Import parts in their worker, and return their descriptions; ParameterError where one
+    describes nothing of its kind.
+    """
     said = []
     for kind, source in sources:
         module = imported(_FOLDERS[kind], source)

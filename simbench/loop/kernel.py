@@ -1,4 +1,6 @@
-"""The compiled loop: one readable Python function, bound to the steps a loop needs and compiled once per combination."""
+"""The compiled loop: one readable Python function, bound to the steps a loop needs and compiled
+once per combination.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,11 @@ named: Any = None
 
 
 def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers, op, pv, mv):
-    """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the parameters as bare tuples.
+    """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the
+    parameters as bare tuples.
 
-    `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the past; `kick` (%) is added
-    to OP at sample 0. Fills `op`, `pv`, `mv`.
+    `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the
+    past; `kick` (%) is added to OP at sample 0. Fills `op`, `pv`, `mv`.
     """
     plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
@@ -51,12 +54,38 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
         mv[k] = v[-1][0]
 
 
-def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0, lags, w, x, c, v, s, X, C, numbers,
-            op, pv, mv, outer_op, outer_pv):  # fmt: skip
-    """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills too.
+def cascade(
+    sp,
+    outer_noise,
+    lo,
+    per,
+    point,
+    load_in,
+    load_out,
+    noise,
+    kick,
+    op0,
+    lags,
+    w,
+    x,
+    c,
+    v,
+    s,
+    X,
+    C,
+    numbers,
+    op,
+    pv,
+    mv,
+    outer_op,
+    outer_pv,
+):
+    """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills
+    too.
 
-    Both plants are driven by the valve: the outer one is the two in series, so that both are sampled exactly. `lags` are their
-    samples of dead time + 1, `w` begins with as many of the past as the longer has.
+    Both plants are driven by the valve: the outer one is the two in series, so that both are
+    sampled exactly. `lags` are their samples of dead time + 1, `w` begins with as many of the past
+    as the longer has.
     """
     plant, controller, gap, sensor, outer_plant, outer, valve = named(numbers)
     past = w.shape[0] - sp.shape[0]
@@ -78,7 +107,9 @@ def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0
 
 
 def valve_chain(stages):
-    """Return the text of a function that sends OP through the given number of valve stages in turn."""
+    """Return the text of a function that sends OP through the given number of valve stages in
+    turn.
+    """
     lines = ["def valve_step(u, v, p):"]
     for i in range(stages):
         lines.append(f"    v{i} = stage{i}({'u' if i == 0 else f'v{i - 1}[0]'}, v[{i}], p[{i}])")
@@ -100,7 +131,9 @@ def naming(classes):
 def bind(
     steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
 ) -> FunctionType:
-    """Return `closed_loop`, or `cascade`, in plain Python for the given steps: the slow, obvious twin of `compiled`."""
+    """Return `closed_loop`, or `cascade`, in plain Python for the given steps: the slow, obvious
+    twin of `compiled`.
+    """
     scope = _scope(stages, classes)
     exec(naming(classes) + valve_chain(len(stages)), scope)
     return FunctionType(_loop_of(steps).__code__, {**globals(), **steps, **scope})
@@ -109,10 +142,12 @@ def bind(
 def compiled(
     steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
 ) -> FunctionType:
-    """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there.
+    """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it
+    is there.
 
-    numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own whose
-    name carries the hash of every source that takes part: an edited valve never meets an old kernel.
+    numba's disk cache only watches the file a function stands in. So each combination is written to
+    a module of its own whose name carries the hash of every source that takes part: an edited valve
+    never meets an old kernel.
     """
     return _compiled(tuple(sorted(steps.items())), stages, classes)
 
@@ -125,7 +160,9 @@ _plainly: dict[FunctionType, str] = {}  # steps that numba cannot compile, and w
 def compiled_where_possible(
     steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
 ) -> Callable[..., None]:
-    """Return `closed_loop` as `compiled` does, or in plain Python where a step of others cannot be compiled."""
+    """Return `closed_loop` as `compiled` does, or in plain Python where a step of others cannot be
+    compiled.
+    """
     outside = [steps[name] for name in ("plant_step", "controller_step")]
 
     def run(*arguments: Any) -> None:

@@ -1,4 +1,6 @@
-"""What a plug-in part (valve, stage, disturbance, effect) may be told: its numbers with unit and bounds, checked once."""
+"""What a plug-in part (valve, stage, disturbance, effect) may be told: its numbers with unit and
+bounds, checked once.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,12 @@ PLANT_PLUGINS = PluginFolder(
     PLANT_TYPES,
 )
 CONTROLLER_PLUGINS = PluginFolder(
-    "controller", "simbench.loop.controllers", "simbench.controllers", ("SOURCE", "INTEGRAL", "PARAMETERS", "start", "step"),
+    "controller",
+    "simbench.loop.controllers",
+    "simbench.controllers",
+    ("SOURCE", "INTEGRAL", "PARAMETERS", "start", "step"),
     CONTROLLER_TYPES,
-)  # fmt: skip
+)
 
 FOLLOWS = math.nan
 """Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""
@@ -46,7 +51,8 @@ class Number:
     low: float = -math.inf
     high: float = math.inf
     default: float | None = (
-        None  # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+        # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+        None
     )
     says: str = ""  # what it is, in a few words
     positive: bool = False  # refuse `low` itself: the value must be larger
@@ -76,7 +82,8 @@ class Number:
             raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
         if abs(number) > LARGEST:
             raise ParameterError(
-                f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}"
+                f"{where}: {name} = {number:g} is out of range, it must be within"
+                f" +-{LARGEST:g}{unit}"
             )
         if number < self.low or number > self.high or (self.positive and number == self.low):
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, {allowed}")
@@ -126,10 +133,12 @@ def resolve(
     complete: Callable[[dict[str, float], str], dict[str, float]] | None = None,
     **extra: float,
 ) -> Any:
-    """Check a table of numbers against a plug-in's schema; return a namedtuple of its fields in order, then those of `extra`.
+    """Check a table of numbers against a plug-in's schema; return a namedtuple of its fields in
+    order, then those of `extra`.
 
-    Missing keys take their default; `complete(values, where) -> values` fills the numbers that follow from others (they arrive
-    as NaN). UnknownName for a key the schema lacks, ParameterError for a value that is missing, not finite, or out of range.
+    Missing keys take their default; `complete(values, where) -> values` fills the numbers that
+    follow from others (they arrive as NaN). UnknownName for a key the schema lacks, ParameterError
+    for a value that is missing, not finite, or out of range.
     """
     if not table.keys() <= schema.keys():
         raise UnknownName(
@@ -153,8 +162,11 @@ def resolve(
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:
-    """Resolve the parameters of one valve model or stage: what its `start` and `step` take as `p`, the sampling period last."""
-    # a look into its namespace: asking a module for what it lacks raises an error inside, which costs more than the numbers
+    """Resolve the parameters of one valve model or stage: what its `start` and `step` take as `p`,
+    the sampling period last.
+    """
+    # a look into its namespace: asking a module for what it lacks raises an error inside, which
+    # costs more than the numbers
     own = vars(module)
     p = resolve(
         own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts)
@@ -171,7 +183,9 @@ def _valve_named(module: str) -> str:
 
 @cache
 def _parameter_class(fields: tuple[str, ...]) -> type:
-    """Return the one namedtuple class with these fields; its name spells them, so that pickle finds it again."""
+    """Return the one namedtuple class with these fields; its name spells them, so that pickle finds
+    it again.
+    """
     return namedtuple("P__" + "__".join(fields), fields, module=__name__)
 
 

@@ -1,4 +1,6 @@
-"""Plants: control.TransferFunction in, exact zero-order-hold sampling with whole and fractional dead time out."""
+"""Plants: control.TransferFunction in, exact zero-order-hold sampling with whole and fractional
+dead time out.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from detectors.errors import ParameterError
 from scenarios.polynomials import checked_polynomials
 from scenarios.spec import Plant
 
-# Plants of first and second order, by far the most common, keep their state in registers; all others in an array.
+# Plants of first and second order, by far the most common, keep their state in registers; all
+# others in an array.
 FirstOrder = namedtuple("FirstOrder", "a b_old b_new pv0")
 SecondOrder = namedtuple("SecondOrder", "keep pull b_old b_new ahead_old ahead_new pv0")
 General = namedtuple("General", "A B_old B_new C pv0")
@@ -21,9 +24,11 @@ General = namedtuple("General", "A B_old B_new C pv0")
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over each sample.
+    """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over
+    each sample.
 
-    Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
+    Two taps make a fractional dead time exact: the older input acts during the first part of the
+    sample.
     """
 
     A: np.ndarray
@@ -39,7 +44,9 @@ class SampledPlant:
 
 
 def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
-    """Return numerator and denominator (highest power first) of a loop file's plant without its dead time."""
+    """Return numerator and denominator (highest power first) of a loop file's plant without its
+    dead time.
+    """
     if plant.den is not None and len(plant.den) > 2:
         return np.array(plant.num), np.array(plant.den)
     den = [1.0, 0.0] if plant.integrating else [float(plant.T), 1.0]
@@ -47,7 +54,9 @@ def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
 
 
 def table_of(system) -> dict:
-    """Return the [plant] table of a python-control system, as it was written: no coefficient is scaled."""
+    """Return the [plant] table of a python-control system, as it was written: no coefficient is
+    scaled.
+    """
     import control
 
     tf: Any = control.tf(system)
@@ -76,7 +85,9 @@ def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_order_like(plant: Plant) -> Plant:
-    """Return the first-order or integrating plant with a plant's gain, mean delay and, where there is one, spread in time."""
+    """Return the first-order or integrating plant with a plant's gain, mean delay and, where there
+    is one, spread in time.
+    """
     if plant.den is None or len(plant.den) == 2:
         return plant
     den = np.array(plant.den[: -1 if plant.integrating else None])
@@ -90,7 +101,9 @@ def first_order_like(plant: Plant) -> Plant:
 
 
 def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return numerator and denominator in z of what a sampled plant is behind `first_order_like`; None where that is all."""
+    """Return numerator and denominator in z of what a sampled plant is behind `first_order_like`;
+    None where that is all.
+    """
     like = first_order_like(plant)
     if like is plant:
         return None
@@ -102,7 +115,9 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
-    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s)."""
+    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and
+    dead time `Td` (s).
+    """
     assert plant.num is not None
     assert plant.den is not None
     num, den = (
@@ -115,7 +130,8 @@ def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
     """Sample a plant exactly for an input that is constant over each sampling period.
 
-    Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a fractional delay.
+    Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a
+    fractional delay.
     """
     if not (np.isfinite(Td) and Td >= 0):
         raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
@@ -124,7 +140,9 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
     A, B, C = _state_space(num, den)
     if (
         len(A) == 1
-    ):  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
+        # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy
+        # machine
+    ):
         whole, B_old, B_new, delay = first_order(float(A[0, 0]), float(B[0]), Td, Ts)
         return SampledPlant(
             np.array([[whole]]), np.array([B_old]), np.array([B_new]), C, int(delay)
@@ -185,10 +203,11 @@ def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
 
 
 def second_order(g: SampledPlant, den: np.ndarray, Ts: float, pv0: float) -> SecondOrder:
-    """Return the numbers of `second_order_step`: with D = A - 1, PV moves by C D x, and that by tr(D) and det(D).
+    """Return the numbers of `second_order_step`: with D = A - 1, PV moves by C D x, and that by
+    tr(D) and det(D).
 
-    Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers do not crowd at 1 where Ts
-    is short beside the time constants.
+    Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers
+    do not crowd at 1 where Ts is short beside the time constants.
     """
     change = np.expm1(np.roots(den) * Ts)
     row = g.C @ (g.A - np.eye(2))
@@ -215,7 +234,9 @@ def first_order_output(x, p):
 
 
 def second_order_step(w_old, w_new, x, p):
-    """One sample of a second-order plant; its state is (deviation of PV, its change without input), tuples both."""
+    """One sample of a second-order plant; its state is (deviation of PV, its change without input),
+    tuples both.
+    """
     ahead = (p.ahead_old * w_old + p.ahead_new * w_new) - p.pull * x[0]
     return (p.b_old * w_old + p.b_new * w_new) + (x[0] + x[1]), ahead + p.keep * x[1]
 

@@ -1,4 +1,6 @@
-"""A loop file resolved to a setup: plug-ins looked up and checked, loads drawn, effects applied, noise drawn."""
+"""A loop file resolved to a setup: plug-ins looked up and checked, loads drawn, effects applied,
+noise drawn.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup, bands_of, plain_setup, stages_of
 
-# Independent random streams of one run: changing one part's numbers leaves the others' alone; the noise has stream 0.
+# Independent random streams of one run: changing one part's numbers leaves the others' alone; the
+# noise has stream 0.
 _DISTURBANCE, _EFFECT = 100, 200
 
 
@@ -34,7 +37,9 @@ def resolve_loop(
 
 
 def friction(loop: Loop) -> list[tuple[float, float]]:
-    """Return (S, J) in % of travel of every stage of the valve that has friction, effects included."""
+    """Return (S, J) in % of travel of every stage of the valve that has friction, effects
+    included.
+    """
     bands = (
         undisturbed(loop).bands
         if loop.effect

@@ -1,4 +1,6 @@
-"""One OP series through one valve: the position a valve model takes, sample by sample; from arrays or from a file."""
+"""One OP series through one valve: the position a valve model takes, sample by sample; from arrays
+or from a file.
+"""
 
 from __future__ import annotations
 
@@ -65,8 +67,8 @@ def valve_response(
             _compiled_trace(module.step)(op, state, p, mv)
     if np.isnan(mv).any():
         raise ParameterError(
-            f"valve {model!r}: the motion of sample {int(np.argmax(np.isnan(mv)))} did not come to an end; "
-            "a valve with less mass or more viscous friction is needed"
+            f"valve {model!r}: the motion of sample {int(np.argmax(np.isnan(mv)))} did not come to"
+            " an end; a valve with less mass or more viscous friction is needed"
         )
     return mv
 
@@ -98,7 +100,8 @@ def valve_file(
     empty = np.flatnonzero(np.isnan(op))
     if empty.size:
         raise RecordError(
-            f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every sample"
+            f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every"
+            " sample"
         )
     Ts = 1.0
     time = next((names[name] for name in TIME_NAMES if name in names), None)
@@ -109,7 +112,8 @@ def valve_file(
         if uneven.size:
             at, dt = uneven[0] + 3, step[uneven[0]]
             raise RecordError(
-                f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps are needed"
+                f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps"
+                " are needed"
             )
     columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
     columns["mv"] = (respond or valve_response)(model, op, parameters or {}, Ts).tolist()

@@ -30,11 +30,13 @@ class Start:
 
     op: float  # OP (%) one sample before the run; a PI controller goes on from it
     error: float  # SP - PV (PV units) at that sample
-    pv: float  # PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants
+    # PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants
+    pv: float
     valve: tuple[
         float, ...
     ]  # state of the (one) valve model at that sample, as its `step` takes it
-    # the last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing
+    # the last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is
+    # missing
     mv: tuple[float, ...]
     state: tuple[
         float, ...
@@ -109,14 +111,18 @@ class Run:
 def run_setup(
     setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
 ) -> Run:
-    """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
+    """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same
+    bits.
+    """
     return finished_run(setup, *signals_of(setup, kick=kick, start=start, plain=plain))
 
 
 def signals_of(
     setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return OP, PV as the controller saw it, and MV of a run, each of shape (warm_up + n + tail,)."""
+    """Return OP, PV as the controller saw it, and MV of a run, each of shape (warm_up + n +
+    tail,).
+    """
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
@@ -155,9 +161,22 @@ def signals_of(
         )
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
-        setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
-        op, measured, mv,
-    )  # fmt: skip
+        setup.sp,
+        setup.load_in,
+        setup.load_out,
+        setup.pv_add,
+        float(kick),
+        setup.op0,
+        w,
+        x,
+        c,
+        tuple(v),
+        s,
+        parts.bare,
+        op,
+        measured,
+        mv,
+    )
     return op, measured, mv
 
 
@@ -170,7 +189,9 @@ def _cascaded(
     plain: bool,
     rooms: tuple,
 ) -> tuple:
-    """Run both loops of a cascade; the inner set point stands in `setup.sp` afterwards, the outer OP and PV beside it."""
+    """Run both loops of a cascade; the inner set point stands in `setup.sp` afterwards, the outer
+    OP and PV beside it.
+    """
     assert setup.outer is not None
     assert setup.loop.outer is not None
     w, x, c, v, s, op, measured, mv = rooms
@@ -190,15 +211,38 @@ def _cascaded(
     X, C = plant_start(master, outer, master.pv0), control_start(master, outer.numbers[1])
     signals = np.empty_like(op), np.empty_like(op)
     (kernel.bind if plain else kernel.compiled)(both.steps, both.stages, both.classes)(
-        master.sp, master.pv_add, float(lo), float(hi - lo) / 100.0, setup.sp, setup.load_in, setup.load_out, setup.pv_add,
-        float(kick), setup.op0, lags, w, x, c, v, s, X, C, both.bare, op, measured, mv, *signals,
-    )  # fmt: skip
+        master.sp,
+        master.pv_add,
+        float(lo),
+        float(hi - lo) / 100.0,
+        setup.sp,
+        setup.load_in,
+        setup.load_out,
+        setup.pv_add,
+        float(kick),
+        setup.op0,
+        lags,
+        w,
+        x,
+        c,
+        v,
+        s,
+        X,
+        C,
+        both.bare,
+        op,
+        measured,
+        mv,
+        *signals,
+    )
     setup.outer_signals = signals
     return op, measured, mv
 
 
 def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndarray) -> Run:
-    """Return the run that gave these signals, each of shape (warm_up + n + tail,); PV and MV are recorded as the setup says."""
+    """Return the run that gave these signals, each of shape (warm_up + n + tail,); PV and MV are
+    recorded as the setup says.
+    """
     first, end = setup.warm_up, setup.end
     archived = measured
     for recorder in setup.recorders:

@@ -1,4 +1,6 @@
-"""The measurement of PV: noise, and where a loop file asks for it a filter and a coarse transmitter."""
+"""The measurement of PV: noise, and where a loop file asks for it a filter and a coarse
+transmitter.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def full_start(pv0):
 
 
 def full_step(y, noise, state, p):
-    """One sample of noise, first-order filter and rounding, in this order: the filter smooths the noise too."""
+    """One sample of noise, first-order filter and rounding, in this order: the filter smooths the
+    noise too.
+    """
     z = state[1] + p.follow * (y + noise - state[1])
     if p.step > 0.0:
         return p.step * float(round(z / p.step)), z

@@ -30,11 +30,12 @@ _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 class Setup:
     """Everything the compiled loop needs, still open to change.
 
-    Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and in PV units at its output;
-    `pv_add` is measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
-    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean
-    nothing where the plant is a plug-in without a transfer function.
+    Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and
+    in PV units at its output; `pv_add` is measured with PV (noise included). `valves` is the chain
+    OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV the controller
+    saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the
+    laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num`
+    and `den` mean nothing where the plant is a plug-in without a transfer function.
     """
 
     loop: Loop
@@ -79,7 +80,9 @@ class Setup:
 
     @property
     def end(self) -> int:
-        """Sample at which the record ends and the tail begins, counted from the start of the run."""
+        """Sample at which the record ends and the tail begins, counted from the start of the
+        run.
+        """
         return self.warm_up + self.loop.sampling.n
 
     @property
@@ -90,7 +93,9 @@ class Setup:
     def add_valve(
         self, model: str | ModuleType, parameters: Mapping[str, Any], *, first: bool = False
     ) -> None:
-        """Put one more stage (a valve model's name, or a module like one) behind (or in front of) the valves that are there."""
+        """Put one more stage (a valve model's name, or a module like one) behind (or in front of)
+        the valves that are there.
+        """
         module = VALVES.load(model) if isinstance(model, str) else model
         stage = (module, valve_parameters(module, parameters, self.Ts))
         self.valves.insert(0, stage) if first else self.valves.append(stage)
@@ -106,7 +111,9 @@ class Setup:
 
     @property
     def not_linear(self) -> str:
-        """Why the loop has no transfer function from MV back to OP, in words; "" where it has one."""
+        """Why the loop has no transfer function from MV back to OP, in words; "" where it has
+        one.
+        """
         if self.outer is not None:
             return "the loop is the inner one of a cascade"
         if self.plant_plugin is not None and not hasattr(self.plant_plugin[0], "linear"):
@@ -129,12 +136,16 @@ class Setup:
 
     @property
     def bands(self) -> list[tuple[float, float]]:
-        """Mapped (S, J) in % of travel of every stage of the valve; (0, 0) of one that maps on none."""
+        """Mapped (S, J) in % of travel of every stage of the valve; (0, 0) of one that maps on
+        none.
+        """
         return bands_of(self.valves)
 
     @property
     def sticky(self) -> bool:
-        """Whether any stage of the valve has friction: what it maps on decides, not how it or its numbers are called."""
+        """Whether any stage of the valve has friction: what it maps on decides, not how it or its
+        numbers are called.
+        """
         return self.friction[0] > 0.0
 
     @property
@@ -143,7 +154,8 @@ class Setup:
         return max(self.bands, default=(0.0, 0.0))
 
     def draw_noise(self, quiet: int | None = None) -> None:
-        """Draw the noise and add it to what is measured with PV, before sample `quiet` of the record.
+        """Draw the noise and add it to what is measured with PV, before sample `quiet` of the
+        record.
 
         Last of all, because effects change its strength.
         """
@@ -163,14 +175,17 @@ class Setup:
 
 
 def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
-    """Return mapped (S, J) in % of travel of every stage of a valve; (0, 0) of one that maps on none."""
+    """Return mapped (S, J) in % of travel of every stage of a valve; (0, 0) of one that maps on
+    none.
+    """
     return [
         module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in valves
     ]
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances stand still over the tail.
+    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances
+    stand still over the tail.
 
     `tf` takes the place of the loop's plant (its dead time stays).
     """
@@ -222,10 +237,13 @@ def _step(setup: Setup, steps: Iterable[tuple[float, float]]) -> None:
 
 
 def _outer(inner: Setup, outer: Outer) -> Setup:
-    """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest where the inner PV rests."""
+    """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest
+    where the inner PV rests.
+    """
     if inner.not_linear:
         raise ParameterError(
-            f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a transfer function"
+            f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a"
+            " transfer function"
         )
     num, den = plant.polynomials(outer.plant)
     lo, hi = outer.sp_span
@@ -236,11 +254,21 @@ def _outer(inner: Setup, outer: Outer) -> Setup:
         "outer": None,
     }
     setup = replace(
-        inner, loop=inner.loop.model_copy(update=alone), num=num, den=den, Td=outer.plant.Td, Kc=outer.controller.Kc,
-        Ti=outer.controller.Ti, op0=100.0 * (inner.pv0 - lo) / (hi - lo), pv0=outer.setpoint.value,
-        sp=np.full(inner.sp.size, outer.setpoint.value), noise_std=outer.noise.std, pv_add=np.zeros(inner.sp.size),
-        valves=[], recorders=[],
-    )  # fmt: skip
+        inner,
+        loop=inner.loop.model_copy(update=alone),
+        num=num,
+        den=den,
+        Td=outer.plant.Td,
+        Kc=outer.controller.Kc,
+        Ti=outer.controller.Ti,
+        op0=100.0 * (inner.pv0 - lo) / (hi - lo),
+        pv0=outer.setpoint.value,
+        sp=np.full(inner.sp.size, outer.setpoint.value),
+        noise_std=outer.noise.std,
+        pv_add=np.zeros(inner.sp.size),
+        valves=[],
+        recorders=[],
+    )
     _step(setup, outer.setpoint.steps)
     return setup
 
@@ -249,8 +277,8 @@ def _outer(inner: Setup, outer: Outer) -> Setup:
 class Parts:
     """The pieces of one run, as `simbench.loop.kernel` takes them.
 
-    `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a tuple
-    for the valve's stages.
+    `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant,
+    controller, gap, sensor, and a tuple for the valve's stages.
     """
 
     sampled: plant.SampledPlant
@@ -294,11 +322,13 @@ def parts_of(setup: Setup) -> Parts:
     if setup.controller_law is not None:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(
-                f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI"
+                f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P"
+                " or PI"
             )
         if setup.outer is not None:
             raise ParameterError(
-                "an effect changes the inner controller's law of a cascade, whose SP the outer OP moves"
+                "an effect changes the inner controller's law of a cascade, whose SP the outer OP"
+                " moves"
             )
         steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
     if setup.sensor_law is not None:
@@ -309,7 +339,9 @@ def parts_of(setup: Setup) -> Parts:
 
 
 def in_series(inner: Setup, outer: Setup) -> Parts:
-    """Return the parts of a cascade's outer loop as the valve drives it: behind the inner plant and its dead time."""
+    """Return the parts of a cascade's outer loop as the valve drives it: behind the inner plant and
+    its dead time.
+    """
     num, den = np.polymul(inner.num, outer.num), np.polymul(inner.den, outer.den)
     return parts_of(replace(outer, num=num, den=den, Td=inner.Td + outer.Td))
 
@@ -321,7 +353,8 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
         num, den = _linear(module, p)
         if not (np.array_equal(setup.num, num) and np.array_equal(setup.den, den)):
             raise ParameterError(
-                f"an effect changes the transfer function of plant {setup.loop.plant.type!r}, which is a plug-in"
+                f"an effect changes the transfer function of plant {setup.loop.plant.type!r}, which"
+                " is a plug-in"
             )
         p = p._replace(Td=setup.Td, op0=setup.op0, pv0=setup.pv0)
         empty = np.zeros(0)
@@ -361,7 +394,8 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
         }
         if "Kc" not in tuned and setup.Kc != setup.loop.controller.Kc:
             raise ParameterError(
-                f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not have"
+                f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not"
+                " have"
             )
         p = p._replace(**tuned, op0=setup.op0, pv0=setup.pv0, lo=limits[0], hi=limits[1])
         return {"controller_step": module.step, "controller_kick": controller.plugin_kicked}, p
@@ -378,7 +412,9 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
 
 
 def control_start(setup: Setup, p: Any) -> tuple[Any, ...]:
-    """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is a step at sample 0."""
+    """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is
+    a step at sample 0.
+    """
     if setup.controller_law is not None:
         return swapped.controller_start(setup.op0, 0.0)
     if setup.control_plugin is not None:
@@ -389,7 +425,9 @@ def control_start(setup: Setup, p: Any) -> tuple[Any, ...]:
 
 
 def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] = ()) -> Any:
-    """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one given."""
+    """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one
+    given.
+    """
     order, g = parts.sampled.order, parts.sampled
     if setup.plant_plugin is not None:
         rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
@@ -403,7 +441,9 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
 
 
 def _numbers_in(state: tuple) -> tuple:
-    """Return a plug-in's state with its numbers as floats; one in plain Python may hold other things too."""
+    """Return a plug-in's state with its numbers as floats; one in plain Python may hold other
+    things too.
+    """
     return tuple(float(x) if isinstance(x, (int, float, np.number)) else x for x in state)
 
 
@@ -413,7 +453,9 @@ def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
 
 
 def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
-    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, OP's limits, Ts (s), op0 (%) and pv0."""
+    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, OP's limits, Ts (s),
+    op0 (%) and pv0.
+    """
     return _plugin(
         CONTROLLER_PLUGINS,
         loop.controller,
@@ -440,7 +482,9 @@ def _plugin(
 
 
 def _linear(module: ModuleType, p: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a plug-in plant says of its transfer function; of one that has none what effects must leave as it is."""
+    """Return what a plug-in plant says of its transfer function; of one that has none what effects
+    must leave as it is.
+    """
     if not hasattr(module, "linear"):
         return np.array([1.0]), np.array([1.0, 1.0])
     return checked_polynomials(*map(list, module.linear(p)))
@@ -461,6 +505,7 @@ def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
         isinstance(s, dict) and "model" in s for s in stages
     ):
         raise ParameterError(
-            f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is needed"
+            f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is"
+            " needed"
         )
     return [(s["model"], {k: v for k, v in s.items() if k != "model"}) for s in stages]

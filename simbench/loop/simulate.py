@@ -32,13 +32,15 @@ def simulate(
     seed : int
         Root of every random stream; the same loop and seed give the same bits.
     kick : float
-        Offset (%) of OP at sample 0; a PI controller keeps it as its integral, a P controller forgets it.
+        Offset (%) of OP at sample 0; a PI controller keeps it as its integral, a P controller
+        forgets it.
     tail : int
         Further samples with set point and disturbances frozen and the noise going on.
     start : Start, optional
         Begin elsewhere than in equilibrium.
     plant : control.TransferFunction, optional
-        Any stable or integrating SISO plant in place of the loop's own; `loop.plant.Td` stays its dead time.
+        Any stable or integrating SISO plant in place of the loop's own; `loop.plant.Td` stays its
+        dead time.
     quiet : int, optional
         First sample of the record without measurement noise.
 
@@ -53,8 +55,9 @@ def simulate(
 
     Notes
     -----
-    Order within a sample: PV is measured with its noise, OP is computed, the valve moves and stays until the next sample.
-    Not for plants with direct feedthrough, whose PV would answer within the same sample.
+    Order within a sample: PV is measured with its noise, OP is computed, the valve moves and stays
+    until the next sample. Not for plants with direct feedthrough, whose PV would answer within the
+    same sample.
 
     Examples
     --------
@@ -115,6 +118,8 @@ def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> list[Run]:
 
 
 def valve_tail(loop: Loop, seed: int, tail: int, quiet: int | None) -> np.ndarray:
-    """Return the valve's positions (%) behind the record, `simulate(...).mv[n:]`, without making a record of the rest."""
+    """Return the valve's positions (%) behind the record, `simulate(...).mv[n:]`, without making a
+    record of the rest.
+    """
     setup = resolve_loop(loop, seed, tail, None, quiet)
     return signals_of(setup)[2][setup.end :]

@@ -1,1 +1,3 @@
-"""From the benchmark to the plant: whom to trust on a loop, what could have been seen, where to go first."""
+"""From the benchmark to the plant: whom to trust on a loop, what could have been seen, where to go
+first.
+"""

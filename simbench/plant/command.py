@@ -25,7 +25,9 @@ def trust_file(
     html: str | Path | None = None,
     **about: Any,
 ) -> Trust:
-    """Say of a record file which detector to believe, what could have been seen, and how probable stiction is."""
+    """Say of a record file which detector to believe, what could have been seen, and how probable
+    stiction is.
+    """
     refuse_own_input([html], [path, loop])
     found = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
     if html is not None:
@@ -39,7 +41,9 @@ def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
     orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
 ) -> tuple[Fleet, Path]:  # fmt: skip
-    """Judge a plant's loops and write them on one page; what was judged is kept beside it and used again."""
+    """Judge a plant's loops and write them on one page; what was judged is kept beside it and used
+    again.
+    """
     from simbench.plant.report.page import write_fleet
     from simbench.plant.report.work_orders import refuse_orders, write_orders
 
@@ -64,7 +68,9 @@ def study_folder(
     write_grid: str | Path | None = None,
     jobs: int = 2,
 ) -> Study:
-    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its page, or grid, till then."""
+    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its
+    page, or grid, till then.
+    """
     from simbench.plant.study.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])
@@ -90,7 +96,9 @@ def study_folder(
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:
-    """Return one line per record on what it could have shown; `path` is a record or a folder of them."""
+    """Return one line per record on what it could have shown; `path` is a record or a folder of
+    them.
+    """
     if Path(path).is_dir():
         records, _ = read_folder(path, **about)
         return [

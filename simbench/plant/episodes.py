@@ -30,9 +30,11 @@ class _Episode:
 
 @dataclass(frozen=True)
 class OverTime:
-    """Verdicts of a method over overlapping windows, a single one where the record is too short to be cut.
+    """Verdicts of a method over overlapping windows, a single one where the record is too short to
+    be cut.
 
-    `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
+    `cycles` are the periods in which the record swings, `sticky` those of them that lie only in
+    windows that say stiction.
     """
 
     method: str
@@ -53,13 +55,17 @@ class OverTime:
             return "no sustained oscillation in any window"
         undecided = sum(e.verdict == NO_DECISION for e in self.episodes)
         open_ = f"; {undecided} of {len(self.episodes)} windows undecided" if undecided else ""
-        return f"stiction in {self.sticky} of {self.cycles} cycles by {self.method}, {len(self.episodes)} windows{open_}"
+        return (
+            f"stiction in {self.sticky} of {self.cycles} cycles by {self.method},"
+            f" {len(self.episodes)} windows{open_}"
+        )
 
 
 def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
     """Judge a record window by window, for valves that stick at times and loops that were retuned.
 
-    A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.
+    A window is twelve periods of the record's oscillation, or a sixth of the record where it does
+    not oscillate as a whole.
     """
     prepared = Prepared(record.without_mv())
     period = prepared.oscillation.period_s / record.Ts
@@ -80,7 +86,9 @@ def _judged(record: LoopRecord, start: int, stop: int, method: str) -> _Episode:
 
 
 def _counted(record: LoopRecord, episodes: Sequence[_Episode]) -> tuple[int, int]:
-    """Return how many periods of the record swing, and how many of them lie only in windows that say stiction."""
+    """Return how many periods of the record swing, and how many of them lie only in windows that
+    say stiction.
+    """
     oscillation = Prepared(record.without_mv()).oscillation
     period = oscillation.period_s
     if not np.isfinite(period):

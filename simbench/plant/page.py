@@ -1,4 +1,6 @@
-"""What the pages of this room share: sections out of sentences, tiles, pictures and tables, and the writing of the file."""
+"""What the pages of this room share: sections out of sentences, tiles, pictures and tables, and the
+writing of the file.
+"""
 
 from __future__ import annotations
 

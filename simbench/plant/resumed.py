@@ -1,4 +1,6 @@
-"""Many questions answered side by side; a call that was killed, or a later one, asks only what was not answered yet."""
+"""Many questions answered side by side; a call that was killed, or a later one, asks only what was
+not answered yet.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ def resumed(
 ) -> list[Any]:
     """Ask of each in turn, in several processes, and return the answers in order.
 
-    Answers that this very code gave to the same questions are read from `keep`; those that no question asks for are removed.
+    Answers that this very code gave to the same questions are read from `keep`; those that no
+    question asks for are removed.
     """
     calls = [delayed(ask)(*a) for a in about]
     if keep is not None:
@@ -64,7 +67,9 @@ def _code() -> str:
 
 
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
-    """Return the answer in a file; where there is none, or not what was written, ask and keep it."""
+    """Return the answer in a file; where there is none, or not what was written, ask and keep
+    it.
+    """
     try:
         content = without_checksum(json.loads(file.read_text(encoding="utf-8")), file)
         return _decoded(
@@ -78,7 +83,9 @@ def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
 
 
 def _classes(hint: Any) -> set[type]:
-    """Return the data classes and models that an annotation speaks of, and those of their fields."""
+    """Return the data classes and models that an annotation speaks of, and those of their
+    fields.
+    """
     found, todo = set(), [hint]
     while todo:
         hint = todo.pop()

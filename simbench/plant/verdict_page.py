@@ -1,4 +1,6 @@
-"""The page of a detection: what the methods say together, the record, every method's answer with its reason."""
+"""The page of a detection: what the methods say together, the record, every method's answer with
+its reason.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ _SHOWN = 12  # records drawn on one page
 def write_page(
     report: Report, path: str | Path, conclude: Callable[[LoopRecord], ShownConclusion]
 ) -> None:
-    """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is for the records drawn."""
+    """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is
+    for the records drawn.
+    """
     groups = report.groups()
     said = []
     for number, (name, verdicts, record) in enumerate(groups):

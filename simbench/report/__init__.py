@@ -1,7 +1,9 @@
-"""Pages about results: the report of a run, the chapter's numbers beside ours, the gallery of figures.
+"""Pages about results: the report of a run, the chapter's numbers beside ours, the gallery of
+figures.
 
-A report is one HTML file; every section is a file here with `TITLE` and `section(run)`, and a template of the same name.
-`python -m results.studies.chapter` and `python -m results.studies.gallery` write two pages of docs.
+A report is one HTML file; every section is a file here with `TITLE` and `section(run)`, and a
+template of the same name. `python -m results.studies.chapter` and `python -m
+results.studies.gallery` write two pages of docs.
 """
 
 from simbench.report._write import write_report

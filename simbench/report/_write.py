@@ -24,7 +24,9 @@ _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures
 
 
 def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:
-    """Write a run's report, which may be read already: one self-contained HTML file, readable in light and dark and on a phone."""
+    """Write a run's report, which may be read already: one self-contained HTML file, readable in
+    light and dark and on a phone.
+    """
     run = run or RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]

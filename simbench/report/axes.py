@@ -18,10 +18,18 @@ def section(run: RunData) -> Markup:
     here = every[every["mode"] == run.scores.first]
     here = here[here["role"] != "yardstick"]
     names = {
-        "axis": "axis", "value": "value", "method": "detector", "n": "scenarios", "applicable": "applicable",
-        "accuracy_applicable": "accuracy", "accuracy_applicable_lo": "from", "accuracy_applicable_hi": "to",
-        "found": "found", "false_alarms": "false alarms", "no_decision": "undecided",
-    }  # fmt: skip
+        "axis": "axis",
+        "value": "value",
+        "method": "detector",
+        "n": "scenarios",
+        "applicable": "applicable",
+        "accuracy_applicable": "accuracy",
+        "accuracy_applicable_lo": "from",
+        "accuracy_applicable_hi": "to",
+        "found": "found",
+        "false_alarms": "false alarms",
+        "no_decision": "undecided",
+    }
     # a rate of few loops says nothing
     enough, said = (
         here["applicable"] >= LEAST,

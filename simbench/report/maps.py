@@ -13,7 +13,9 @@ TITLE = "Maps"
 
 
 def section(run: RunData) -> Markup:
-    """Draw one map per detector, in the order of the score table: share of right verdicts over dead time and S/2J."""
+    """Draw one map per detector, in the order of the score table: share of right verdicts over dead
+    time and S/2J.
+    """
     counted = cells(run.book)
     items = []
     there = set(counted["method"])

@@ -17,7 +17,8 @@ def section(run: RunData) -> Markup:
     data = overview(run.book, run.scores)
     if data.empty:
         return Markup(
-            "<p>No loop of this run is known to cycle or to rest, so that no answer is right or wrong.</p>"
+            "<p>No loop of this run is known to cycle or to rest, so that no answer is right or"
+            " wrong.</p>"
         )
     picture = inline_svg(
         draw(data), "overview", "share of right verdicts by detector and kind of loop"

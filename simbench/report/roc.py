@@ -1,4 +1,6 @@
-"""Section: ROC curves of the stiction detectors against whether the loop cycled, all on one pair of axes."""
+"""Section: ROC curves of the stiction detectors against whether the loop cycled, all on one pair of
+axes.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ _LINES = ("-", "--", ":")  # of the first eight, the second, the third
 
 
 class _Curve(NamedTuple):
-    """One detector: its curve, the area below it in words, and the point its published threshold sits on."""
+    """One detector: its curve, the area below it in words, and the point its published threshold
+    sits on.
+    """
 
     method: str
     area: str
@@ -43,7 +47,9 @@ class _Curve(NamedTuple):
 
 
 def section(run: RunData) -> Markup:
-    """Draw one curve per detector, the largest area first, with the point its published threshold sits on."""
+    """Draw one curve per detector, the largest area first, with the point its published threshold
+    sits on.
+    """
     found = []
     for method in run.book.methods:
         mine = run.of(method).dropna(subset=["score"])

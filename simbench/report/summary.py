@@ -46,7 +46,10 @@ def section(run: RunData) -> Markup:
     fair = ranking[ranking["rank"].notna() & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
-        limits = f"{percent(best['accuracy_applicable_lo'])} to {percent(best['accuracy_applicable_hi'])}"
+        limits = (
+            f"{percent(best['accuracy_applicable_lo'])} to"
+            f" {percent(best['accuracy_applicable_hi'])}"
+        )
         tiles.append(
             (
                 percent(best["accuracy_applicable"]),
@@ -90,7 +93,9 @@ def section(run: RunData) -> Markup:
 
 
 def _readable(scores: Scores, place: tuple[str, str, str, str]) -> dict[str, Any] | None:
-    """Return one row per detector with the columns a reader compares; None when there are no such loops."""
+    """Return one row per detector with the columns a reader compares; None when there are no such
+    loops.
+    """
     ranking = scores.ranking(*place)
     if ranking.empty:
         return None

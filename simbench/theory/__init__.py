@@ -1,1 +1,3 @@
-"""What should happen? Describing functions, the exact cycle of the sampled loop, the chapter's tables."""
+"""What should happen? Describing functions, the exact cycle of the sampled loop, the chapter's
+tables.
+"""

@@ -38,11 +38,12 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
 
 
 def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
-    """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within the limits of OP does.
+    """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within
+    the limits of OP does.
 
-    The scan grows by 2 % from the break-away S/2 + J/2, below which nothing moves. A start counts when the next kick of the
-    scan starts the cycle too: the basin of an irregular cycle has fringes of isolated kicks, which no one could apply on
-    purpose. Larger kicks may fail again.
+    The scan grows by 2 % from the break-away S/2 + J/2, below which nothing moves. A start counts
+    when the next kick of the scan starts the cycle too: the basin of an irregular cycle has fringes
+    of isolated kicks, which no one could apply on purpose. Larger kicks may fail again.
     """
     if not 0 < loop.fs < loop.hi:
         return None

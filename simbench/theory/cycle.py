@@ -1,4 +1,6 @@
-"""The exact limit cycle of the sampled loop: found by its switching times, averaged by marching from there."""
+"""The exact limit cycle of the sampled loop: found by its switching times, averaged by marching
+from there.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,10 @@ _MARCH_BLOCKS = 16
 _LONGEST_MARCH = 10**9  # samples of a march, some 10 s of work
 _LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
 
-# Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
-# the valve), because a later break-away makes a larger jump. The cycle of the sampled loop is therefore irregular when
-# S > J, wandering around the mean cycle of `half_cycle` by about one sample; its period is an average.
+# Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about
+# S/p (p the half swing of the valve), because a later break-away makes a larger jump. The cycle of
+# the sampled loop is therefore irregular when S > J, wandering around the mean cycle of
+# `half_cycle` by about one sample; its period is an average.
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,8 @@ class ExactCycle:
     amplitude: float  # mean half peak-to-peak of OP over a cycle (%)
     swing: float  # mean distance (%) between the valve's turning points
     irregularity: float  # standard deviation of the half period over its mean
-    # growth of a deviation per half cycle, of the mean cycle; None when it was found by marching alone
+    # growth of a deviation per half cycle, of the mean cycle; None when it was found by marching
+    # alone
     multiplier: float | None
     state: tuple[
         np.ndarray, np.ndarray, np.ndarray
@@ -43,10 +47,12 @@ class ExactCycle:
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     """Return the limit cycle of a sampled loop, or None when nothing keeps cycling.
 
-    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when none
-    persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Valves that stick again
-    after every sample (He's; physical friction under a sampled OP) are marched as such. Not for valves that are no (S, J) map
-    at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an approximation.
+    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the
+    attracting ones first; when none persists, from a ladder of load steps. A cycle between the
+    limits of OP is found in the same way. Valves that stick again after every sample (He's;
+    physical friction under a sampled OP) are marched as such. Not for valves that are no (S, J) map
+    at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an
+    approximation.
     """
     if loop.fs == 0:
         return None
@@ -69,7 +75,9 @@ def on_half_cycle(loop: SampledLoop, half: HalfCycle) -> tuple[np.ndarray, np.nd
 
 
 def at_rest(loop: SampledLoop, kick: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the state at sample 0 of a loop at rest in mid-band whose OP is offset by `kick` (%)."""
+    """Return the state at sample 0 of a loop at rest in mid-band whose OP is offset by `kick`
+    (%).
+    """
     op = min(max(kick, loop.lo), loop.hi)
     side = np.sign(op) if abs(op) > loop.fs else 0.0
     mv = op - side * loop.fd if side else 0.0
@@ -79,7 +87,9 @@ def at_rest(loop: SampledLoop, kick: float) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactCycle | None:
-    """March from a state until two blocks of half cycles agree; None when the valve comes to rest or its swing dies."""
+    """March from a state until two blocks of half cycles agree; None when the valve comes to rest
+    or its swing dies.
+    """
     x, s, past = (a.copy() for a in state)
     means: list[np.ndarray] = []
     left = _LONGEST_MARCH
@@ -109,10 +119,11 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
 
 
 def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the state of a loop at rest in mid-band when the load at the plant's input changes by -`load` (%).
+    """Return the state of a loop at rest in mid-band when the load at the plant's input changes by
+    -`load` (%).
 
-    Seen from the new balance, valve and OP are off by `load` (P on a self-regulating plant: by g/(1 + g) of it), and PV is
-    where it was.
+    Seen from the new balance, valve and OP are off by `load` (P on a self-regulating plant: by g/(1
+    + g) of it), and PV is where it was.
     """
     g = loop.static_gain
     v = load if loop.integral or np.isinf(g) else load * g / (1 + g)
@@ -123,7 +134,9 @@ def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndar
 
 
 def cycle_start(loop: Loop) -> Start:
-    """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped."""
+    """Return where a simulation must begin to be on the loop's limit cycle: the valve has just
+    stopped.
+    """
     sampled = sampled_loop(loop)
     [*stages, (module, p)] = resolve_loop(
         loop.model_copy(update={"disturbance": ()}), seed=0
@@ -146,9 +159,11 @@ def cycle_start(loop: Loop) -> Start:
     return Start(
         op=op0 + op,
         error=loop.setpoint.value - loop.pv0 - w / sampled.gain,
-        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain
-        if order == 1 and not pid
-        else loop.pv0,
+        pv=(
+            loop.pv0 + float(sampled.C @ ahead) / sampled.gain
+            if order == 1 and not pid
+            else loop.pv0
+        ),
         state=tuple(ahead[:order].tolist()) if order > 1 or pid else (),
         control=_pid_state(loop, sampled, x, op, op0) if pid else (),
         valve=module.step(op0 + op, module.start(op0 + mv, p), p),

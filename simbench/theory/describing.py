@@ -1,4 +1,6 @@
-"""Describing functions of the valve maps, their -1/N curves, and where these meet the loop's Nyquist curve."""
+"""Describing functions of the valve maps, their -1/N curves, and where these meet the loop's
+Nyquist curve.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from simbench.theory.sampled import SampledLoop
 
 @dataclass(frozen=True, eq=False)
 class _DescribingFunction:
-    """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to `high`."""
+    """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to
+    `high`.
+    """
 
     N: Callable[[np.ndarray], np.ndarray]  # A (%) -> complex gain
     # low, high: amplitudes (%) between which N is known and not 0
@@ -42,17 +46,19 @@ class _Intersection:
 def stiction(S: float, J: float) -> _DescribingFunction:
     """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
 
-    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A) (the
-    chapter's Eqs. 11.1 and 11.2 lost the signs).
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N =
+    -(P_re - j P_im)/(pi A) (the chapter's Eqs. 11.1 and 11.2 lost the signs).
     """
     if not (S > 0 and J >= 0):
         raise ParameterError(f"describing function: S = {S}, J = {J}; S > 0 and J >= 0 are needed")
     fd = 0.5 * (S - J)
 
-    # u = A sin(t). Past its top at t = pi/2 the valve stands at v = A - fd, until u has come down by S: t = pi - phi with
-    # sin(phi) = (A - S)/A. Then it moves with v = A sin(t) + fd down to t = 3 pi/2, and the other half mirrors this one:
+    # u = A sin(t). Past its top at t = pi/2 the valve stands at v = A - fd, until u has come down
+    # by S: t = pi - phi with sin(phi) = (A - S)/A. Then it moves with v = A sin(t) + fd down to t =
+    # 3 pi/2, and the other half mirrors this one:
     #   b = 2/pi int v sin = 2/pi [(A - 2 fd) cos(phi) + A/2 (pi/2 + phi - sin(phi) cos(phi))]
-    #   a = 2/pi int v cos = 2/pi [A (sin(phi) - 1) - 2 fd sin(phi) + A/2 cos(phi)^2],     N = (b + j a)/A
+    # a = 2/pi int v cos = 2/pi [A (sin(phi) - 1) - 2 fd sin(phi) + A/2 cos(phi)^2],     N = (b + j
+    # a)/A
     def N(A):
         sin = np.clip((A - S) / A, -1.0, 1.0)
         phi, cos = np.arcsin(sin), np.sqrt(1 - sin**2)
@@ -66,13 +72,14 @@ def stiction(S: float, J: float) -> _DescribingFunction:
 def deadzone(D: float) -> _DescribingFunction:
     """Describing function of a dead-zone around the operating point.
 
-    Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
-    that a stable loop never meets it.
+    Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the
+    real axis left of -1, so that a stable loop never meets it.
     """
     if not D > 0:
         raise ParameterError(f"describing function: D = {D}; a width above 0 is needed")
 
-    # v = A sin(t) - D/2 where A sin(t) > D/2 = A sin(t1), so N = 4/(pi A) int_t1^{pi/2} (A sin t - D/2) sin t dt
+    # v = A sin(t) - D/2 where A sin(t) > D/2 = A sin(t1), so N = 4/(pi A) int_t1^{pi/2} (A sin t -
+    # D/2) sin t dt
     def N(A):
         x = np.minimum(0.5 * D / A, 1.0)
         return (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2))).astype(complex)
@@ -91,8 +98,9 @@ def first_harmonic(
 ) -> np.ndarray:
     """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
 
-    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude selects
-    the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
+    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period
+    with a larger amplitude selects the cycle. Error about 0.2 times J over A per 1000 samples at
+    the jumps.
     """
     A = np.atleast_1d(np.asarray(A, dtype=float))
     t = 2 * np.pi * np.arange(4 * samples) / samples
@@ -127,9 +135,10 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
 def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
     """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1.
 
-    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and log(A/low - 1); from there Newton's
-    method. Qualitative: OP is a triangle rather than a sine, periods are off by -22 to +38 %, and cycles exist (PI with Ti > T
-    + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
+    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and
+    log(A/low - 1); from there Newton's method. Qualitative: OP is a triangle rather than a sine,
+    periods are off by -22 to +38 %, and cycles exist (PI with Ti > T + Td) where the curves do not
+    meet. For numbers see `simbench.theory.cycle`.
     """
     w = np.geomspace(1e-5 / max(loop.times), 50 / min(loop.times), 500)
     top = min(1e3, valve.high / valve.low - 1)
@@ -162,8 +171,8 @@ def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Inters
 
 
 def _attracts(loop: SampledLoop, valve: _DescribingFunction, w: float, A: float) -> bool:
-    # Loeb: 1 + N(A) L(s) = 0 stays true when A grows by dA if s moves by ds = -(dN/dA L)/(N dL/ds) dA, with dL/ds = -j dL/dw;
-    # the cycle attracts when a larger amplitude decays, Re ds < 0
+    # Loeb: 1 + N(A) L(s) = 0 stays true when A grows by dA if s moves by ds = -(dN/dA L)/(N dL/ds)
+    # dA, with dL/ds = -j dL/dw; the cycle attracts when a larger amplitude decays, Re ds < 0
     h = 1e-5
     dN = (valve.N(np.asarray(A * (1 + h))) - valve.N(np.asarray(A * (1 - h)))) / (2 * A * h)
     dL = (loop.response(w * (1 + h)) - loop.response(w * (1 - h))) / (2 * w * h)

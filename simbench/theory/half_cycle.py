@@ -1,4 +1,6 @@
-"""The symmetric half cycle of the sampled loop: switching times that reproduce themselves, and their stability."""
+"""The symmetric half cycle of the sampled loop: switching times that reproduce themselves, and
+their stability.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +13,25 @@ from detectors.compiled import njit_cached
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop
 
-# Derivation. The valve breaks away downwards, moves for m samples and then stands for n samples until it breaks away
-# upwards. Between these instants the loop is linear, so the state z = (x, OP, v) one sample before a break-away goes to
-# the next one by an affine map Y(m, n), and a symmetric cycle is z -> -z. While the valve stands and the dead time has
-# passed, one sample is a fixed matrix T, so that n enters as the power T^q, q = n - delay - 2.
-# A sampled valve breaks away at the first sample beyond the threshold, half a sample late on average: in the mean cycle
-# the OPs just before and just after the break-away lie on average at the distance fs from v. This makes n a real number
-# (states between two samples by interpolation). For J = S the map has no constant term and only the threshold fixes the
-# size of the cycle; so the threshold takes the place of the row of v in z -> -z, and that row is the residual whose
-# zeros in n are sought. m follows from OP, which must turn after m samples: iterated until it does. A valve that sticks
-# again after every sample has m = 1.
+# Derivation. The valve breaks away downwards, moves for m samples and then stands for n samples
+# until it breaks away upwards. Between these instants the loop is linear, so the state z = (x, OP,
+# v) one sample before a break-away goes to the next one by an affine map Y(m, n), and a symmetric
+# cycle is z -> -z. While the valve stands and the dead time has passed, one sample is a fixed
+# matrix T, so that n enters as the power T^q, q = n - delay - 2. A sampled valve breaks away at the
+# first sample beyond the threshold, half a sample late on average: in the mean cycle the OPs just
+# before and just after the break-away lie on average at the distance fs from v. This makes n a real
+# number (states between two samples by interpolation). For J = S the map has no constant term and
+# only the threshold fixes the size of the cycle; so the threshold takes the place of the row of v
+# in z -> -z, and that row is the residual whose zeros in n are sought. m follows from OP, which
+# must turn after m samples: iterated until it does. A valve that sticks again after every sample
+# has m = 1.
 
 
 @dataclass(frozen=True, eq=False)
 class HalfCycle:
-    """A symmetric cycle: the valve moves for `m` samples, stands for `n`, and all repeats with the opposite sign."""
+    """A symmetric cycle: the valve moves for `m` samples, stands for `n`, and all repeats with the
+    opposite sign.
+    """
 
     # n, m: samples the valve stands and moves
     n: float
@@ -35,7 +41,8 @@ class HalfCycle:
     op: float
     mv: float
     amplitude: float  # half peak-to-peak of OP (%)
-    # factor by which a small deviation grows over one half cycle, averaged over where in the sample the switching falls
+    # factor by which a small deviation grows over one half cycle, averaged over where in the sample
+    # the switching falls
     multiplier: float
 
     @property
@@ -52,8 +59,8 @@ class HalfCycle:
 def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     """Find the symmetric cycles of a loop, shortest first.
 
-    For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,
-    with p = J/(2 - k Td).
+    For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half
+    peak-to-peak S/2 + k p Td/2 of OP, with p = J/(2 - k Td).
     """
     found: list[HalfCycle] = []
     tried: set[int] = set()
@@ -135,7 +142,9 @@ def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.n
 
 @njit_cached
 def _sign_changes(head, T, fs, waits):
-    """Return the numbers q of samples after the head where the residual changes its sign from q to q + 1."""
+    """Return the numbers q of samples after the head where the residual changes its sign from q to
+    q + 1.
+    """
     c = len(head)
     depth = 1
     while 2**depth <= 2 * waits[-1] + 4:
@@ -165,7 +174,9 @@ def _sign_changes(head, T, fs, waits):
 
 @njit_cached
 def _residual(head, T, powers, fs, q, Y, other, rows):
-    """Return the residual as `_solved` does, to rounding; NaN where there is no cycle of this length."""
+    """Return the residual as `_solved` does, to rounding; NaN where there is no cycle of this
+    length.
+    """
     c = len(head)
     Y[:] = head
     for bit in range(len(powers)):
@@ -214,7 +225,8 @@ def _product(a, b, out):
 
 def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     z = np.append(half.x, [half.op, half.mv])
-    # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the total derivative
+    # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the
+    # total derivative
     growth = T @ Y - Y
     threshold = 0.5 * (Y[-2] + (T @ Y)[-2]) - Y[-1]
     rise = 0.5 * (growth[-2] + (T @ growth)[-2])
@@ -244,7 +256,9 @@ def standing(loop: SampledLoop) -> np.ndarray:
 
 
 def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
-    """Run the sampled loop through the half cycle: its samples, moving samples and extreme of OP (0, 0 when it rests)."""
+    """Run the sampled loop through the half cycle: its samples, moving samples and extreme of OP
+    (0, 0 when it rests).
+    """
     s = np.array([half.op, loop.C @ half.x, half.mv, 1.0, 0.0])
     past = np.full(loop.delay + 2, half.mv)
     run = reversals(loop, half.x.copy(), s, past, 2, most=int(4 * half.samples) + 100)
@@ -255,7 +269,9 @@ def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
 
 @njit_cached
 def _move(A, B_old, B_new, C, integral, beta, fd, delay, m, out):
-    """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z and 1."""
+    """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z
+    and 1.
+    """
     order, columns = A.shape[0], out.shape[1]
     x, fresh, v = np.zeros(order), np.zeros(order), np.zeros(m + 1)
     for column in range(columns):

@@ -13,13 +13,16 @@ _ENDED, _STALLED, _SPENT = 0, 1, 2
 
 @njit_cached
 def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, stop, moved):
-    """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max` samples are spent.
+    """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max`
+    samples are spent.
 
-    `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP; `control` = (integral, beta,
-    lo, hi); `valve` = (fs, fd, whether it sticks again after every sample). `s` = [OP, C x, v, direction, moving]; `past` = the
-    last delay + 2 valve positions, newest last. Per reversal: the sample of the break-away, and of the half cycle that it ends
-    the extreme of OP, the position where the valve stopped, and the number of samples from break-away to the last stop. All
-    positions are deviations from rest in %. Returns (reversals, samples, how it ended).
+    `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP;
+    `control` = (integral, beta, lo, hi); `valve` = (fs, fd, whether it sticks again after every
+    sample). `s` = [OP, C x, v, direction, moving]; `past` = the last delay + 2 valve positions,
+    newest last. Per reversal: the sample of the break-away, and of the half cycle that it ends the
+    extreme of OP, the position where the valve stopped, and the number of samples from break-away
+    to the last stop. All positions are deviations from rest in %. Returns (reversals, samples, how
+    it ended).
     """
     A, B_old, B_new, C = plant
     integral, beta, lo, hi = control

@@ -1,4 +1,6 @@
-"""What theory expects of one loop file: the table, its refinement, the describing function and the exact cycle."""
+"""What theory expects of one loop file: the table, its refinement, the describing function and the
+exact cycle.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,9 @@ def predict(loop: Loop) -> dict[str, Any]:
     Returns
     -------
     dict
-        table_11_3, refined (bool or None), describing_function (list of period in s, amplitude in % of OP, stable), exact
-        (period in s, half peak-to-peak of OP in %, kick_min in % or None when no kick starts it; None when there is no
-        cycle or the valve has no (S, J)), reason (str).
+        table_11_3, refined (bool or None), describing_function (list of period in s, amplitude in %
+        of OP, stable), exact (period in s, half peak-to-peak of OP in %, kick_min in % or None when
+        no kick starts it; None when there is no cycle or the valve has no (S, J)), reason (str).
 
     Raises
     ------
@@ -59,7 +61,8 @@ def as_text(found: dict[str, Any]) -> str:
     """Write a prediction in a few lines."""
     word = {True: "limit cycle", False: "no limit cycle", None: "no cell"}
     waves = [
-        f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %, {'stable' if f['stable'] else 'unstable'}"
+        f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %,"
+        f" {'stable' if f['stable'] else 'unstable'}"
         for f in found["describing_function"]
     ]
     exact = found["exact"]

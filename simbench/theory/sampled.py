@@ -1,4 +1,6 @@
-"""The sampled loop as the theory sees it: plant and controller in deviations from rest, valve as (S, J)."""
+"""The sampled loop as the theory sees it: plant and controller in deviations from rest, valve as
+(S, J).
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from simbench.loop.setup import Setup
 class SampledLoop:
     """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel.
 
-    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and OP(k) = OP(k-1) - (w(k)
+    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0),
+    and OP(k) = OP(k-1) - (w(k)
     - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
     """
 
@@ -39,10 +42,12 @@ class SampledLoop:
     # S, J: dead-band plus stick band, and slip jump (%)
     S: float
     J: float
-    # whether the valve sticks again after every sample (He's, and physical friction under a sampled OP) or follows OP until it
-    # turns
+    # whether the valve sticks again after every sample (He's, and physical friction under a sampled
+    # OP) or follows OP until it turns
     resticks: bool
-    misfit: float  # how far the valve model is from that (S, J) map: rms difference over a test wave, in units of its jump
+    # how far the valve model is from that (S, J) map: rms difference over a test wave, in units of
+    # its jump
+    misfit: float
     # lo, hi: limits of OP and MV (%)
     lo: float
     hi: float
@@ -52,7 +57,8 @@ class SampledLoop:
     den: np.ndarray
     Td: float  # dead time (s)
     times: tuple[float, ...]  # the loop's time constants and dead time above 0 (s)
-    # kd, fade: of a PID: gain of its derivative over Kc, and what is left of it after a sample; 0 of P and PI
+    # kd, fade: of a PID: gain of its derivative over Kc, and what is left of it after a sample; 0
+    # of P and PI
     kd: float = 0.0
     fade: float = 0.0
 
@@ -90,13 +96,17 @@ class SampledLoop:
         return float(self.C @ np.linalg.solve(gap, self.B_old + self.B_new))
 
     def response(self, w) -> np.ndarray:
-        """Return L(j w), continuous plant with dead time times continuous controller, at the frequencies `w` (rad/s)."""
+        """Return L(j w), continuous plant with dead time times continuous controller, at the
+        frequencies `w` (rad/s).
+        """
         s = 1j * np.asarray(w, dtype=float)
         G = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.Td)
         return G * (1 + self.beta / self.Ts / s)
 
     def sampled_response(self, w) -> np.ndarray:
-        """Return L(e^(j w Ts)), which has the hold and the sampled controller in it, at the frequencies `w` (rad/s)."""
+        """Return L(e^(j w Ts)), which has the hold and the sampled controller in it, at the
+        frequencies `w` (rad/s).
+        """
         z = np.exp(1j * np.asarray(w, dtype=float) * self.Ts)[..., None]
         poles, V = np.linalg.eig(self.A)
         left, new, old = self.C @ V, np.linalg.solve(V, self.B_new), np.linalg.solve(V, self.B_old)
@@ -105,7 +115,9 @@ class SampledLoop:
 
     @cached_property
     def patience(self) -> int:
-        """Samples without a reversal after which the loop is taken to rest: ten times the slowest half period there is."""
+        """Samples without a reversal after which the loop is taken to rest: ten times the slowest
+        half period there is.
+        """
         swing = 0.5 * max(
             self.J, self.S / 10, 1e-12
         )  # the smallest half swing of the valve that counts as cycling
@@ -150,19 +162,35 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     poles = np.roots(setup.den)
     times = [setup.Td, setup.Ti or 0.0, setup.Ts, *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
     return SampledLoop(
-        A=flat(sampled.A), B_old=flat(sampled.B_old), B_new=flat(sampled.B_new), C=flat(gain * sampled.C),
-        delay=sampled.delay, Ts=setup.Ts, integral=setup.Ti is not None,
-        beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
-        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
-        num=gain * setup.num, den=setup.den, Td=setup.Td, times=tuple(t for t in times if t > 0),
-    )  # fmt: skip
+        A=flat(sampled.A),
+        B_old=flat(sampled.B_old),
+        B_new=flat(sampled.B_new),
+        C=flat(gain * sampled.C),
+        delay=sampled.delay,
+        Ts=setup.Ts,
+        integral=setup.Ti is not None,
+        beta=setup.Ts / setup.Ti if setup.Ti else 0.0,
+        S=S,
+        J=J,
+        resticks=resticks,
+        misfit=misfit,
+        gain=gain,
+        lo=setup.op_lo - setup.op0,
+        hi=setup.op_hi - setup.op0,
+        num=gain * setup.num,
+        den=setup.den,
+        Td=setup.Td,
+        times=tuple(t for t in times if t > 0),
+    )
 
 
 def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> SampledLoop:
-    """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of the plant.
+    """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of
+    the plant.
 
-    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and PI =
-    ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
+    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd
+    (z - 1)/(z - fade) and PI = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there
+    for the velocity form with clamping.
     """
     c, Ti, flat, n = (
         setup.loop.controller,
@@ -191,12 +219,28 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
         *(1 / abs(p) for p in poles if abs(p) > 1e-12),
     ]
     return SampledLoop(
-        A=flat(A), B_old=np.append(sampled.B_old, [0.0, 0.0]), B_new=np.append(sampled.B_new, [0.0, 0.0]), C=flat(C),
-        delay=sampled.delay, Ts=setup.Ts, integral=True, beta=beta, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
-        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
-        num=gain * np.polymul(setup.num, np.polyadd(law, [Ti * float(c.Td or 0.0), 0.0, 0.0])), den=np.polymul(setup.den, law),
-        Td=setup.Td, times=tuple(t for t in times if t > 0), kd=p.kd, fade=p.fade,
-    )  # fmt: skip
+        A=flat(A),
+        B_old=np.append(sampled.B_old, [0.0, 0.0]),
+        B_new=np.append(sampled.B_new, [0.0, 0.0]),
+        C=flat(C),
+        delay=sampled.delay,
+        Ts=setup.Ts,
+        integral=True,
+        beta=beta,
+        S=S,
+        J=J,
+        resticks=resticks,
+        misfit=misfit,
+        gain=gain,
+        lo=setup.op_lo - setup.op0,
+        hi=setup.op_hi - setup.op0,
+        num=gain * np.polymul(setup.num, np.polyadd(law, [Ti * float(c.Td or 0.0), 0.0, 0.0])),
+        den=np.polymul(setup.den, law),
+        Td=setup.Td,
+        times=tuple(t for t in times if t > 0),
+        kd=p.kd,
+        fade=p.fade,
+    )
 
 
 def mapped_valve(setup: Setup) -> tuple[float, float]:
@@ -225,7 +269,9 @@ def _numbers(pair: Any) -> tuple[float, float]:
 
 @lru_cache(maxsize=1024)
 def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
-    """Say whether a valve follows OP or sticks again after every sample, and how far it is from the better (S, J) map."""
+    """Say whether a valve follows OP or sticks again after every sample, and how far it is from the
+    better (S, J) map.
+    """
     reach = min(0.75 * (S + J), 50.0)
     if reach == 0:
         return False, 0.0
@@ -253,7 +299,9 @@ def _sticking(wave, S, J, out):
 
 
 def ultimate_gain(loop: SampledLoop) -> float | None:
-    """Return the factor on Kc at which the linear loop begins to oscillate; None when it is unstable at any gain."""
+    """Return the factor on Kc at which the linear loop begins to oscillate; None when it is
+    unstable at any gain.
+    """
     w = np.geomspace(1e-4 / max(loop.times), np.pi / loop.Ts, 20_000)
     L = loop.sampled_response(w)
     phase = np.unwrap(np.angle(L))

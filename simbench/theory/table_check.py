@@ -1,4 +1,6 @@
-"""Table 11.3 against theory: in each of its eight cells, how many loops have a cycle, and how often a load step reaches it."""
+"""Table 11.3 against theory: in each of its eight cells, how many loops have a cycle, and how often
+a load step reaches it.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,8 @@ class _CellCheck:
 def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> list[_CellCheck]:
     """Verify the eight cells of Table 11.3.
 
-    600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S; S
-    = 5 %. Load steps act on a loop at rest in mid-band, without noise.
+    600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three
+    integral times, four J/S; S = 5 %. Load steps act on a loop at rest in mid-band, without noise.
     """
     rng = np.random.default_rng(seed)
     checks = []

@@ -1,4 +1,6 @@
-"""Tables 11.2 and 11.3 as data, the existence conditions that refine Table 11.3, and the truth columns they give."""
+"""Tables 11.2 and 11.3 as data, the existence conditions that refine Table 11.3, and the truth
+columns they give.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,15 @@ TABLE_11_2 = MappingProxyType(
         ("fast (flow)", "P"): ("rectangular", "rectangular"),
         ("slow (pressure, temperature)", ""): ("triangular (smooth)", "sinusoidal"),
         ("integrating (level)", "P"): ("triangular (sharp)", "triangular (sharp)"),
-        # the printed order of this cell is lost; by physics PV, the integral of a square MV, is the triangle
+        # the printed order of this cell is lost; by physics PV, the integral of a square MV, is the
+        # triangle
         ("integrating (level)", "PI"): ("parabolic", "triangular (sharp)"),
     }
 )
 """Typical shapes (OP, PV) of a loop with a sticky valve."""
 
-# Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3
+# Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction:
+# Table 11.3
 DEAD_BAND, STICK_SLIP = "dead-band", "stick-slip"
 TABLE_11_3 = MappingProxyType(
     {
@@ -63,7 +67,9 @@ _MISFIT = 0.05  # rms difference, in jumps, between a valve and its (S, J) map t
 
 
 def cell(loop: SampledLoop) -> tuple[str, str, str] | None:
-    """Return the loop's (process, controller, nonlinearity) in Table 11.3; None for a valve without friction."""
+    """Return the loop's (process, controller, nonlinearity) in Table 11.3; None for a valve without
+    friction.
+    """
     if loop.fs == 0:
         return None
     process = "integrating" if loop.integrating else "self-regulating"
@@ -79,9 +85,10 @@ def table_11_3(loop: SampledLoop) -> bool:
 def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
     """Return Table 11.3's answer with the existence conditions of its two coarse cells.
 
-    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and v + J
-    if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when g J > S.
-    Self-regulating PI with dead-band: the cycle itself decides.
+    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both
+    of two positions v and v + J if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs =
+    (S + J)/2, g = K Kc: there is room when g J > S. Self-regulating PI with dead-band: the cycle
+    itself decides.
     """
     place = cell(loop)
     if place == ("self-regulating", "P", STICK_SLIP):
@@ -168,7 +175,8 @@ def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
             said.append("OP reaches its limits in the cycle")
         if loop.misfit > _MISFIT:
             said.append(
-                "the valve moves otherwise than its (S, J): period and amplitude are those of the nearest (S, J) map"
+                "the valve moves otherwise than its (S, J): period and amplitude are those of the"
+                " nearest (S, J) map"
             )
         if cycle.irregularity > 0.01:
             said.append(

@@ -1,4 +1,6 @@
-"""A headless Chromium for tests: load one page, see what it asks for and complains about, evaluate JavaScript in it."""
+"""A headless Chromium for tests: load one page, see what it asks for and complains about, evaluate
+JavaScript in it.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e 
 
 
 def lost_on_paper(file: Path) -> int:
-    """Count the cells, pictures and tiles that a printed page cuts off or hides in a frame that would have to be scrolled."""
+    """Count the cells, pictures and tiles that a printed page cuts off or hides in a frame that
+    would have to be scrolled.
+    """
     with opened(file, PAPER, media="print") as page:
         assert page.evaluate("document.querySelectorAll('td').length") > 0
         return page.evaluate(OUTSIDE)

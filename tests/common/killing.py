@@ -1,4 +1,6 @@
-"""Plug-ins that stop at a record until what works them was killed: they themselves may end no other process."""
+"""Plug-ins that stop at a record until what works them was killed: they themselves may end no other
+process.
+"""
 
 import os
 import signal
@@ -10,7 +12,9 @@ ABOVE = 1  # the worker of a plug-in is started by the worker of the run
 
 
 def stops(folder: Path, at: int = 20) -> str:
-    """What `detect` begins with: at its call of that number it waits; the first of a process is about a plain record."""
+    """What `detect` begins with: at its call of that number it waits; the first of a process is
+    about a plain record.
+    """
     return f"""
 import os, pathlib, time
 seen, stop = pathlib.Path({str(folder)!r}) / "seen", pathlib.Path({str(folder)!r}) / "stop"

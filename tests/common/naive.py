@@ -1,9 +1,10 @@
-"""Slow, obvious detectors written from the equations of their papers: signals in, verdict and index out.
+"""Slow, obvious detectors written from the equations of their papers: signals in, verdict and index
+out.
 
-They share no line with the product: loops in place of transforms, the samples of a half cycle as they
-are, scipy's fits in place of closed forms. The papers do not say where a half cycle begins in noise.
-Here, as in the product, it begins at the middle one of the changes of sign on the way to beyond a
-quarter of the standard deviation, and lasts an eighth of the period to one period.
+They share no line with the product: loops in place of transforms, the samples of a half cycle as
+they are, scipy's fits in place of closed forms. The papers do not say where a half cycle begins in
+noise. Here, as in the product, it begins at the middle one of the changes of sign on the way to
+beyond a quarter of the standard deviation, and lasts an eighth of the period to one period.
 """
 
 import itertools
@@ -43,7 +44,9 @@ _FOLLOWS = {"IS": {"II", "SI"}, "DS": {"DD", "SD"}}
 
 
 def yamashita_indices(op, mv, step=1):
-    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, counted pair of symbols by pair of symbols."""
+    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, counted pair of symbols by pair of
+    symbols.
+    """
 
     def symbols(x):
         d = x[step:] - x[:-step]
@@ -73,7 +76,8 @@ def yamashita(op, mv):
 
 
 def half_cycles(x, period, points=None):
-    """Yield the half cycles between zero crossings: times since the crossing, in shares of the half cycle, and heights.
+    """Yield the half cycles between zero crossings: times since the crossing, in shares of the half
+    cycle, and heights.
 
     `points`: the number of points to which each is resampled; by default it keeps its own samples.
     """
@@ -114,7 +118,9 @@ def _fitted_sine_error(t, y):
 
 
 def he(x, period, points=None):
-    """He (2007), Eqs 11.10 to 11.13: a sine by nonlinear least squares against a triangle whose apex is searched."""
+    """He (2007), Eqs 11.10 to 11.13: a sine by nonlinear least squares against a triangle whose
+    apex is searched.
+    """
     sine, triangle = [], []
     for t, y in half_cycles(x, period, points):
         sine.append(_fitted_sine_error(t, y))
@@ -141,7 +147,9 @@ def _relay_answer(t, tau):
 
 
 def rossi_scali(pv, period, points=None):
-    """Rossi & Scali (2005), Eq 11.14: half a sine against the answers of first-order lags to a relay."""
+    """Rossi & Scali (2005), Eq 11.14: half a sine against the answers of first-order lags to a
+    relay.
+    """
     sine, relay = [], []
     for t, y in half_cycles(pv, period, points):
         sine.append(_error(y, np.sin(np.pi * t)))
@@ -155,7 +163,9 @@ def rossi_scali(pv, period, points=None):
 
 
 def singhal_salsbury(pv, period, points=None):
-    """Singhal & Salsbury (2005): mean of the areas before over the areas after the peak, by trapezia between the samples."""
+    """Singhal & Salsbury (2005): mean of the areas before over the areas after the peak, by
+    trapezia between the samples.
+    """
     ratios = []
     for t, y in half_cycles(pv, period, points):
         t, y = np.concatenate([[0.0], t, [1.0]]), np.concatenate([[0.0], y, [0.0]])

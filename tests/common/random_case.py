@@ -1,4 +1,6 @@
-"""Loops of our own on which the diagnosis is developed and calibrated: random plants, loads and effects, the answer known."""
+"""Loops of our own on which the diagnosis is developed and calibrated: random plants, loads and
+effects, the answer known.
+"""
 
 from __future__ import annotations
 
@@ -62,15 +64,24 @@ def random_loop(rng: np.random.Generator) -> Loop:
     if rng.random() < 0.65:
         times = np.sort(rng.uniform(0, n * Ts, int(rng.integers(2, 9))))
         steps = [[float(t), value + abs(gain) * float(rng.uniform(-6, 6))] for t in times]
-    return Loop.from_table({
-        "plant": plant,
-        "controller": {"type": "PI", "Kc": Kc, "Ti": Ti, "direction": "reverse" if gain > 0 else "direct"},
-        "operating_point": {"op0": float(rng.uniform(35, 65)), "pv0": value},
-        "sampling": {"Ts": Ts, "n": n},
-        "noise": {"std": noise},
-        "setpoint": {"value": value, "steps": steps},
-        "disturbance": [{"type": "coloured", "amplitude": load, "period": T * float(rng.uniform(0.2, 3.0))}],
-    })  # fmt: skip
+    return Loop.from_table(
+        {
+            "plant": plant,
+            "controller": {
+                "type": "PI",
+                "Kc": Kc,
+                "Ti": Ti,
+                "direction": "reverse" if gain > 0 else "direct",
+            },
+            "operating_point": {"op0": float(rng.uniform(35, 65)), "pv0": value},
+            "sampling": {"Ts": Ts, "n": n},
+            "noise": {"std": noise},
+            "setpoint": {"value": value, "steps": steps},
+            "disturbance": [
+                {"type": "coloured", "amplitude": load, "period": T * float(rng.uniform(0.2, 3.0))}
+            ],
+        }
+    )
 
 
 def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, float | str]:

@@ -23,12 +23,16 @@ STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 
 
 def recorded(table, *effects, seed=2, **changes):
-    """Return the record of a loop with some effects, each (name, parameters), and other sections."""
+    """Return the record of a loop with some effects, each (name, parameters), and other
+    sections.
+    """
     acting = {"effect": [{"name": n, **p} for n, p in effects]} if effects else {}
     return simulate(Loop.from_table({**table, **changes, **acting}), seed).record
 
 
 def resting(seed, n=1500, **changes):
-    """Return OP, PV and SP of the resting loop; a kick starts what other sections, such as a sticky valve, make of it."""
+    """Return OP, PV and SP of the resting loop; a kick starts what other sections, such as a sticky
+    valve, make of it.
+    """
     table = {**RESTING, "sampling": {"Ts": 2.0, "n": n}, **changes}
     return simulate(Loop.from_table(table), seed, kick=5.0 if changes else 0.0).record.without_mv()

@@ -1,4 +1,6 @@
-"""Bicoherence: the fast triangle against its definition, what noise gives, and what it can and cannot see."""
+"""Bicoherence: the fast triangle against its definition, what noise gives, and what it can and
+cannot see.
+"""
 
 import numpy as np
 import pytest

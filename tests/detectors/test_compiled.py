@@ -1,4 +1,6 @@
-"""Compiled kernels: read from disk by the next process, compiled anew when anything they rest on changes."""
+"""Compiled kernels: read from disk by the next process, compiled anew when anything they rest on
+changes.
+"""
 
 import os
 import pickle

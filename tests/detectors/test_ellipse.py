@@ -1,4 +1,6 @@
-"""Ellipse fit: width against geometry, an independent library, and the verdicts of methods ellipse and choudhury."""
+"""Ellipse fit: width against geometry, an independent library, and the verdicts of methods ellipse
+and choudhury.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""Hammerstein identification: the kernels against their plain twins, S on loops whose S is known, J where it can be known."""
+"""Hammerstein identification: the kernels against their plain twins, S on loops whose S is known, J
+where it can be known.
+"""
 
 from dataclasses import replace
 
@@ -27,7 +29,9 @@ def case(q=1, n=400, stops=False):
 
 
 def he_position(op, S, J, state):
-    """He's valve, which stops within every sample, from its flow chart; it starts as Choudhury's does."""
+    """He's valve, which stops within every sample, from its flow chart; it starts as Choudhury's
+    does.
+    """
     v, out = state[0], [state[0]]
     if state[2] != 0.0:  # moving: on the line behind the first OP, wherever that leads
         out = [op[0] - state[1] * (S - J) / 2]
@@ -299,7 +303,8 @@ def test_strongest_segment_prefers_large_regular_swings():
 
 
 def test_a_valve_at_rest_before_a_slow_lag_explains_nothing_by_rounding():
-    # the lag's answer is then a constant and rounding, whose variance once came out as anything, below zero too
+    # the lag's answer is then a constant and rounding, whose variance once came out as anything,
+    # below zero too
     rng, n, half = np.random.default_rng(0), 300, 20
     op = np.append(50.0 + 10.0 * rng.random(20), np.full(n - 20, 50.0))
     given = (op, np.sin(np.arange(n) / 9.0), 1, half, 45, n - half, 1.0, 0.0, 100.0, False)

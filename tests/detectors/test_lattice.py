@@ -1,4 +1,6 @@
-"""Lattices: found wherever they begin, in the root too, through a file's digits; digits themselves are none."""
+"""Lattices: found wherever they begin, in the root too, through a file's digits; digits themselves
+are none.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Hagglund's front end: what it counts, what it takes for the integral time, and that it can be chosen."""
+"""Hagglund's front end: what it counts, what it takes for the integral time, and that it can be
+chosen.
+"""
 
 import json
 

@@ -1,4 +1,6 @@
-"""The two multi-model methods: jumps against every possible course, filters against the exact likelihood."""
+"""The two multi-model methods: jumps against every possible course, filters against the exact
+likelihood.
+"""
 
 import itertools
 
@@ -77,7 +79,8 @@ def test_following_valve_alone_has_the_exact_likelihood():
     rng = np.random.default_rng(2)
     n, a, b, noise = 12, 0.7, 0.4, 0.3
     u, y = rng.standard_normal((2, n))
-    # y is Gaussian: z(0) = y(0) + r-noise, v(0) = u(0) + q, then v(k+1) = u(k) + q, z(k+1) = a z(k) + b v(k+1)
+    # y is Gaussian: z(0) = y(0) + r-noise, v(0) = u(0) + q, then v(k+1) = u(k) + q, z(k+1) = a z(k)
+    # + b v(k+1)
     mean, jac = np.empty(n), np.zeros((n, n + 1))
     z, row = y[0], np.zeros(n + 1)
     row[0] = noise

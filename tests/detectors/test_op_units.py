@@ -35,8 +35,13 @@ def test_a_share_of_one_is_asked_for_its_span():
 
 @pytest.mark.parametrize(
     ("op", "share"),
-    [([0.0, 0.5, 1.0], True), ([0.0, 0.0, 0.0], False), ([0.5, 0.5, 0.5], False), ([0.0, 0.5, 1.1], False),
-     ([-0.1, 0.5, 1.0], False)],
-)  # fmt: skip
+    [
+        ([0.0, 0.5, 1.0], True),
+        ([0.0, 0.0, 0.0], False),
+        ([0.5, 0.5, 0.5], False),
+        ([0.0, 0.5, 1.1], False),
+        ([-0.1, 0.5, 1.0], False),
+    ],
+)
 def test_only_what_moves_within_0_and_1_is_in_doubt(op, share):
     assert LoopRecord(op=op, pv=[1.0, 2.0, 3.0], Ts=1.0).op_share is share

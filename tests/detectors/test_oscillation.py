@@ -20,7 +20,9 @@ def naive_acf(x):
 
 
 def naive_crossings(x, band):
-    """One sample at a time: a crossing counts once the signal has left the band on the other side."""
+    """One sample at a time: a crossing counts once the signal has left the band on the other
+    side.
+    """
     found, changes, side = [], [], 0
     for k in range(x.size):
         if k and (x[k] > 0) != (x[k - 1] > 0):
@@ -242,9 +244,10 @@ def wandering_cycle(seed=0, swings=60):
         int
     )
     ends = np.where(np.arange(swings + 1) % 2 == 0, 48.0, 52.0)
-    return np.interp(
-        np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends
-    ), lengths
+    return (
+        np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends),
+        lengths,
+    )
 
 
 def test_a_cycle_of_one_swing_is_sustained_though_its_period_wanders():
@@ -267,7 +270,9 @@ def test_its_reversals_are_those_of_the_signal_in_any_unit(turned):
 
 
 def test_ten_swings_of_one_size_are_a_cycle_under_way_and_none_of_steps_between_which_op_rests():
-    """Two of one height and one set of times: OP ramps to each end of the one, and jumps to that of the other and waits."""
+    """Two of one height and one set of times: OP ramps to each end of the one, and jumps to that of
+    the other and waits.
+    """
     ramps, lengths = wandering_cycle(4, 12)
     steps = np.append(np.repeat(np.where(np.arange(12) % 2 == 0, 52.0, 48.0), lengths), 52.0)[
         : ramps.size

@@ -1,4 +1,6 @@
-"""Which part of a record is judged: the whole, or the half that oscillates where the whole does not."""
+"""Which part of a record is judged: the whole, or the half that oscillates where the whole does
+not.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ K = np.arange(N)
 
 
 def record(gate, **more):
-    """OP and PV swing with a period of 40 where the gate is open; elsewhere they take a few big steps."""
+    """OP and PV swing with a period of 40 where the gate is open; elsewhere they take a few big
+    steps.
+    """
     rng = np.random.default_rng(5)
     noise, rest = 0.02 * rng.standard_normal((2, N))
     wander = np.select(
@@ -57,7 +61,9 @@ def test_of_two_halves_that_oscillate_the_last_is_judged():
 
 @pytest.mark.parametrize(("fall", "judged"), [(0.45, False), (0.7, True)])
 def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged):
-    """From the first to the last third of the half, whose middles are 400 samples apart; 3 ** -0.5 = .577 is allowed."""
+    """From the first to the last third of the half, whose middles are 400 samples apart; 3 ** -0.5
+    = .577 is allowed.
+    """
     swing = np.where(K < 600, fall ** (K / 400) * np.sin(2 * np.pi * K / 20), 0.0)
     noise = 0.01 * np.random.default_rng(1).standard_normal(N)
     assert (
@@ -86,7 +92,9 @@ def test_mv_is_cut_with_the_rest():
 
 
 def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
-    """OP in % that happens to stay within 0..1 in the half that oscillates: there it would look like a share."""
+    """OP in % that happens to stay within 0..1 in the half that oscillates: there it would look
+    like a share.
+    """
     swing = record(K >= 600)
     op = np.where(K >= 600, 0.5 + 0.05 * (swing.op - 50.0), 30 + 10 * (swing.op - 50.0))
     assert prepare(LoopRecord(op=np.clip(op, 0.0, 100.0), pv=swing.pv, Ts=2.0)).part is None
@@ -123,7 +131,9 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
 def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judged(
     monkeypatch, seen, sustained
 ):
-    """An oscillation of 2935 s, seen at some samplings only, is judged at one sample of 16 s, however dense the record came."""
+    """An oscillation of 2935 s, seen at some samplings only, is judged at one sample of 16 s,
+    however dense the record came.
+    """
 
     def found(op, pv, Ts):
         return Oscillation(Ts in seen, 1.2, 2935.0, lasting=1.0)

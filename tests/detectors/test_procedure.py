@@ -1,4 +1,6 @@
-"""The diagnosis procedure: the flow chart is the program, every branch is reached, and each answer has its reason."""
+"""The diagnosis procedure: the flow chart is the program, every branch is reached, and each answer
+has its reason.
+"""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,6 @@
-"""Data-quality flags: each fires on its fault, and none on a healthy or a noise-free sticky loop."""
+"""Data-quality flags: each fires on its fault, and none on a healthy or a noise-free sticky
+loop.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ def noisy(seed=0, **changes):
 
 
 def swinging_door(x, width):
-    """Keep a sample when no straight line from the last kept one runs within the width of all since; lines between."""
+    """Keep a sample when no straight line from the last kept one runs within the width of all
+    since; lines between.
+    """
     kept, low, high = [0], -np.inf, np.inf
     for k in range(1, x.size):
         start = kept[-1]

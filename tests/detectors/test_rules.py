@@ -1,4 +1,6 @@
-"""Rules of the methods: their published numbers, and on which side of a bound a loop on the bound falls."""
+"""Rules of the methods: their published numbers, and on which side of a bound a loop on the bound
+falls.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -44,7 +46,8 @@ def sticky(loop):
     return Prepared(replace(loop(J=2.5, kick=6.0, n=1500, noise=0.02), kind="flow"))
 
 
-# method, where the number stands, threshold on it, other thresholds, answers just below, on and just above the number
+# method, where the number stands, threshold on it, other thresholds, answers just below, on and
+# just above the number
 ABOVE, AT = "above the bound", "at the bound"
 RULES = [
     ("ellipse", "fitness", "fitness_low", {}, AT),

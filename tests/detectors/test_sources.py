@@ -129,7 +129,10 @@ FORMS = [
     (Two(), r"detect\(op, pv\) cannot be called with one record"),
     (
         number,
-        r"detector 'number': answers 0\.7; a Verdict, one of .* for example: return record\.pv\.std\(\) > 0\.5",
+        (
+            r"detector 'number': answers 0\.7; a Verdict, one of .* for example: return"
+            r" record\.pv\.std\(\) > 0\.5"
+        ),
     ),
     (word, "detector 'word': answers 'perhaps'; a Verdict, one of"),
 ]
@@ -203,9 +206,12 @@ def test_a_function_judges_a_grid_in_any_process(tmp_path):
 
 def test_trust_gap_and_confirm_take_the_same():
     run = sb.Loop(
-        plant={"type": "foptd", "K": 1, "T": 10, "Td": 2}, controller={"type": "PI", "Kc": 1, "Ti": 10},
-        sampling={"Ts": 1, "n": 600}, noise={"std": 0.1}, setpoint={"steps": [[100, 55], [300, 48]]},
-    ).simulate(1)  # fmt: skip
+        plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        controller={"type": "PI", "Kc": 1, "Ti": 10},
+        sampling={"Ts": 1, "n": 600},
+        noise={"std": 0.1},
+        setpoint={"steps": [[100, 55], [300, 48]]},
+    ).simulate(1)
     frame = run.to_frame()
     held = sb.trust(frame, methods=[mean_op, "horch"], healthy=6, each=1, help_wanted=False)
     assert {m.verdict.method for m in held.methods} == {"mean_op", "horch"}

@@ -1,4 +1,6 @@
-"""Spikes: found on slopes, side by side and in noise; corners, steps and bursts of noise are none."""
+"""Spikes: found on slopes, side by side and in noise; corners, steps and bursts of noise are
+none.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Shape recognition: time warping against its plain twin, each shape by its name, and the table of pairs."""
+"""Shape recognition: time warping against its plain twin, each shape by its name, and the table of
+pairs.
+"""
 
 import numpy as np
 import pytest

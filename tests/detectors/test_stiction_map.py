@@ -1,4 +1,6 @@
-"""The (S, J) automaton: golden sequences, the published x_ss reading as slow twin, and what must hold for every OP."""
+"""The (S, J) automaton: golden sequences, the published x_ss reading as slow twin, and what must
+hold for every OP.
+"""
 
 import subprocess
 import sys
@@ -14,14 +16,25 @@ from detectors.signal.stiction_map import start, step, valve_position
 U = np.concatenate(
     [np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]
 ).astype(float)
-# Position (% of travel) under U for S = 5 and each J, from an independent implementation of the flow chart.
+# Position (% of travel) under U for S = 5 and each J, from an independent implementation of the
+# flow chart.
 GOLDEN = {
-    0: "50 50 51.5 53.5 55.5 57.5 57.5 57.5 57.5 57.5 57.5 56.5 55.5 54.5 53.5 52.5 52.5 52.5 52.5 52.5 52.5 52.5 "
-    "53.5 54.5 55.5 55.5 55.5 56.5 57.5 58.5 59.5 60.5",
-    2: "50 50 52.5 54.5 56.5 58.5 58.5 58.5 58.5 58.5 58.5 55.5 54.5 53.5 52.5 51.5 51.5 51.5 51.5 51.5 51.5 51.5 "
-    "54.5 55.5 56.5 56.5 56.5 56.5 56.5 59.5 60.5 61.5",
-    5: "50 50 50 56 58 60 60 60 60 60 60 54 53 52 51 50 50 50 50 50 50 50 56 57 58 58 58 58 58 58 58 58",
-    7: "50 50 50 50 59 61 61 61 61 61 61 53 52 51 50 49 49 49 49 49 49 49 57 58 59 59 59 59 59 59 59 59",
+    0: (
+        "50 50 51.5 53.5 55.5 57.5 57.5 57.5 57.5 57.5 57.5 56.5 55.5 54.5 53.5 52.5 52.5 52.5 52.5"
+        " 52.5 52.5 52.5 53.5 54.5 55.5 55.5 55.5 56.5 57.5 58.5 59.5 60.5"
+    ),
+    2: (
+        "50 50 52.5 54.5 56.5 58.5 58.5 58.5 58.5 58.5 58.5 55.5 54.5 53.5 52.5 51.5 51.5 51.5 51.5"
+        " 51.5 51.5 51.5 54.5 55.5 56.5 56.5 56.5 56.5 56.5 59.5 60.5 61.5"
+    ),
+    5: (
+        "50 50 50 56 58 60 60 60 60 60 60 54 53 52 51 50 50 50 50 50 50 50 56 57 58 58 58 58 58 58"
+        " 58 58"
+    ),
+    7: (
+        "50 50 50 50 59 61 61 61 61 61 61 53 52 51 50 49 49 49 49 49 49 49 57 58 59 59 59 59 59 59"
+        " 59 59"
+    ),
 }
 
 

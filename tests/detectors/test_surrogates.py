@@ -1,4 +1,6 @@
-"""Surrogates: what they keep, the prediction error against its plain twin, and where the index stays."""
+"""Surrogates: what they keep, the prediction error against its plain twin, and where the index
+stays.
+"""
 
 import numpy as np
 import pytest

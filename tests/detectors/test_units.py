@@ -6,8 +6,8 @@ import pytest
 
 from tests.reference import units
 
-# where a search broke a tie by rounding; where an oscillation has died out; where cycles of PV begin with their fall; where
-# PV over OP is a line
+# where a search broke a tie by rounding; where an oscillation has died out; where cycles of PV
+# begin with their fall; where PV over OP is a line
 ONCE_WRONG = (("chapter", 526), ("chapter", 2931), ("families", 2639), ("plant", 477))
 
 
@@ -15,7 +15,8 @@ ONCE_WRONG = (("chapter", 526), ("chapter", 2931), ("families", 2639), ("plant",
     "turn", [0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 2, 3))]
 )
 def test_units_change_no_verdict(turn):
-    # every map meets five of the records, every record four of the maps; in one turn every map meets one record at least
+    # every map meets five of the records, every record four of the maps; in one turn every map
+    # meets one record at least
     for number, (label, record) in enumerate(units.records(20)):
         if number % 4 == turn:
             assert not list(units.changes(record, slice((number // 4 + turn) % 4, None, 4))), label

@@ -1,4 +1,6 @@
-"""A valve seen directly: a dead band between OP and flow is found without an oscillation, and not where there is none."""
+"""A valve seen directly: a dead band between OP and flow is found without an oscillation, and not
+where there is none.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""How little a method just accepts, what lies outside its own numbers, and scores and levels that are known beforehand."""
+"""How little a method just accepts, what lies outside its own numbers, and scores and levels that
+are known beforehand.
+"""
 
 import math
 from dataclasses import replace
@@ -72,7 +74,9 @@ def test_samples_per_cycle_that_are_just_enough(sticky, name, least):
 
 @pytest.mark.parametrize("phase", [0.0, math.pi / 6, math.pi / 4, math.pi / 3, math.pi / 2])
 def test_horchs_score_is_the_phase_in_quarters_of_a_turn(monkeypatch, phase):
-    """Of two sinusoids both indices are functions of the phase: 2 phi/pi and tan(phi/2)^2 (Eqs 11.6 and 11.7)."""
+    """Of two sinusoids both indices are functions of the phase: 2 phi/pi and tan(phi/2)^2 (Eqs 11.6
+    and 11.7).
+    """
     monkeypatch.setattr(
         horch, "correlation_indices", lambda *a: (2 * phase / math.pi, math.tan(phase / 2) ** 2)
     )

@@ -31,7 +31,8 @@ def test_valve_that_never_moves_is_stuck_in_rho3_and_not_in_rho2():
     op = np.sin(np.arange(1000) / 20) ** 3
     rho1, rho2, rho3 = movement_indices(op, np.full(1000, 50.0))
     assert (rho1, rho2) == (1.0, 0.0)
-    # between an OP that rises and one that falls the published rule still takes IS followed by DS out
+    # between an OP that rises and one that falls the published rule still takes IS followed by DS
+    # out
     assert rho3 == pytest.approx(0.0, abs=0.1)
 
 

@@ -1,4 +1,6 @@
-"""What scripts rely on in the answers: verbs and options, the keys of every JSON, run tables, exit codes."""
+"""What scripts rely on in the answers: verbs and options, the keys of every JSON, run tables, exit
+codes.
+"""
 
 from __future__ import annotations
 
@@ -61,10 +63,25 @@ EFFECTS = {
     },
 }
 METHODS = {
-    "horch", "horch_histogram", "he", "rossi_scali", "yamashita", "kano_a", "kano_b", "singhal_salsbury", "choudhury",
-    "ellipse", "bicoherence", "surrogate", "srinivasan", "hammerstein", "stenman", "horch_isaksson", "procedure",
+    "horch",
+    "horch_histogram",
+    "he",
+    "rossi_scali",
+    "yamashita",
+    "kano_a",
+    "kano_b",
+    "singhal_salsbury",
+    "choudhury",
+    "ellipse",
+    "bicoherence",
+    "surrogate",
+    "srinivasan",
+    "hammerstein",
+    "stenman",
+    "horch_isaksson",
+    "procedure",
     "gbt44693",
-}  # fmt: skip
+}
 INDICES = {
     "horch": {"dtau", "drho"}, "he": {"eta", "eta_two_line"}, "yamashita": {"rho1", "rho2", "rho3"},
     "rossi_scali": {"eta_rossi"}, "singhal_salsbury": {"r_area"}, "bicoherence": {"ngi", "nli"},
@@ -74,11 +91,17 @@ OPTIONS = {
     "simulate": "-o --seed --from --id",
     "valve": "--model --param -o",
     "predict": "--json",
-    "detect": "--method --process --kind --op-span --pv-span --columns --ts --loop --labels --raw --plugin --csv --html --json",
+    "detect": (
+        "--method --process --kind --op-span --pv-span --columns --ts --loop --labels --raw"
+        " --plugin --csv --html --json"
+    ),
     "diagnose": "--json",
     "confirm gain-change": "--records --ratio --json",
     "confirm travel": "--record --json",
-    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --fresh-seeds --json",
+    "run": (
+        "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis"
+        " --fresh-seeds --json"
+    ),
     "score": "--paired --report --json",
     "verify": "--share -j --plugin --json",
     "check": "--against",
@@ -179,9 +202,19 @@ def test_names(answer):
     assert names["grids"] >= {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
     assert names["figures"] >= {"score-map", "table-11-4"} | {f"fig-11-{k}" for k in range(4, 28)}
     assert names["valves"] >= {
-        "ideal", "deadband", "deadzone", "choudhury", "choudhury_literal", "kano", "he", "stenman", "coulomb", "karnopp",
-        "stribeck", "lugre",
-    }  # fmt: skip
+        "ideal",
+        "deadband",
+        "deadzone",
+        "choudhury",
+        "choudhury_literal",
+        "kano",
+        "he",
+        "stenman",
+        "coulomb",
+        "karnopp",
+        "stribeck",
+        "lugre",
+    }
 
 
 def test_predict(answer, place):
@@ -258,10 +291,29 @@ def test_score_and_the_run_tables(answer, place, capsys):
     assert set(found["benchmark"]) >= {"name", "version", "hash"}
     rows = pd.DataFrame(found["rows"])
     assert set(rows) == {
-        "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
-        "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
-        "home", "population",
-    }  # fmt: skip
+        "method",
+        "truth",
+        "front_end",
+        "process",
+        "n",
+        "applicable",
+        "accuracy_applicable",
+        "accuracy_decided",
+        "no_decision",
+        "found",
+        "false_alarms",
+        "accuracy_all",
+        "auc",
+        "lo",
+        "hi",
+        "sees_mv",
+        "rank",
+        "found_at_5",
+        "cost",
+        "risk_coverage",
+        "home",
+        "population",
+    }
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}
     assert set(rows.process) == {"all", "self-regulating", "integrating"}
     assert set(rows.front_end) == {True, False}
@@ -327,9 +379,19 @@ def test_score_and_the_run_tables(answer, place, capsys):
 def test_gap_diagnose(answer, place):
     found = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
     assert set(found) == {
-        "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
-        "probability_of_stiction", "conclusion",
-    }  # fmt: skip
+        "block",
+        "effect",
+        "effects",
+        "group",
+        "ranking",
+        "gap",
+        "shrinkage",
+        "blocks",
+        "next_test",
+        "notes",
+        "probability_of_stiction",
+        "conclusion",
+    }
     assert (found["block"], found["effect"]) == ("valve", "stiction")
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
     assert 1 <= len(found["effects"]) <= 2
@@ -376,8 +438,15 @@ def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
 def test_trust(answer):
     found = answer("trust sticky.csv --method he,procedure")
     assert set(found) == {
-        "methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes", "conclusion",
-    }  # fmt: skip
+        "methods",
+        "best",
+        "smallest_visible",
+        "probability",
+        "probability_of_stiction",
+        "twins",
+        "notes",
+        "conclusion",
+    }
     assert set(found["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
     for m in found["methods"]:
         assert set(m) == {

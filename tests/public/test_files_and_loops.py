@@ -1,4 +1,6 @@
-"""What people and scripts rely on in loop files and records: keys, defaults, signs, columns, gaps, units, what is refused."""
+"""What people and scripts rely on in loop files and records: keys, defaults, signs, columns, gaps,
+units, what is refused.
+"""
 
 from __future__ import annotations
 
@@ -86,7 +88,9 @@ def record(tmp_path_factory) -> pd.DataFrame:
 
 
 def by_hand(loop: dict, load_in: np.ndarray, load_out: np.ndarray) -> dict[str, np.ndarray]:
-    """The loop as its description reads, sample by sample, with Choudhury's valve as an automaton of its own."""
+    """The loop as its description reads, sample by sample, with Choudhury's valve as an automaton
+    of its own.
+    """
     plant, controller, Ts = loop["plant"], loop["controller"], loop["sampling"]["Ts"]
     rest = {"op0": 50.0, "pv0": loop.get("setpoint", {}).get("value", 50.0)} | loop.get(
         "operating_point", {}
@@ -185,10 +189,19 @@ def test_every_disturbance_acts_at_either_place(simulate, kind, at):
 
 
 MODELS = {
-    "ideal": {}, "deadband": {"S": 5.0}, "deadzone": {"D": 5.0}, "choudhury": {"S": 5.0, "J": 2.0},
-    "choudhury_literal": {"S": 5.0, "J": 2.0}, "kano": {"S": 5.0, "J": 2.0}, "he": {"fs": 3.5, "fd": 1.5},
-    "stenman": {"d": 3.0}, "coulomb": {}, "karnopp": {}, "stribeck": {}, "lugre": {},
-}  # fmt: skip
+    "ideal": {},
+    "deadband": {"S": 5.0},
+    "deadzone": {"D": 5.0},
+    "choudhury": {"S": 5.0, "J": 2.0},
+    "choudhury_literal": {"S": 5.0, "J": 2.0},
+    "kano": {"S": 5.0, "J": 2.0},
+    "he": {"fs": 3.5, "fd": 1.5},
+    "stenman": {"d": 3.0},
+    "coulomb": {},
+    "karnopp": {},
+    "stribeck": {},
+    "lugre": {},
+}
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -1,7 +1,9 @@
-"""Fail every file operation of a smoke run once, each in a process of its own that a kill really ends, and go on.
+"""Fail every file operation of a smoke run once, each in a process of its own that a kill really
+ends, and go on.
 
-`python tests/reference/kills.py` prints for each way of failing how many operations failed, and how often the resumed run lost
-a row, differed from the undisturbed one, or left other files; exit 1 if any did. `--every 9` takes every ninth operation.
+`python tests/reference/kills.py` prints for each way of failing how many operations failed, and how
+often the resumed run lost a row, differed from the undisturbed one, or left other files; exit 1 if
+any did. `--every 9` takes every ninth operation.
 """
 
 from __future__ import annotations
@@ -59,7 +61,9 @@ def smoke(folder: Path, pieces: Path, resume: bool = False) -> None:
 
 
 def failed(folder: Path, pieces: Path, at: int, fault: str, count: Path) -> int:
-    """Run with one operation failing; 0: none did, 2: it was said in one sentence, 3: it was not."""
+    """Run with one operation failing; 0: none did, 2: it was said in one sentence, 3: it was
+    not.
+    """
     with pytest.MonkeyPatch.context() as patch:
         disk = Disk(patch, at, fault, lambda: os.kill(os.getpid(), signal.SIGKILL))
         try:

@@ -1,7 +1,9 @@
-"""The labels of a scenario a second time: written from the contract alone (section 5), slowly, with nothing of simbench.bench.
+"""The labels of a scenario a second time: written from the contract alone (section 5), slowly, with
+nothing of simbench.bench.
 
-It shares the simulator (which has twins of its own) and the random streams, and nothing else: reversals, swings, periods,
-sine amplitudes, the band of a valve, Table 11.3 and its refinement are worked out here again.
+It shares the simulator (which has twins of its own) and the random streams, and nothing else:
+reversals, swings, periods, sine amplitudes, the band of a valve, Table 11.3 and its refinement are
+worked out here again.
 """
 
 import math
@@ -70,7 +72,9 @@ def refined(loop):
 
 
 def turning_points(x, least):
-    """Return [(index, value)] where x turns by more than `least`; the first and the last stretch have no turn."""
+    """Return [(index, value)] where x turns by more than `least`; the first and the last stretch
+    have no turn.
+    """
     turns = []
     top = low = (0, x[0])
     direction = 0
@@ -102,7 +106,9 @@ def period_of(turns):
 
 
 def largest_sine(x, period):
-    """Return the largest amplitude of a sine in x at any period within a factor 3 of `period` (samples)."""
+    """Return the largest amplitude of a sine in x at any period within a factor 3 of `period`
+    (samples).
+    """
     x = np.asarray(x) - np.mean(x)
     k = np.arange(x.size)
     best = 0.0
@@ -113,7 +119,9 @@ def largest_sine(x, period):
 
 
 def fading(turns, n):
-    """Return the median swing of the last third of n samples over that of the first; 0 when the last third is still."""
+    """Return the median swing of the last third of n samples over that of the first; 0 when the
+    last third is still.
+    """
     first, last = [], []
     for (i, x), (k, y) in pairwise(turns):
         if (i + k) / 2.0 < n / 3.0:
@@ -182,7 +190,9 @@ def without_friction(loop):
 
 
 def tail_of(loop, seed, off, P, swing, plain):
-    """Return ((turns, samples), MV) over 20 periods behind the record, of the loop's own motion if that is slower than P."""
+    """Return ((turns, samples), MV) over 20 periods behind the record, of the loop's own motion if
+    that is slower than P.
+    """
     size = min(max(math.ceil(PERIODS * P), 3 * PERIODS), LONGEST)
     while True:
         mv = behind(loop, seed, off, size, plain)
@@ -195,7 +205,9 @@ def tail_of(loop, seed, off, P, swing, plain):
 
 
 def behind(loop, seed, off, size, plain):
-    """Return MV behind the record: loads and set point frozen at its end, no noise from sample `off` on."""
+    """Return MV behind the record: loads and set point frozen at its end, no noise from sample
+    `off` on.
+    """
     setup = resolve_loop(loop, seed, size)
     if off is not None:
         setup.pv_add[(loop.sampling.warm_up or 0) + off :] = 0.0

@@ -1,4 +1,6 @@
-"""Ratios of interleaved runs by CPU time: the compiled loop against C, against plain Python and against python-control."""
+"""Ratios of interleaved runs by CPU time: the compiled loop against C, against plain Python and
+against python-control.
+"""
 
 from __future__ import annotations
 
@@ -64,9 +66,18 @@ class Case:
         plant, control, _, _, ((S, J, _),) = self.parts.numbers
         s = self.setup
         self.c_arguments = [
-            n, self.delay + 1, *(a.ctypes.data for a in (s.sp, s.load_in, s.load_out, s.pv_add)), s.op0, self.w.ctypes.data,
-            *plant, control.Kc, control.Ki, S, J, *(a.ctypes.data for a in self.out),
-        ]  # fmt: skip
+            n,
+            self.delay + 1,
+            *(a.ctypes.data for a in (s.sp, s.load_in, s.load_out, s.pv_add)),
+            s.op0,
+            self.w.ctypes.data,
+            *plant,
+            control.Kc,
+            control.Ki,
+            S,
+            J,
+            *(a.ctypes.data for a in self.out),
+        ]
 
     def run(self, function) -> list[np.ndarray]:
         s = self.setup
@@ -92,14 +103,17 @@ class Case:
 
 
 def python_control(n: int):
-    """The same loop, noise and all, as python-control's user draws it: blocks joined by `interconnect`."""
+    """The same loop, noise and all, as python-control's user draws it: blocks joined by
+    `interconnect`.
+    """
     import control
 
     case = Case(n)
     s = case.setup
     sampled, (_, pi, _, _, (p,)) = case.parts.sampled, case.parts.numbers
     step, lag, Ts = s.valves[0][0].step, case.delay + 1, s.Ts
-    # a block's output may depend on its input in the same sample: output and next state come from the same step
+    # a block's output may depend on its input in the same sample: output and next state come from
+    # the same step
     pi_block = control.nlsys(
         lambda t, x, u, _: np.array(controller.pi_step(u[0], 0.0, (x[0], x[1]), pi)),
         lambda t, x, u, _: np.array(controller.pi_step(u[0], 0.0, (x[0], x[1]), pi)[:1]),
@@ -131,7 +145,9 @@ def python_control(n: int):
 
 
 def interleaved(*functions, repeats: list[int]) -> list[list[float]]:
-    """Return CPU seconds per call of the functions, run in turn, `ROUNDS` times `repeats` calls each."""
+    """Return CPU seconds per call of the functions, run in turn, `ROUNDS` times `repeats` calls
+    each.
+    """
     times: list[list[float]] = [[] for _ in functions]
     for f in functions:
         f()
@@ -152,7 +168,8 @@ def table(title: str, rows: list[tuple[str, list[float], list[float], float]]) -
         least, median = min(slow) / min(fast), float(np.median(slow) / np.median(fast))
         good &= least >= bar
         print(
-            f"{name:<58} min {least:9.2f}  median {median:9.2f}   wanted >= {bar:g}   {'ok' if least >= bar else 'SHORT'}"
+            f"{name:<58} min {least:9.2f}  median {median:9.2f}   wanted >= {bar:g}  "
+            f" {'ok' if least >= bar else 'SHORT'}"
         )
     return 0 if good else 1
 

@@ -1,4 +1,6 @@
-"""Milliseconds per record of 4000 samples for each detector and for the two budgets: minima and medians of interleaved runs."""
+"""Milliseconds per record of 4000 samples for each detector and for the two budgets: minima and
+medians of interleaved runs.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,8 @@ def main() -> int:
             if round_:  # the first compiles
                 times[name].append((time.process_time() - start) / len(some) * 1e3)
     print(
-        f"CPU ms per record of 4000 samples, front end included, minimum and median of {ROUNDS} interleaved rounds"
+        f"CPU ms per record of 4000 samples, front end included, minimum and median of {ROUNDS}"
+        " interleaved rounds"
     )
     for name in names:
         print(f"{name:<20} {min(times[name]):8.2f} {np.median(times[name]):8.2f}   {budget[name]}")
@@ -64,7 +67,8 @@ def main() -> int:
         good &= value <= bar
         said = "ok" if value <= bar else "SHORT"
         print(
-            f"budget {name:<13} {value:8.2f} {np.median(times[name]):8.2f}   wanted <= {bar:g}   {said}"
+            f"budget {name:<13} {value:8.2f} {np.median(times[name]):8.2f}   wanted <= {bar:g}  "
+            f" {said}"
         )
     return 0 if good else 1
 

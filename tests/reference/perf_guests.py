@@ -1,4 +1,6 @@
-"""What a worker process costs the main job: its pieces worked with one detector more, in its worker or in this process."""
+"""What a worker process costs the main job: its pieces worked with one detector more, in its worker
+or in this process.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ def piece(grid: Grid, index: int, names: list[str]) -> None:
 
 
 def compared(grid: Grid, names: list[str], inside: str, isolated: str) -> tuple[float, float]:
-    """CPU s of some groups with the plug-in here, and in its process; by turns, each group at its quickest."""
+    """CPU s of some groups with the plug-in here, and in its process; by turns, each group at its
+    quickest.
+    """
     best = np.full((2, GROUPS), np.inf)
     for turn in range(ROUNDS):
         for g, index in enumerate(np.linspace(0, grid.group_count - 1, GROUPS).astype(int)):
@@ -67,7 +71,8 @@ def main() -> int:
     folder, grid, good = Path(tempfile.mkdtemp()), load_grid("chapter"), True
     fast = [n for n in methods.names() if methods.load(n).METHOD.budget == "fast"]
     print(
-        f"CPU s of {GROUPS} of {grid.group_count} groups of the chapter's grid, each at its quickest of {ROUNDS} turns"
+        f"CPU s of {GROUPS} of {grid.group_count} groups of the chapter's grid, each at its"
+        f" quickest of {ROUNDS} turns"
     )
     for name in PLUGINS:
         source = Path(built_in.__path__[0]) / f"{name}.py"
@@ -83,7 +88,8 @@ def main() -> int:
         each, begun = (other - one) / one, WORKERS * start / whole
         good &= each + begun <= MOST
         print(
-            f"{name:<8} here {one:.3f} isolated {other:.3f}: {each:+.1%}, and {begun:.1%} to start its processes",
+            f"{name:<8} here {one:.3f} isolated {other:.3f}: {each:+.1%}, and {begun:.1%} to start"
+            " its processes",
             flush=True,
         )
         for extra in (here, there):

@@ -1,4 +1,5 @@
-"""Where a scenario's CPU time goes: loop kernel, its set-up, truth, theory, front end, each detector, store and glue.
+"""Where a scenario's CPU time goes: loop kernel, its set-up, truth, theory, front end, each
+detector, store and glue.
 
 Shares are compared with the committed ones, which `--update` writes.
 """
@@ -34,8 +35,9 @@ BLOCKS, BLOCK = (
 )  # so many blocks of neighbouring groups, which share what a real run's neighbours share
 ROUNDS = 3
 COMMITTED = Path(__file__).parents[2] / "results" / "perf_shares.json"
-# a share may double and grow by three hundredths: kernels that fill the vector registers take twice as long, and the rest
-# hardly longer, where another guest of the host keeps the core's second thread busy (hammerstein: 14 % and 27 % of one code)
+# a share may double and grow by three hundredths: kernels that fill the vector registers take twice
+# as long, and the rest hardly longer, where another guest of the host keeps the core's second
+# thread busy (hammerstein: 14 % and 27 % of one code)
 GROWTH, SLACK = 2.0, 0.03
 RATIO = 1.5  # growth of what full costs in fasts
 
@@ -102,7 +104,9 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
 
 
 def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str, float], int]:
-    """Run some blocks of a grid as a worker does; return milliseconds of CPU per scenario by name, and the scenarios."""
+    """Run some blocks of a grid as a worker does; return milliseconds of CPU per scenario by name,
+    and the scenarios.
+    """
     meter, count = Meter(), 0
     before = metered(meter, names)
     try:
@@ -124,7 +128,9 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
 
 
 def measured() -> dict[str, Any]:
-    """Measure both budgets in turn, always on other blocks so that nothing is remembered from the one before."""
+    """Measure both budgets in turn, always on other blocks so that nothing is remembered from the
+    one before.
+    """
     plan = load_grid(GRID)
     starts = range(0, plan.group_count - plan.group_count // BLOCKS + 1, plan.group_count // BLOCKS)
     budgets = {budget: choose_methods([budget]) for budget in ("fast", "full")}
@@ -155,14 +161,17 @@ def summary(rounds: list[tuple[dict[str, float], int]]) -> dict[str, Any]:
 
 
 def grown(now: dict[str, Any], committed: dict[str, Any]) -> list[str]:
-    """Return a sentence for each share, and for the ratio of the budgets, that outgrew the committed one; never for times."""
+    """Return a sentence for each share, and for the ratio of the budgets, that outgrew the
+    committed one; never for times.
+    """
     told = []
     for budget, was in committed.items():
         for name, share in now[budget]["share"].items():
             before = was["share"].get(name, 0.0)
             if share > GROWTH * before + SLACK:
                 told.append(
-                    f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last committed"
+                    f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last"
+                    " committed"
                 )
     ratios = [t["full"]["minimum_ms"] / t["fast"]["minimum_ms"] for t in (now, committed)]
     if ratios[0] > RATIO * ratios[1]:
@@ -176,7 +185,8 @@ def main() -> int:
     found = measured()
     for budget, told in found.items():
         print(
-            f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median {told['median_ms']:.2f} ms"
+            f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median"
+            f" {told['median_ms']:.2f} ms"
         )
         for name, value in told["ms"].items():
             print(f"  {name:<30} {value:8.3f} ms {told['share'][name]:7.1%}")

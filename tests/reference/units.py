@@ -1,4 +1,6 @@
-"""Do verdicts change with the units of OP and PV? Records of two grids and of the blind check's own world, every method."""
+"""Do verdicts change with the units of OP and PV? Records of two grids and of the blind check's own
+world, every method.
+"""
 
 from __future__ import annotations
 
@@ -103,7 +105,9 @@ def verdicts(record: LoopRecord) -> dict[tuple[str, str], Verdict]:
 def changes(
     record: LoopRecord, maps: slice = slice(None)
 ) -> Iterator[tuple[str, str, str, Verdict, Verdict]]:
-    """Yield map, method, mode and both verdicts wherever one of the maps changes the word or the applicability."""
+    """Yield map, method, mode and both verdicts wherever one of the maps changes the word or the
+    applicability.
+    """
     plain = verdicts(record)
     for name, other in list(mapped(record))[maps]:
         for (method, mode), after in verdicts(other).items():
@@ -127,7 +131,8 @@ def main() -> int:
             )
     pairs = count * (len(PV_MAPS) + len(OP_MAPS)) * len(methods.names()) * 2
     print(
-        f"{count} records, {len(PV_MAPS)} units of PV and {len(OP_MAPS)} of OP: {changed} of {pairs} verdicts changed"
+        f"{count} records, {len(PV_MAPS)} units of PV and {len(OP_MAPS)} of OP: {changed} of"
+        f" {pairs} verdicts changed"
     )
     return 1 if changed else 0
 

@@ -106,8 +106,15 @@ def test_no_number_of_a_record_tells_which_other_loop_is_of_its_cell(name):
     drafts = [draft for group in load_grid(name).groups(0, 60) for draft in group.drafts]
     for draft in drafts:
         control, rules, plant = draft.loop.controller, draft.rules, draft.loop.plant
-        numbers = (draft.seed, plant.K, plant.T or control.Ti, control.Kc, draft.loop.setpoint.value,
-                   rules.samples_per_period * rules.periods, rules.noise_ratio)  # fmt: skip
+        numbers = (
+            draft.seed,
+            plant.K,
+            plant.T or control.Ti,
+            control.Kc,
+            draft.loop.setpoint.value,
+            rules.samples_per_period * rules.periods,
+            rules.noise_ratio,
+        )
         for key, number in zip(seen, numbers, strict=True):
             seen[key].append(number)
     assert {key: len(set(numbers)) for key, numbers in seen.items()} == dict.fromkeys(
@@ -294,7 +301,10 @@ def test_a_refused_grid_is_shown_the_smallest_of_its_form(tmp_path, text, shown)
 
 
 def test_a_section_is_an_axis_whose_parameters_differ_by_value(tmp_path):
-    axes = 'axes = { valve = [{ model = "choudhury", S = 5, J = 2 }, { model = "stenman", d = 3 }], "controller.Kc" = [1, 2] }'
+    axes = (
+        'axes = { valve = [{ model = "choudhury", S = 5, J = 2 }, { model = "stenman", d = 3 }],'
+        ' "controller.Kc" = [1, 2] }'
+    )
     (tmp_path / "own.toml").write_text(f"{SMALLEST_LOOP}\n{axes}")
     grid = load_grid(tmp_path / "own.toml")
     drafts = [group.drafts[0] for group in grid.groups()]

@@ -1,4 +1,6 @@
-"""A sample of a grid: the same scenarios as the whole grid has, each as likely, of a grid of any size."""
+"""A sample of a grid: the same scenarios as the whole grid has, each as likely, of a grid of any
+size.
+"""
 
 import pickle
 import time

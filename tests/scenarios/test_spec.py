@@ -1,4 +1,6 @@
-"""The loop schema: what it refuses, how it says so, and that a loop survives writing and reading."""
+"""The loop schema: what it refuses, how it says so, and that a loop survives writing and
+reading.
+"""
 
 from __future__ import annotations
 

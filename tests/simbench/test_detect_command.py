@@ -1,4 +1,6 @@
-"""The verb detect as people use it: a table first, reasons on request, every note once, files beside it; and every help."""
+"""The verb detect as people use it: a table first, reasons on request, every note once, files
+beside it; and every help.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +127,8 @@ def test_colour_is_for_terminals_alone(folder, capsys):
 def test_simulate_says_what_it_wrote(capsys, tmp_path):
     loop = tmp_path / "loop.toml"
     loop.write_text(
-        '[plant]\ntype = "foptd"\nK = 1\nT = 10\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 2\nn = 100\n'
+        '[plant]\ntype = "foptd"\nK = 1\nT = 10\n[controller]\ntype = "PI"\nKc = 1\nTi ='
+        " 10\n[sampling]\nTs = 2\nn = 100\n"
     )
     out = said(capsys, "simulate", loop, "-o", tmp_path / "rec.csv").out
     assert (

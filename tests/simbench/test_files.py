@@ -65,8 +65,23 @@ def test_numbers_and_plain_text_stand_as_they_are(cell):
 
 def test_the_verbs_that_echo_a_table_quote_it_too(tmp_path, capsys):
     (tmp_path / "in.csv").write_text("t,op,=cmd\n0,50,=1+1\n1,-5,-3\n2,52,@x\n")
-    assert main(["valve", "--model", "choudhury", "--param", "S=5", "--param", "J=2", str(tmp_path / "in.csv"), "-o",
-                 str(tmp_path / "out.csv")]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "valve",
+                "--model",
+                "choudhury",
+                "--param",
+                "S=5",
+                "--param",
+                "J=2",
+                str(tmp_path / "in.csv"),
+                "-o",
+                str(tmp_path / "out.csv"),
+            ]
+        )
+        == 0
+    )
     lines = (tmp_path / "out.csv").read_text().splitlines()
     assert [line.rsplit(",", 1)[0] for line in lines] == [
         "t,op,'=cmd",

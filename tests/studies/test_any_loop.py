@@ -1,4 +1,6 @@
-"""Plants and controllers of any kind against python-control, and their cycles against theory, on a few loops."""
+"""Plants and controllers of any kind against python-control, and their cycles against theory, on a
+few loops.
+"""
 
 import numpy as np
 

@@ -19,9 +19,14 @@ def test_a_mixture_follows_from_its_seed_and_holds_what_it_says():
 
 def test_the_table_counts_each_kind_by_itself(tmp_path):
     row = {
-        "first": True, "in_group": True, "block_right": False, "called_unknown": False, "called_none": False,
-        "both_named": False, "probability": 0.95,
-    }  # fmt: skip
+        "first": True,
+        "in_group": True,
+        "block_right": False,
+        "called_unknown": False,
+        "called_none": False,
+        "both_named": False,
+        "probability": 0.95,
+    }
     rows = [
         {**row, "kind": "single"},
         {**row, "kind": "none", "first": False},

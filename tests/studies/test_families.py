@@ -1,4 +1,6 @@
-"""Valve families: rates by family, weights fitted without one, and the grid in which all stand in the same cells."""
+"""Valve families: rates by family, weights fitted without one, and the grid in which all stand in
+the same cells.
+"""
 
 import numpy as np
 import pandas as pd

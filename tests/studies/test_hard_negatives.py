@@ -34,7 +34,10 @@ def test_committed_cases_replay(path):
     said, found = recorded(path), read_case(path)
     assert isinstance(found.loop, Loop)
     assert not simulate(found.loop, found.seed).sticky
-    hint = f"the method changed: python -m results.studies.hard_negatives {found.method} (or --rejudge)"
+    hint = (
+        f"the method changed: python -m results.studies.hard_negatives {found.method} (or"
+        " --rejudge)"
+    )
     assert (found.method, found.verdict.verdict) == (path.stem, said["verdict"]), hint
     if math.isfinite(said["score"]):
         # another library may round otherwise; verdicts are not that close to their thresholds

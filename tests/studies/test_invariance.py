@@ -12,7 +12,9 @@ from results.studies.invariance import dense_records
 
 @pytest.fixture(scope="module")
 def records():
-    """Loops of chapter whose whole does not oscillate: a half does, at some densities more plainly than at others."""
+    """Loops of chapter whose whole does not oscillate: a half does, at some densities more plainly
+    than at others.
+    """
     found = list(islice(dense_records({"chapter": 20}), 12))
     return [found[9].without_mv(), found[11].without_mv()]
 

@@ -1,4 +1,6 @@
-"""Sections on their own ground: right of decided against the bar, and no more undecided than a quarter."""
+"""Sections on their own ground: right of decided against the bar, and no more undecided than a
+quarter.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from results.studies.own_ground import sections
 
 @pytest.fixture
 def scored(book, monkeypatch):
-    """Score one section of a run made up of right, wrong and undecided answers, with and without noise."""
+    """Score one section of a run made up of right, wrong and undecided answers, with and without
+    noise.
+    """
 
     def score(right, wrong, undecided, section="he", method="he", unclear=0):
         n = right + wrong + undecided

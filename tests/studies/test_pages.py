@@ -1,4 +1,6 @@
-"""The pages written from the code: every published number is there, ours beside it, and the gallery shows every figure."""
+"""The pages written from the code: every published number is there, ours beside it, and the gallery
+shows every figure.
+"""
 
 from __future__ import annotations
 

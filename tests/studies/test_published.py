@@ -1,4 +1,6 @@
-"""Methods as published: a variant is its source's numbers and nothing else, and the table holds both beside each other."""
+"""Methods as published: a variant is its source's numbers and nothing else, and the table holds
+both beside each other.
+"""
 
 import numpy as np
 import pytest

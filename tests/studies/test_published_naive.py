@@ -1,19 +1,26 @@
-"""NAME@published against slow implementations of the papers, given the same whole records of 40 simulated loops.
+"""NAME@published against slow implementations of the papers, given the same whole records of 40
+simulated loops.
 
 What differs, on these records:
 
-=================  ===============================  ==============================================================
-method             differs in                       because
-=================  ===============================  ==============================================================
-horch, yamashita   nothing: same verdict, same      -
+=================  ===============================
+============================================================== method             differs in
+because =================  ===============================
+============================================================== horch, yamashita   nothing: same
+verdict, same      -
                    index to 1e-9
-he, rossi_scali    the index, by .02 in the median  a half cycle is resampled to 40 points by straight lines, which
-                   and .3 at most; a verdict only   takes off part of the noise. A slow fit to the same 40 points has
-                   next to a bound                  the same verdicts, and the same index to .01.
-singhal_salsbury   R, by .1 in the median; a        the peak of a half cycle is placed between samples. R is a mean of
-                   verdict only next to R = 1, or   quotients: where a half cycle is noise about its mean, an area is
-                   where half cycles are noise      near zero or negative, and one quotient decides.
-=================  ===============================  ==============================================================
+he, rossi_scali    the index, by .02 in the median  a half cycle is resampled to 40 points by
+straight lines, which
+                   and .3 at most; a verdict only   takes off part of the noise. A slow fit to the
+                   same 40 points has next to a bound                  the same verdicts, and the
+                   same index to .01.
+singhal_salsbury   R, by .1 in the median; a        the peak of a half cycle is placed between
+samples. R is a mean of
+                   verdict only next to R = 1, or   quotients: where a half cycle is noise about its
+                   mean, an area is where half cycles are noise      near zero or negative, and one
+                   quotient decides.
+=================  ===============================
+==============================================================
 """
 
 import naive
@@ -42,7 +49,9 @@ BOUNDS = {"he": (0.4, 0.6), "rossi_scali": (-0.21, 0.21)}
 
 @pytest.fixture(scope="module")
 def records():
-    """Return 40 records that oscillate, with their period in samples; the pipeline judges but a half of the first four."""
+    """Return 40 records that oscillate, with their period in samples; the pipeline judges but a
+    half of the first four.
+    """
     grid, halves, others = load_grid("chapter", {"seed": 90817, "repeats": 1}), [], []
     for index in range(0, grid.group_count, 7):
         for scenario in resolve(grid.group(index)):

@@ -1,4 +1,6 @@
-"""Results are what listed commands print: every file has a row, every command exists, and a failing one is named."""
+"""Results are what listed commands print: every file has a row, every command exists, and a failing
+one is named.
+"""
 
 from __future__ import annotations
 

@@ -36,7 +36,9 @@ def test_the_client_tells_its_time_apart(tmp_path, capsys):
 def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
     tmp_path, monkeypatch, capsys
 ):
-    """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took 2."""
+    """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took
+    2.
+    """
     clock = iter([3.0, 4.0, 6.0, 10.0])
     monkeypatch.setattr(store_study.time, "process_time", lambda: next(clock))
     monkeypatch.setattr(store_study.pieces, "finish", lambda: None)

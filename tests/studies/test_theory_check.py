@@ -1,4 +1,6 @@
-"""Theory against the simulator, on a few random loops; `python -m results.studies.theory_check` does many."""
+"""Theory against the simulator, on a few random loops; `python -m results.studies.theory_check`
+does many.
+"""
 
 import sys
 from itertools import islice

@@ -1,4 +1,6 @@
-"""The order of methods from home to home, and yardsticks trained on one and judged on the others."""
+"""The order of methods from home to home, and yardsticks trained on one and judged on the
+others.
+"""
 
 import numpy as np
 import pytest
@@ -26,7 +28,9 @@ QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
 
 
 def home(seed: int, quality: dict[str, float] = QUALITY, n: int = 120) -> Home:
-    """Return loops on which every method is right with its own probability, and whose first feature tells the label."""
+    """Return loops on which every method is right with its own probability, and whose first feature
+    tells the label.
+    """
     rng = np.random.default_rng(seed)
     rows = []
     for k in range(n):

@@ -1,4 +1,6 @@
-"""ARX: a first-order plant with a dead time, fitted to the position of a valve and PV by least squares."""
+"""ARX: a first-order plant with a dead time, fitted to the position of a valve and PV by least
+squares.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ _ILL = 1e-10  # share of a sum of squares; what is left of it below this is roun
 def fit_plant(
     x: np.ndarray, y: np.ndarray, delays: range
 ) -> tuple[float, float, float, int, float]:
-    """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best delay of several."""
+    """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best
+    delay of several.
+    """
     found = np.empty(5)
     if compiled(_plant)(
         np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found
@@ -24,7 +28,9 @@ def fit_plant(
 def fit_plant_by_columns(
     x: np.ndarray, y: np.ndarray, delays: range
 ) -> tuple[float, float, float, int, float]:
-    """Do the same by stacked columns: slow, but also for a valve that hardly moves, whose column is nearly that of the ones."""
+    """Do the same by stacked columns: slow, but also for a valve that hardly moves, whose column is
+    nearly that of the ones.
+    """
     first = delays[-1] + 1
     best = (0.0, 0.0, 0.0, 0, np.inf)
     target, before = y[first:], y[first - 1 : -1]
@@ -38,7 +44,9 @@ def fit_plant_by_columns(
 
 
 def _plant(x, y, least, most, found):
-    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were well conditioned."""
+    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were
+    well conditioned.
+    """
     first, n = most, y.size
     m = n - first
     found[4] = np.inf

@@ -1,4 +1,6 @@
-"""Hammerstein identification: the (S, J) valve and the linear plant behind it that best turn OP into PV."""
+"""Hammerstein identification: the (S, J) valve and the linear plant behind it that best turn OP
+into PV.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from detectors.signal.fits.hammerstein_kernels import (
 from detectors.signal.oscillation import detrend
 
 _SAMPLES = 50  # per period at least, of valve position and PV after averaging
-# Periods and averaged samples looked at: the search wants few, since one missed jump spoils all that follow; the end, many.
+# Periods and averaged samples looked at: the search wants few, since one missed jump spoils all
+# that follow; the end, many.
 SHORT, _FULL = (8, 360), (24, 700)
 _TIMES = np.array(
     [0.01, 0.04, 0.1, 0.25, 0.7]
@@ -71,7 +74,9 @@ class _Hammerstein:
 
     @property
     def S_range(self) -> tuple[float, float]:
-        """Values of S that fit about as well under either map: which of them a valve follows is not known."""
+        """Values of S that fit about as well under either map: which of them a valve follows is not
+        known.
+        """
         S, _, inside = self._ranges
         both = np.append(S[inside], self.ends.S)
         return float(both.min()), float(both.max())
@@ -134,7 +139,9 @@ class _Search:
     def scan(
         self, stops, S, J, start, pole, low, count, stride: int = 1
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return error and delay index of every valve with its pole, best of delays low, low + stride ...; arrays broadcast."""
+        """Return error and delay index of every valve with its pole, best of delays low, low +
+        stride ...; arrays broadcast.
+        """
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
         valves, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
@@ -155,7 +162,9 @@ class _Search:
         return low, np.minimum(d + reach + 1, self.delays.size) - low
 
     def descend(self, ends: _Ends, width, least, reach: int, fixed_J=False) -> _Ends:
-        """Return the bottoms of the valleys, steps from `width` down to `least` shares of the swing; starts and delays stay."""
+        """Return the bottoms of the valleys, steps from `width` down to `least` shares of the
+        swing; starts and delays stay.
+        """
         m, shape = ends.d.size, ends.d.shape
         pole = ends.pole.ravel()
         points, steps = np.full((m, 3), -np.inf), np.empty((m, 3))
@@ -192,13 +201,14 @@ def fit_hammerstein(
 ) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV.
 
-    Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728, and Jelali (2008), J.
-    Process Control 18, 632-642: for every (S, J) of a grid the valve model turns OP into MV, the linear part is fitted in
-    closed form, and the smallest error wins. Here the linear part is an output-error model (time constant and dead time
-    from a grid, gain by least squares): its error is not blurred by noise on PV as that of an ARX model is. The unknown
-    state of the valve at the start is searched with the rest. In the regime where the valve only toggles between two
-    positions J and the plant's gain trade off: `J_range` is then wide.
-    Not for loops whose PV is moved by disturbances more than by the valve: `error` is then large.
+    Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728,
+    and Jelali (2008), J. Process Control 18, 632-642: for every (S, J) of a grid the valve model
+    turns OP into MV, the linear part is fitted in closed form, and the smallest error wins. Here
+    the linear part is an output-error model (time constant and dead time from a grid, gain by least
+    squares): its error is not blurred by noise on PV as that of an ARX model is. The unknown state
+    of the valve at the start is searched with the rest. In the regime where the valve only toggles
+    between two positions J and the plant's gain trade off: `J_range` is then wide. Not for loops
+    whose PV is moved by disturbances more than by the valve: `error` is then large.
     """
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
@@ -223,7 +233,8 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     found = _distinct(tried, S, J, 4)
     S, J, tried, which, at = (x[_ROWS, found] for x in (S, J, tried, which, at))
     ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
-    # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
+    # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
+    # does not
     S, J = _grid(S_FINE * full.swing, _J_FINE)
     for _ in range(_PASSES):
         best = ends.best(1)
@@ -245,7 +256,9 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
 
 
 class _Ends(NamedTuple):
-    """Candidates, arrays of a row for each map: error, valve (S, J), its start, the plant's pole and the index of its delay."""
+    """Candidates, arrays of a row for each map: error, valve (S, J), its start, the plant's pole
+    and the index of its delay.
+    """
 
     error: np.ndarray
     S: np.ndarray
@@ -344,7 +357,9 @@ def _settle(search: _Search, ends: _Ends, integrating: bool, least: float) -> _E
 
 
 def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """S, J and whether they fit about as well, a row for each map: for each J of a list, S and the plant make up for it."""
+    """S, J and whether they fit about as well, a row for each map: for each J of a list, S and the
+    plant make up for it.
+    """
     start = _restarted(search, best)
     # first the valley itself, then one for every J
     ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
@@ -367,7 +382,9 @@ def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
-    """Return the stretch of a signal with the largest covariance with itself one period later: large and regular."""
+    """Return the stretch of a signal with the largest covariance with itself one period later:
+    large and regular.
+    """
     lag = round(period)
     room = length - lag
     if length >= x.size or room < 1:
@@ -386,7 +403,9 @@ def swing(op: np.ndarray, period: float) -> float:
 
 
 def moving_mean(x: np.ndarray, half: int) -> np.ndarray:
-    """Return the mean over `half` samples on either side of each sample, the window cut at the ends, shape (n,)."""
+    """Return the mean over `half` samples on either side of each sample, the window cut at the
+    ends, shape (n,).
+    """
     total = np.concatenate([[0.0], np.cumsum(x)])
     k = np.arange(x.size)
     lo, hi = np.maximum(k - half, 0), np.minimum(k + half + 1, x.size)

@@ -1,9 +1,11 @@
-"""Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant, and the way down a valley.
+"""Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant,
+and the way down a valley.
 
-Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES` valves stand side by side.
-Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi): OP, PV averaged over `q` samples and freed of its
-mean over `half` averages on either side, the averages that count, the sign of the plant's gain, the ends of travel. The valves'
-`stops` is 1 where a moving one stops within every sample (He's map), 0 where only with OP (Choudhury's).
+Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES`
+valves stand side by side. Every kernel takes the record as (op, y, q, half, first, last, sign, lo,
+hi): OP, PV averaged over `q` samples and freed of its mean over `half` averages on either side, the
+averages that count, the sign of the plant's gain, the ends of travel. The valves' `stops` is 1
+where a moving one stops within every sample (He's map), 0 where only with OP (Choudhury's).
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ VALVES_SIDE_BY_SIDE = (
 
 
 def state_before(u, S, J, start, lo, hi):
-    """Return the valve's state before OP `u`: at rest at a share of the break-away band below it, or moving past it."""
+    """Return the valve's state before OP `u`: at rest at a share of the break-away band below it,
+    or moving past it.
+    """
     u = min(max(u, lo), hi)
     if start == MOVING_UP:
         return (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
@@ -36,12 +40,14 @@ def state_before(u, S, J, start, lo, hi):
 def errors(
     op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out
 ):
-    """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them.
+    """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and
+    which of them.
 
-    The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
-    plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1: x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c,
-    both gains of the given sign, d = delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y,
-    both over the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
+    The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of
+    its mean as `y` is: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1:
+    x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign, d =
+    delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y, both over
+    the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
     """
     n = y.size
     v, total = rows(n), rows(n + 1)
@@ -56,10 +62,11 @@ def errors(
 
 
 def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
-    """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with their running sums.
+    """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with
+    their running sums.
 
-    The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
-    valve, 0 for one at rest.
+    The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the
+    direction of a moving valve, 0 for one at rest.
     """
     position, m, fs, fd, mean, run, halts = (
         lanes(),
@@ -111,7 +118,9 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
 
 
 def answers(half, pole, delay, low, block, v, total, x):
-    """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late by its delay less `low`."""
+    """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late
+    by its delay less `low`.
+    """
     a, gain, now = lanes(), lanes(), lanes()
     n = v.size // LANES
     for c in range(LANES):
@@ -134,7 +143,9 @@ def answers(half, pole, delay, low, block, v, total, x):
 
 
 def _misfits(y, first, last, sign, low, count, stride, block, x, out):
-    """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the normal equations."""
+    """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the
+    normal equations.
+    """
     m = last - first
     sy = syy = 0.0
     for j in range(first, last):
@@ -172,7 +183,8 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
             qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
             det = qxx * qzz - qxz * qxz
             k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
-            # a valve that hardly moves under an integrator: what is left of x beside its mean is rounding
+            # a valve that hardly moves under an integrator: what is left of x beside its mean is
+            # rounding
             both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
             alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 1e-9 * sxx[c] else 0.0
             error = 1.0 - (k0 * qxy + k1 * qzy if both else alone) / syy
@@ -194,7 +206,9 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
 
 
 def _moments(y, first, m, top, x, sx, sxx, sxz, sxy):
-    """Sums of x, its square, its product with itself one sample earlier and with y, over the `m` samples from `top` on."""
+    """Sums of x, its square, its product with itself one sample earlier and with y, over the `m`
+    samples from `top` on.
+    """
     for c in range(LANES):
         sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
     for j in range(m):
@@ -211,7 +225,8 @@ def product(y, first, m, top, x, sxy):
     """Sums of the products of y and x over the `m` samples from `top` on."""
     for c in range(LANES):
         sxy[c] = 0.0
-    # four samples a turn: LLVM unrolls a shorter loop over the lanes before it could become instructions for many
+    # four samples a turn: LLVM unrolls a shorter loop over the lanes before it could become
+    # instructions for many
     whole = m - m % 4
     for j in range(0, whole, 4):
         row, next_row = np.uintp((top + j) * LANES), np.uintp((top + j + 1) * LANES)
@@ -251,12 +266,15 @@ def descend(
     least,
     error,
 ):
-    """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates.
+    """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A
+    rate of -inf integrates.
 
-    Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together and log rate, the whole move
-    is repeated as long as it pays, which follows the valleys in which S, J and the plant trade off; then the steps are halved,
-    from steps[i] down to the share least[i] of them. All points go abreast, and the next trials of each are computed together
-    on the bet that none pays; those behind one that does are thrown away. So the way is that of one trial after another.
+    Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together
+    and log rate, the whole move is repeated as long as it pays, which follows the valleys in which
+    S, J and the plant trade off; then the steps are halved, from steps[i] down to the share
+    least[i] of them. All points go abreast, and the next trials of each are computed together on
+    the bet that none pays; those behind one that does are thrown away. So the way is that of one
+    trial after another.
     """
     m = len(points)
     search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
@@ -304,14 +322,17 @@ def descend(
         points[p], error[p] = search[p, _BASE : _BASE + 3], search[p, ERROR]
 
 
-# one pattern search, an array: what is tried now (a step, or one of these), the width of the steps, rounds, the errors of the
-# base and of the best point of this round, these two points, and the point that is tried
+# one pattern search, an array: what is tried now (a step, or one of these), the width of the steps,
+# rounds, the errors of the base and of the best point of this round, these two points, and the
+# point that is tried
 _FIRST, _AGAIN, _DONE = -2.0, -1.0, 9.0
 _AT, _WIDTH, _ROUNDS, ERROR, _TOP, _BASE, _BEST, _TRIAL = 0, 1, 2, 3, 4, 5, 8, 11
 
 
 def _advance(search, steps, least, e):
-    """Take the error `e` of the point that was tried into a pattern search, and say there what to try next."""
+    """Take the error `e` of the point that was tried into a pattern search, and say there what to
+    try next.
+    """
     if search[_AT] == _DONE:
         return
     if search[_AT] == _FIRST:
@@ -336,7 +357,8 @@ def _advance(search, steps, least, e):
         search[_BEST : _BEST + 3] = search[_BASE : _BASE + 3]
         search[_AT] = 0.0
         search[_ROUNDS] += 1.0
-    # an oscillation that died out leaves a valley without end, down which ever smaller steps would walk for minutes
+    # an oscillation that died out leaves a valley without end, down which ever smaller steps would
+    # walk for minutes
     if search[_WIDTH] <= least or search[_ROUNDS] > _MOST_ROUNDS:
         search[_AT] = _DONE
         return

@@ -1,4 +1,6 @@
-"""The architecture in one picture: how data flow, and which room stands on which, from the import rules that are executed."""
+"""The architecture in one picture: how data flow, and which room stands on which, from the import
+rules that are executed.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ WIDE, ROW = 8.6, 0.42
 
 
 def layers() -> list[list[str]]:
-    """Return the rooms of simbench, the uppermost first; those in one list do not know each other."""
+    """Return the rooms of simbench, the uppermost first; those in one list do not know each
+    other.
+    """
     contracts = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]

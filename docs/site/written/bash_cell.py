@@ -1,11 +1,15 @@
-"""%%bash for the tutorials: what it prints comes in one piece, and what fails there fails the build."""
+"""%%bash for the tutorials: what it prints comes in one piece, and what fails there fails the
+build.
+"""
 
 import subprocess
 import sys
 
 
 def bash(line, cell):
-    """Run a cell; IPython's own magic hands its output on in pieces of 100 bytes, which end up in lines of their own."""
+    """Run a cell; IPython's own magic hands its output on in pieces of 100 bytes, which end up in
+    lines of their own.
+    """
     done = subprocess.run(["bash", "-e"], input=cell, text=True, capture_output=True)
     print(done.stdout, end="")
     print(done.stderr, end="", file=sys.stderr)

@@ -25,7 +25,9 @@ EXAMPLE = Path(__file__).parents[2] / "example" / "loop.toml"
 
 
 def loop_page() -> str:
-    """Return the page on loop files: sections, then what may be said of each valve, load and effect."""
+    """Return the page on loop files: sections, then what may be said of each valve, load and
+    effect.
+    """
     says = (
         "TOML; unknown keys are refused with the nearest known one. Times are in s, OP and MV in %."
     )

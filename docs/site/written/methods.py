@@ -44,9 +44,12 @@ def methods_page() -> str:
     )
     lines += table(head, [_row(name, shares, real) for name in order])
     lines += [
-        "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both printed by commands of the"
-        " repository; a dash was not measured.", "",
-    ]  # fmt: skip
+        (
+            "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both"
+            " printed by commands of the repository; a dash was not measured."
+        ),
+        "",
+    ]
     for name in methods.names():
         lines += [f".. _method-{name}:", "", *heading(name, "-")]
         found = re.split(
@@ -84,7 +87,9 @@ def _row(
 
 
 def _own_rules(about: Method) -> str:
-    """Say which rules are none of the source's, and what they are there; `NAME@published` is the method without them."""
+    """Say which rules are none of the source's, and what they are there; `NAME@published` is the
+    method without them.
+    """
     rules = (
         f"{k} = {about.thresholds[k].default:g}, {v:g} in the source"
         for k, v in about.published.items()
@@ -101,7 +106,9 @@ def loops() -> int:
 
 
 def measured() -> dict[str, dict[str, float]]:
-    """Return accuracy, and the shares right on cycling and on healthy loops where the method applies; best first."""
+    """Return accuracy, and the shares right on cycling and on healthy loops where the method
+    applies; best first.
+    """
     table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
     table = table[table.method.isin(methods.names()) & (table.applicable > 0)]
     found: dict[str, dict[str, float]] = {}

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Sequence
 
 
 def plain(text: object) -> str:
-    """Return a text in one line in which nothing is markup but what stands in backticks, which is code."""
+    """Return a text in one line in which nothing is markup but what stands in backticks, which is
+    code.
+    """
     words = re.split(r"`([^`]+)`", " ".join(str(text).split()))
     code = [
         f"``{part}``" if i % 2 else re.sub(r"([\\*|_])", r"\\\1", part)

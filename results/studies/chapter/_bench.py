@@ -1,4 +1,6 @@
-"""A small bench for the rows: some loops, their cycles, and the records of sticky and of healthy ones."""
+"""A small bench for the rows: some loops, their cycles, and the records of sticky and of healthy
+ones.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,23 @@ from simbench.loop.simulate import simulate
 from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.sampled import sampled_loop
 
-# Td/T, Kc over the ultimate gain, Ti/T of twelve self-regulating loops; Td, K Kc Td, Ti/Td of six integrating ones
+# Td/T, Kc over the ultimate gain, Ti/T of twelve self-regulating loops; Td, K Kc Td, Ti/Td of six
+# integrating ones
 SELF = [(r, g, i) for r in (0.2, 0.5, 1.0) for g in (0.2, 0.4) for i in (0.8, 1.2)]
 LEVELS = [(Td, g, i) for Td in (1.0, 2.0) for g, i in ((0.2, 20.0), (0.3, 15.0), (0.4, 30.0))]
 
 
-def loops(S: float = 5.0, J: float = 2.0, *, process: str = "foptd", controller: str = "PI", model: str = "choudhury",
-          Ts: float = 0.5, n: int = 1500, **more: Any) -> Iterator[Loop]:  # fmt: skip
+def loops(
+    S: float = 5.0,
+    J: float = 2.0,
+    *,
+    process: str = "foptd",
+    controller: str = "PI",
+    model: str = "choudhury",
+    Ts: float = 0.5,
+    n: int = 1500,
+    **more: Any,
+) -> Iterator[Loop]:
     """Yield the loops of the bench with one valve; `more` are further sections of a loop file."""
     for a, g, i in SELF if process == "foptd" else LEVELS:
         if process == "foptd":
@@ -50,7 +62,9 @@ def cycle_of(loop: Loop) -> ExactCycle | None:
 def record_of(
     loop: Loop, noise: float = 0.0, seed: int = 0, periods: int = 15, **about: Any
 ) -> LoopRecord:
-    """Return the loop on its own cycle, with white noise on PV of so many standard deviations of it."""
+    """Return the loop on its own cycle, with white noise on PV of so many standard deviations of
+    it.
+    """
     cycle = sustained_cycle(loop, periods)
     pv = cycle["PV"].to_numpy()
     pv = pv + noise * pv.std() * np.random.default_rng(seed).standard_normal(pv.size)
@@ -68,7 +82,9 @@ def record_of(
 def healthy(
     noise: float = 0.0, lag: float | None = None, period: float = 40.0
 ) -> Iterator[LoopRecord]:
-    """Yield the loops with an ideal valve under a sine at the plant's input, or under another sticky loop's PV behind a lag."""
+    """Yield the loops with an ideal valve under a sine at the plant's input, or under another
+    sticky loop's PV behind a lag.
+    """
     wave = {"type": "sine"} if lag is None else {"type": "propagated", "lag": lag}
     for seed, loop in enumerate(
         loops(

@@ -49,8 +49,9 @@ def _gain_change() -> Iterator[Row]:
 def _travel() -> Iterator[Row]:
     found = travel_test(Loop.from_table(FIGURES.load("fig_11_26").LOOP))
     why = (
-        "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the procedure as printed (same "
-        f"direction) measures the slip jump J; reversed steps measure the whole band S ({found.S:.1f} %)"
+        "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the"
+        " procedure as printed (same direction) measures the slip jump J; reversed steps measure"
+        f" the whole band S ({found.S:.1f} %)"
     )
     yield Row(
         "Fig. 11.26",
@@ -75,8 +76,8 @@ def _nonlinearity_first() -> Row:
         seen += judge(record, ["bicoherence"])[0].verdict == STICTION
     count = len(figure.PANELS)
     why = (
-        "a symmetric cycle has odd harmonics only, and the bicoherence sees quadratic coupling; the procedure here does not "
-        "stop where no nonlinearity is seen"
+        "a symmetric cycle has odd harmonics only, and the bicoherence sees quadratic coupling; the"
+        " procedure here does not stop where no nonlinearity is seen"
     )
     said = "sticky loops of Fig. 11.9 that the bicoherence calls nonlinear"
     return Row("Sects. 11.7, 11.9", said, f"all {count}", f"{seen} of {count}", seen == count, why)

@@ -1,4 +1,6 @@
-"""Rows on what the chapter says in passing: every sentence that a dozen simulated loops can bear out or not."""
+"""Rows on what the chapter says in passing: every sentence that a dozen simulated loops can bear
+out or not.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +48,21 @@ JUMPS = (5.0, 2.0, 1.0)  # J of the sticky loops with S = 5
 
 def rows(isdb: Source) -> Iterator[Row]:
     """Yield the rows, in the chapter's order; `isdb` is not used."""
-    for part in (_harm, _grades, _nonlinearities, _limit_cycles, _models, _waves, _p_only, _movements, _correlation, _curves,
-                 _nonlinear, _filters, _tests):  # fmt: skip
+    for part in (
+        _harm,
+        _grades,
+        _nonlinearities,
+        _limit_cycles,
+        _models,
+        _waves,
+        _p_only,
+        _movements,
+        _correlation,
+        _curves,
+        _nonlinear,
+        _filters,
+        _tests,
+    ):
         yield from part()
 
 
@@ -83,8 +98,14 @@ def _harm() -> Iterator[Row]:
         both = (Loop.from_table(loop.to_table() | load) for loop in (sticky, ideal))
         cycling, still = (simulate(loop, seed, kick=4.0).record.pv for loop in both)
         ratio.append(cycling[300:].std() / still[300:].std())
-    why = "std of PV over that of the same loop with an ideal valve, the same noise and load (S = 5 %, J = 2 %)"
-    ours = f"{np.median(ratio):.1f} times (median), {min(ratio):.1f} to {max(ratio):.1f}; n = {len(ratio)}"
+    why = (
+        "std of PV over that of the same loop with an ideal valve, the same noise and load (S = 5"
+        " %, J = 2 %)"
+    )
+    ours = (
+        f"{np.median(ratio):.1f} times (median), {min(ratio):.1f} to {max(ratio):.1f}; n ="
+        f" {len(ratio)}"
+    )
     yield Row(
         "Sect. 11.1",
         "stiction increases variability",
@@ -107,8 +128,14 @@ def _harm() -> Iterator[Row]:
                 gain = np.gradient(np.interp(wanted, np.linspace(0.0, 100.0, 1001), curve), travel)
                 inside = gain[(travel > curve[0] + 2.0) & (travel < curve[-1] - 2.0)]
                 spread[compensated].append(inside.max() / inside.min())
-    ours = f"{np.median(spread[False]):.1f} without, {np.median(spread[True]):.2f} with; n = {len(spread[True])} valves"
-    why = "largest over smallest gain between 20 and 80 % of an equal percentage valve (R 20 to 50, authority .3 to 1)"
+    ours = (
+        f"{np.median(spread[False]):.1f} without, {np.median(spread[True]):.2f} with; n ="
+        f" {len(spread[True])} valves"
+    )
+    why = (
+        "largest over smallest gain between 20 and 80 % of an equal percentage valve (R 20 to 50,"
+        " authority .3 to 1)"
+    )
     good = max(spread[True]) < 1.2
     yield Row(
         "Sect. 11.1",
@@ -134,11 +161,17 @@ def _cycling(*args: float, **about: str) -> tuple[int, int]:
 def _grades() -> Iterator[Row]:
     pi, p, dead = _cycling(0.5, 0.25), _cycling(0.5, 0.25, controller="P"), _cycling(0.5, 0.0)
     ours = f"PI {_share(*pi)}, P only {_share(*p)}, dead-band alone {_share(*dead)} have a cycle"
-    why = "existence without noise (S = 0.5 %, J = 0.25 %); the chapter's own Table 11.3 says the same: P only does not cycle"
+    why = (
+        "existence without noise (S = 0.5 %, J = 0.25 %); the chapter's own Table 11.3 says the"
+        " same: P only does not cycle"
+    )
     yield Row("Sect. 11.1", "0.5 % of stiction guarantees cycling", "yes", ours, p[0] == p[1], why)
     flow, level = _cycling(5.0, 0.0), _cycling(5.0, 0.0, process="integrating")
     ours = f"cycles: self-regulating {_share(*flow)}, integrating {_share(*level)}"
-    why = "dead-band of 5 % under PI; the text contradicts itself: Table 11.1 has hysteresis above 3 % checked"
+    why = (
+        "dead-band of 5 % under PI; the text contradicts itself: Table 11.1 has hysteresis above 3"
+        " % checked"
+    )
     yield Row(
         "Sect. 11.1", "hysteresis is no problem up to 5 %", "usually", ours, level[0] == 0, why
     )
@@ -156,8 +189,13 @@ def _grades() -> Iterator[Row]:
         right > 0.9 * n,
         why,
     )
-    yes = [simulate_with_truth(loop, i)[1].answer for J in (0.3, 0.25) for i, loop in enumerate(
-        loops(0.3, J, noise={"std": 0.01}, setpoint={"value": 50.0, "steps": [[20.0, 52.0]]}))]  # fmt: skip
+    yes = [
+        simulate_with_truth(loop, i)[1].answer
+        for J in (0.3, 0.25)
+        for i, loop in enumerate(
+            loops(0.3, J, noise={"std": 0.01}, setpoint={"value": 50.0, "steps": [[20.0, 52.0]]})
+        )
+    ]
     ours = f"{_share(yes.count('yes'), len(yes))} cycle, {yes.count('no')} do not"
     why = "PI, S = 0.3 %, J of 0.25 and 0.3 %, noise of 0.01, one step of the set point"
     good = yes.count("yes") > len(yes) / 2
@@ -170,7 +208,10 @@ def _nonlinearities() -> Iterator[Row]:
         name: -np.angle(first_harmonic(name, {key: 5.0}, A), deg=True)
         for name, key in (("deadband", "S"), ("deadzone", "D"))
     }
-    ours = f"dead-band {lag['deadband'].min():.0f} to {lag['deadband'].max():.0f}, dead-zone {np.abs(lag['deadzone']).max():.1f}"
+    ours = (
+        f"dead-band {lag['deadband'].min():.0f} to {lag['deadband'].max():.0f}, dead-zone"
+        f" {np.abs(lag['deadzone']).max():.1f}"
+    )
     good = lag["deadband"].min() > 1.0 and np.abs(lag["deadzone"]).max() < 0.5
     why = "phase of the fundamental under sines of 3 to 25 % through a band of 5 %"
     what = "dead-band makes phase lag, dead-zone none (degrees)"
@@ -183,7 +224,10 @@ def _nonlinearities() -> Iterator[Row]:
         jumps.append(np.median(step[jump]))
         rest.append(np.mean(step < 1e-9))
         slide.append(np.mean(~jump & (step >= 1e-9)))
-    ours = f"sticking {np.median(rest):.0%}, motion {np.median(slide):.0%}, jumps of {np.median(jumps):.2f} %; n = {len(jumps)}"
+    ours = (
+        f"sticking {np.median(rest):.0%}, motion {np.median(slide):.0%}, jumps of"
+        f" {np.median(jumps):.2f} %; n = {len(jumps)}"
+    )
     good = bool(np.all(np.abs(np.array(jumps) - 2.0) < 0.5))
     yield Row(
         "Sect. 11.3.1",
@@ -253,7 +297,10 @@ def _models() -> Iterator[Row]:
             both = said[m][np.isfinite(said[m])]
             parts.append(f"{m}: period {np.median(both):.2f} times (n = {both.size})")
             good = good and abs(np.median(both) - 1.0) < 0.1
-        why = "S = 5 %, J = 2 %; He's valve sticks again in every sample and has no J above S (f_d would be negative)"
+        why = (
+            "S = 5 %, J = 2 %; He's valve sticks again in every sample and has no J above S (f_d"
+            " would be negative)"
+        )
         yield Row(place, what, printed, "; ".join(parts), good if models != ("he",) else True, why)
 
 
@@ -300,9 +347,13 @@ def _waves() -> Iterator[Row]:
         noisy = x / x.std() + 0.05 * np.random.default_rng(1).standard_normal(x.size)
         share = label_shares(cycles(noisy, 40.0))
         told.append(
-            f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of {len(cycles(noisy, 40.0))})"
+            f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of"
+            f" {len(cycles(noisy, 40.0))})"
         )
-    why = "four labels; sharp and smooth are one, a parabola counts as a sine; with by_kind = 1 (as published) a known kind of "
+    why = (
+        "four labels; sharp and smooth are one, a parabola counts as a sine; with by_kind = 1 (as"
+        " published) a known kind of "
+    )
     why += "loop has its own column alone"
     yield Row(
         "Table 11.2",
@@ -387,8 +438,14 @@ def _movements() -> Iterator[Row]:
         found.append(movement_indices(op, np.zeros(op.size)))
     rho = np.array(found)
     good = bool(np.all(rho[:, 0] == 1.0) and np.all(rho[:, 1] == 0.0))
-    ours = f"rho1 = {rho[:, 0].mean():.2f}, rho2 = {rho[:, 1].mean():.2f}, rho3 = {rho[:, 2].mean():.2f}; n = {len(rho)}"
-    why = "rho3 should stay with rho1 there; but W as printed has IS DS and DS IS, which follow each other in such a valve"
+    ours = (
+        f"rho1 = {rho[:, 0].mean():.2f}, rho2 = {rho[:, 1].mean():.2f}, rho3 ="
+        f" {rho[:, 2].mean():.2f}; n = {len(rho)}"
+    )
+    why = (
+        "rho3 should stay with rho1 there; but W as printed has IS DS and DS IS, which follow each"
+        " other in such a valve"
+    )
     yield Row("Sect. 11.4.1", "a valve that never moves: rho1, rho2", "1, 0", ours, good, why)
     curve = {}
     for share in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0):
@@ -396,7 +453,10 @@ def _movements() -> Iterator[Row]:
         curve[share] = float(np.median(sticky))
     best = max(curve, key=curve.__getitem__)
     ours = ", ".join(f"{k:g} T: {v:.2f}" for k, v in curve.items()) + "; n = 12"
-    why = "median rho3 of sticky flow loops, differences over so many time constants; noise on the flow a twentieth of it"
+    why = (
+        "median rho3 of sticky flow loops, differences over so many time constants; noise on the"
+        " flow a twentieth of it"
+    )
     yield Row(
         "Sect. 11.4.2",
         "the sampling time has an optimum, by default T",
@@ -434,7 +494,10 @@ def _movements() -> Iterator[Row]:
         bool(np.median(filtered) > np.median(plain)),
         why,
     )
-    why = "their bounds are process specific and printed neither here nor with the figures; those used are own, and said to be"
+    why = (
+        "their bounds are process specific and printed neither here nor with the figures; those"
+        " used are own, and said to be"
+    )
     yield Row(
         "Sect. 11.4",
         "Kano A and B with the paper's bounds",
@@ -462,7 +525,10 @@ def _correlation() -> Iterator[Row]:
         if np.ptp(record.op[1500:]) > 99.0:
             said.append(correlation_indices(record.op[1500:], record.pv[1500:])[0])
     even = sum(d <= 1.0 / 3.0 for d in said)
-    ours = f"even cross-correlation (dtau at most 1/3) in {_share(even, len(said))}; median dtau {np.median(said):.2f}"
+    ours = (
+        f"even cross-correlation (dtau at most 1/3) in {_share(even, len(said))}; median dtau"
+        f" {np.median(said):.2f}"
+    )
     why = "Kc twelve times as large, OP running from limit to limit, ideal valve"
     yield Row(
         "Sect. 11.5",
@@ -489,7 +555,10 @@ def _curves() -> Iterator[Row]:
         change.append(
             abs(sine / (sine + two_line_misfit(humps).mean()) - triangle_indices(humps)[1])
         )
-    ours = f"eta moves by {np.median(change):.3f} (median), {max(change):.3f} at most; n = {len(change)}"
+    ours = (
+        f"eta moves by {np.median(change):.3f} (median), {max(change):.3f} at most; n ="
+        f" {len(change)}"
+    )
     yield Row(
         "Sect. 11.6.1",
         "overlapping data may be useful",
@@ -503,7 +572,10 @@ def _curves() -> Iterator[Row]:
     alarms = [_count(f"he@{v}", still) for v in ("published", "chapter")]
     ours = f"found: He's {_share(free, len(records))}, two lines {_share(lines, len(records))}"
     ours += f"; false {alarms[0]} and {alarms[1]} of {len(still)}"
-    why = "he@published and he@chapter; noise of a fifth and a tenth; on real units and grids: results/published.txt"
+    why = (
+        "he@published and he@chapter; noise of a fifth and a tenth; on real units and grids:"
+        " results/published.txt"
+    )
     yield Row("Eq. 11.11", "two lines in place of He's triangle", "used", ours, lines >= free, why)
     level = [record_of(loop, NOISE) for loop in loops(process="integrating")]
     kept = 0
@@ -525,7 +597,10 @@ def _curves() -> Iterator[Row]:
     )
     near, far = (_count("he", list(healthy(0.0, lag))) for lag in (0.0, 40.0))
     ours = f"called stiction: near {_share(near, 12)}, far {_share(far, 12)}"
-    why = "another sticky loop's PV at the plant's input, without a lag and behind one of a period; the valve is ideal"
+    why = (
+        "another sticky loop's PV at the plant's input, without a lag and behind one of a period;"
+        " the valve is ideal"
+    )
     yield Row(
         "Sect. 11.6.3",
         "a disturbance close to its source can fool it",
@@ -535,7 +610,10 @@ def _curves() -> Iterator[Row]:
         why,
     )
     tried = [len(half_sine()) + len(relays()), len(sines()) + len(triangles())]
-    why = "shapes tried per half cycle, all in one product of tables: no search of parameters is left, and no cost with it"
+    why = (
+        "shapes tried per half cycle, all in one product of tables: no search of parameters is"
+        " left, and no cost with it"
+    )
     yield Row(
         "Sect. 11.6.4",
         "the relay fit is costly",
@@ -545,10 +623,17 @@ def _curves() -> Iterator[Row]:
         why,
     )
     t = (np.arange(40) + 0.5) / 40.0
-    index = {f"{r:g}": relay_index(np.minimum(1.0, np.minimum(t, 1.0 - t) / r if r else 1.0 + 0.0 * t)[None].repeat(4, 0))
-             for r in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)}  # fmt: skip
+    index = {
+        f"{r:g}": relay_index(
+            np.minimum(1.0, np.minimum(t, 1.0 - t) / r if r else 1.0 + 0.0 * t)[None].repeat(4, 0)
+        )
+        for r in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+    }
     ours = ", ".join(f"{k}: {v:.2f}" for k, v in index.items()) + f"; n = {len(index)}"
-    why = "eta of Rossi & Scali by the share of a half cycle that each flank takes, 0 a rectangle, 0.5 a triangle; a "
+    why = (
+        "eta of Rossi & Scali by the share of a half cycle that each flank takes, 0 a rectangle,"
+        " 0.5 a triangle; a "
+    )
     why += "trapezoid of even flanks is nearer to a sine than to any relay's answer"
     yield Row(
         "Sect. 11.6.4",
@@ -574,7 +659,10 @@ def _nonlinear() -> Iterator[Row]:
         seen[swing] = hits
     ours = ", ".join(f"{k:g} %: {v} of 20" for k, v in seen.items())
     good = seen[25.0] <= seen[10.0] + 2 and seen[80.0] > seen[25.0]
-    why = "called nonlinear by the bicoherence; flow 10 sqrt(OP) and a tenth of noise under Gaussian OP about 50 %, by its range"
+    why = (
+        "called nonlinear by the bicoherence; flow 10 sqrt(OP) and a tenth of noise under Gaussian"
+        " OP about 50 %, by its range"
+    )
     yield Row(
         "Sect. 11.7",
         "a square-root valve is linear within 25 % of its span",
@@ -612,11 +700,27 @@ def _filters() -> Iterator[Row]:
     records = list(_biased(n=6000))
     n = len(records)
     auto = [judge(r, ["choudhury"])[0].indices.get("fitness", 0.0) for r in records]
-    hand = np.array([[judge(r, ["choudhury"], thresholds={"choudhury": {"low": lo, "high": hi}})[0].indices.get("fitness", 0.0)
-                      for lo in (0.004, 0.01, 0.02) for hi in (0.06, 0.12, 0.3, 0.5)] for r in records])  # fmt: skip
+    hand = np.array(
+        [
+            [
+                judge(r, ["choudhury"], thresholds={"choudhury": {"low": lo, "high": hi}})[
+                    0
+                ].indices.get("fitness", 0.0)
+                for lo in (0.004, 0.01, 0.02)
+                for hi in (0.06, 0.12, 0.3, 0.5)
+            ]
+            for r in records
+        ]
+    )
     wide = int((hand[:, 7] >= 0.6).sum())
-    ours = f"ellipse with [0.01, 0.5]: {_share(wide, n)}, with automatic ones {_share(sum(a >= 0.6 for a in auto), n)}"
-    why = "boundaries can be given (low, high of choudhury); a sharp zero-phase band stands for the Wiener filter"
+    ours = (
+        f"ellipse with [0.01, 0.5]: {_share(wide, n)}, with automatic ones"
+        f" {_share(sum(a >= 0.6 for a in auto), n)}"
+    )
+    why = (
+        "boundaries can be given (low, high of choudhury); a sharp zero-phase band stands for the"
+        " Wiener filter"
+    )
     yield Row(
         "Procedure 11.3, step 2",
         "a filter with boundaries chosen by hand",
@@ -641,7 +745,10 @@ def _filters() -> Iterator[Row]:
     ours = (
         f"found {found[0]}, {found[1]}, {found[2]} of {len(dense)} at 1, 4 and 8 times the density"
     )
-    why = f"periods of {min(spread):.0f} to {max(spread):.0f} samples at the last, thinned by twos to at most 64"
+    why = (
+        f"periods of {min(spread):.0f} to {max(spread):.0f} samples at the last, thinned by twos to"
+        " at most 64"
+    )
     yield Row(
         "Procedure 11.3, step 2",
         "periods above 250 samples are down-sampled",
@@ -668,7 +775,10 @@ def _filters() -> Iterator[Row]:
         near >= 0.9 * n,
         "choudhury, whose step 3 is the printed one",
     )
-    why = "advice to a person: no number of the chapter hangs on it, and a page shows the waves, not their spectrum"
+    why = (
+        "advice to a person: no number of the chapter hangs on it, and a page shows the waves, not"
+        " their spectrum"
+    )
     yield Row(
         "Sect. 11.7.2",
         "always look at the spectrum",
@@ -682,7 +792,10 @@ def _filters() -> Iterator[Row]:
         (_count("choudhury", records, surrogate=s), _count("choudhury", still, surrogate=s))
         for s in (0.0, 1.0)
     ]
-    ours = f"found {by[1][0]} of {n} by surrogates, {by[0][0]} by bicoherence; false {by[1][1]} and {by[0][1]} of {len(still)}"
+    ours = (
+        f"found {by[1][0]} of {n} by surrogates, {by[0][0]} by bicoherence; false {by[1][1]} and"
+        f" {by[0][1]} of {len(still)}"
+    )
     why = "choudhury with surrogate = 1; strict cycles keep their harmonics in every surrogate"
     yield Row(
         "Sects. 11.7, 11.9",
@@ -715,7 +828,10 @@ def _tests() -> Iterator[Row]:
             )
             accused += judge(record, ["procedure"])[0].verdict != NO_STICTION
         tested += 1 if found.culprit is not None else 2
-    why = "two loops that push each other, one valve sticky; each gain is changed in turn (results.studies.coupled_loops)"
+    why = (
+        "two loops that push each other, one valve sticky; each gain is changed in turn"
+        " (results.studies.coupled_loops)"
+    )
     yield Row(
         "Sect. 11.8.1",
         "of coupled loops the culprit's gain sets the period",
@@ -724,7 +840,10 @@ def _tests() -> Iterator[Row]:
         right >= 0.9 * n,
         why,
     )
-    ours = f"{tested} travel tests for {n} plants after the gain test, {accused} valves not cleared before; one each is the least"
+    ours = (
+        f"{tested} travel tests for {n} plants after the gain test, {accused} valves not cleared"
+        " before; one each is the least"
+    )
     yield Row(
         "Sect. 11.8",
         "the number of valves to test is kept at minimum",
@@ -739,8 +858,14 @@ def _tests() -> Iterator[Row]:
         small = record_of(loop)
         ratio.append(np.ptp(record_of(big).pv) / np.ptp(small.pv))
         gone += 1
-    ours = f"PV swings {np.median(ratio):.2f} times as far behind a valve of twice the size; n = {gone}"
-    why = "plant gain doubled, Kc halved, S and J the same shares of travel; no record tells a valve's size"
+    ours = (
+        f"PV swings {np.median(ratio):.2f} times as far behind a valve of twice the size; n ="
+        f" {gone}"
+    )
+    why = (
+        "plant gain doubled, Kc halved, S and J the same shares of travel; no record tells a"
+        " valve's size"
+    )
     yield Row(
         "Sect. 11.9",
         "an oversized valve keeps the impact of friction high",

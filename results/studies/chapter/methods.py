@@ -25,7 +25,10 @@ HORCH = {
     "PAP4": {
         "dtau": (
             0.13,
-            "not reproduced by any filter or window tried (0.09 to 0.12); 3/23 lags would be 0.130; same verdict",
+            (
+                "not reproduced by any filter or window tried (0.09 to 0.12); 3/23 lags would be"
+                " 0.130; same verdict"
+            ),
         ),
         "drho": (0.0, ""),
         "verdict": "no_stiction",
@@ -47,15 +50,20 @@ def _movements(isdb: Source) -> Iterator[Row]:
     noise = np.random.default_rng(0).standard_normal((2, 200_000)).cumsum(axis=1)
     rho1, _, rho3 = movement_indices(*noise)
     why = (
-        "0.25 takes the eight symbols for equally likely; with a threshold of one standard deviation S is the likeliest, and "
-        f"two independent noises give 2ps/(1 - s^2) = 0.41; rho3 = {rho3:.2f} is what separates"
+        "0.25 takes the eight symbols for equally likely; with a threshold of one standard"
+        " deviation S is the likeliest, and two independent noises give 2ps/(1 - s^2) = 0.41; rho3"
+        f" = {rho3:.2f} is what separates"
     )
     yield number("Sect. 11.4.1", "rho1 of random signals", 0.25, rho1, 0.01, why)
-    # IS IS IS DD IS IS II between long rests, so that every step is larger than the standard deviation
+    # IS IS IS DD IS IS II between long rests, so that every step is larger than the standard
+    # deviation
     steps = np.zeros((2, 200))
     steps[0, 90:97], steps[1, 90:97] = (1, 1, 1, -1, 1, 1, 1), (0, 0, 0, -1, 0, 0, 1)
     rho1, _, rho3 = movement_indices(*steps.cumsum(axis=1))
-    why = "the denominator is tau_total - tau_SS in both equations; with the printed tau_DS of Eq. 11.3 PAP2 would give 0.33"
+    why = (
+        "the denominator is tau_total - tau_SS in both equations; with the printed tau_DS of Eq."
+        " 11.3 PAP2 would give 0.33"
+    )
     good = abs(rho1 - rho3 - 3 / 7) < 1e-9
     yield Row(
         "Sect. 11.4.1", "IS IS IS DD IS IS II: rho1 - rho3", "3/7", f"{rho1 - rho3:.3f}", good, why
@@ -65,7 +73,10 @@ def _movements(isdb: Source) -> Iterator[Row]:
         if record is None:
             yield missing("Example 11.1", f"PAP2 {name}", f"{printed}", "PAP2")
             continue
-        why = "whole record, 1196 samples; its first 1000 give 0.48 and 0.41, the printed window is unknown"
+        why = (
+            "whole record, 1196 samples; its first 1000 give 0.48 and 0.41, the printed window is"
+            " unknown"
+        )
         yield number(
             "Example 11.1",
             f"PAP2 {name}",
@@ -134,7 +145,10 @@ def _tunings() -> Iterator[Row]:
         why = (
             ""
             if same
-            else "printed in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is stiction"
+            else (
+                "printed in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is"
+                " stiction"
+            )
         )
         yield Row(
             "Example 11.3",
@@ -156,10 +170,16 @@ def _fits(isdb: Source) -> Iterator[Row]:
             yield missing("Example 11.4", f"{name} eta", f"{printed:.2f}", name)
             continue
         found = judge(record, ["he"])[0].indices
-        why = f"two free lines per half cycle, as in the chapter; He's own triangle, which decides here, gives {found['eta']:.2f}"
+        why = (
+            "two free lines per half cycle, as in the chapter; He's own triangle, which decides"
+            f" here, gives {found['eta']:.2f}"
+        )
         humps = Prepared(record).half_cycles("pv" if process == "integrating" else "op")
         sine, lines = typical_means(misfit(humps, sines()), two_line_misfit(humps))
-        why += f"; without the tenth of the half cycles that fits worst the lines give {sine / (sine + lines):.2f}"
+        why += (
+            "; without the tenth of the half cycles that fits worst the lines give"
+            f" {sine / (sine + lines):.2f}"
+        )
         yield number("Example 11.4", f"{name} eta", printed, found["eta_two_line"], 0.01, why)
     ratio = (1 - 0.66) / (1 + 0.66)
     yield number(
@@ -184,8 +204,9 @@ def _ellipse() -> Iterator[Row]:
         2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)),
     )
     why = (
-        f"chord through the centre along OP; a = 3, b = 1, alpha = 0.6: fitted {fitted:.4f}, geometry {chord:.4f}; the square "
-        "root is lost in the extraction (1.69 without it), and a must be the axis at angle alpha (2.36 when swapped)"
+        f"chord through the centre along OP; a = 3, b = 1, alpha = 0.6: fitted {fitted:.4f},"
+        f" geometry {chord:.4f}; the square root is lost in the extraction (1.69 without it), and a"
+        " must be the axis at angle alpha (2.36 when swapped)"
     )
     yield Row(
         "Eq. 11.15",

@@ -32,7 +32,9 @@ def number(
     why: str = "",
     digits: int = 2,
 ) -> Row:
-    """Return a row for a number that should agree within a tolerance; `digits` decimals are shown."""
+    """Return a row for a number that should agree within a tolerance; `digits` decimals are
+    shown.
+    """
     return Row(
         place,
         what,
@@ -44,7 +46,9 @@ def number(
 
 
 def loop(isdb: Source, name: str, **about: str) -> LoopRecord | None:
-    """Return a real loop, or None where it is not at hand; arguments as `simbench.figures._records.real_loop`."""
+    """Return a real loop, or None where it is not at hand; arguments as
+    `simbench.figures._records.real_loop`.
+    """
     try:
         return None if isdb is None else real_loop(isdb, name, **about)
     except NeedsRecord:

@@ -44,8 +44,8 @@ def _describing() -> Iterator[Row]:
         measured = first_harmonic("choudhury", {"S": S, "J": J}, A, samples=4000)[0]
         worst = max(worst, float(abs(measured - stiction(S, J).N(np.asarray(A)))))
     why = (
-        "the extraction lost the leading minus and several signs and fractions; the restored form meets the first harmonic of "
-        f"the simulated valve within {worst:.0e} in {len(cases)} cases"
+        "the extraction lost the leading minus and several signs and fractions; the restored form"
+        f" meets the first harmonic of the simulated valve within {worst:.0e} in {len(cases)} cases"
     )
     yield Row(
         "Eqs 11.1, 11.2",
@@ -77,8 +77,9 @@ def _describing() -> Iterator[Row]:
     )
     found = predict(Loop.from_table(SLOW))
     why = (
-        "PI with Ti > T + Td leads enough at low frequency to stay in the fourth quadrant: with K = 2, T = 10, Td = 2, "
-        f"Kc = 0.4, Ti = 20, S = 5, J = 3 the curves do not meet, yet a cycle of {found['exact']['period']:.0f} s exists"
+        "PI with Ti > T + Td leads enough at low frequency to stay in the fourth quadrant: with K"
+        " = 2, T = 10, Td = 2, Kc = 0.4, Ti = 20, S = 5, J = 3 the curves do not meet, yet a cycle"
+        f" of {found['exact']['period']:.0f} s exists"
     )
     what = "the curve of a self-regulating PI loop with J > 0 meets -1/N"
     meets = bool(found["describing_function"])
@@ -92,7 +93,10 @@ def _waves() -> Iterator[Row]:
         found = [_best_wave(c, "PV") for c in part]
         good = [name for name, _ in found] == ["square", "sine", "triangle"]
         ours = ", ".join(f"{name} ({alike:.3f})" for name, alike in found)
-        why = "best of three half-cycle waves, mean correlation in brackets; the chapter's own ratios are not printed"
+        why = (
+            "best of three half-cycle waves, mean correlation in brackets; the chapter's own ratios"
+            " are not printed"
+        )
         yield Row(
             f"Fig. 11.9{panel}",
             f"PV with falling {ratio}",
@@ -114,8 +118,9 @@ def _waves() -> Iterator[Row]:
     )
     even = max(_even_over_odd(c["OP (%)"].to_numpy()) for c in cycles)
     why = (
-        "the cycle of a loop without bias is symmetric; 'usually asymmetric, with even and odd harmonics' (same page) needs a "
-        "bias or a bent valve characteristic, which simulated loops have only where asked for"
+        "the cycle of a loop without bias is symmetric; 'usually asymmetric, with even and odd"
+        " harmonics' (same page) needs a bias or a bent valve characteristic, which simulated loops"
+        " have only where asked for"
     )
     yield Row(
         "Sect. 11.3.4",
@@ -155,9 +160,15 @@ def _table_11_2() -> Iterator[Row]:
     for (process, action, signal), part in d.groupby(["process", "action", "signal"], sort=False):
         share, shape = float(part.agreement.iloc[0]), str(part.table.iloc[0])
         where = f"{process}{f', {action} action' if action else ''}: {signal}"
-        why = f"share of {part.cycles.iloc[0]} simulated cycles with this label by dynamic time warping"
+        why = (
+            f"share of {part.cycles.iloc[0]} simulated cycles with this label by dynamic time"
+            " warping"
+        )
         if shape == "parabolic":
-            why += "; there is no such label, a sine counts; the printed order of this cell is lost, by physics PV is the triangle"
+            why += (
+                "; there is no such label, a sine counts; the printed order of this cell is lost,"
+                " by physics PV is the triangle"
+            )
         yield Row("Table 11.2", where, shape, f"{share:.0%}", share > 0.5, why)
 
 

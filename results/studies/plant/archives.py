@@ -1,7 +1,9 @@
-"""Do archives add confident verdicts? `python -m results.studies.plant.archives FOLDER` asks of loops that hardly hum.
+"""Do archives add confident verdicts? `python -m results.studies.plant.archives FOLDER` asks of
+loops that hardly hum.
 
-Loops of grid `plant`, two of three with a sound valve, their noise a three-thousandth to a hundredth of PV's range: where noise
-is larger, what an archive leaves out is noise. Each is asked about as it is and as twelve archives would have it.
+Loops of grid `plant`, two of three with a sound valve, their noise a three-thousandth to a
+hundredth of PV's range: where noise is larger, what an archive leaves out is noise. Each is asked
+about as it is and as twelve archives would have it.
 """
 
 from __future__ import annotations
@@ -51,7 +53,9 @@ def quiet(number: int) -> tuple[LoopRecord, bool]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Ask about every record and every archive, and print the verdicts that an archive added; goes on where it stopped."""
+    """Ask about every record and every archive, and print the verdicts that an archive added; goes
+    on where it stopped.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.archives", description=__doc__
     )

@@ -1,9 +1,11 @@
-"""Are the causes that `report` names those that were simulated, are its what-ifs those of the true loop, and do sizes hold?
+"""Are the causes that `report` names those that were simulated, are its what-ifs those of the true
+loop, and do sizes hold?
 
-`python -m results.studies.plant.causes` draws plants of loops with eight causes, stamped in weeks of their own, some of them
-upstream and downstream of each other, and loops of simulators that are not ours, and prints how often the cause named is the
-one simulated, how many events join loops of different weeks, how often the action ranked first is the best of the true loop,
-and how far S lies within its interval under six archives.
+`python -m results.studies.plant.causes` draws plants of loops with eight causes, stamped in weeks
+of their own, some of them upstream and downstream of each other, and loops of simulators that are
+not ours, and prints how often the cause named is the one simulated, how many events join loops of
+different weeks, how often the action ranked first is the best of the true loop, and how far S lies
+within its interval under six archives.
 """
 
 from __future__ import annotations
@@ -47,9 +49,15 @@ CAUSES = (
     "healthy",
 )
 SAYS = {
-    "stiction": ("stiction",), "dead-band": ("stiction",), "tuning": ("tuning",), "outside": ("disturbance from outside",),
-    "upstream": ("another loop",), "sensor": ("sensor",), "saturation": ("saturation",), "healthy": ("none",),
-}  # fmt: skip
+    "stiction": ("stiction",),
+    "dead-band": ("stiction",),
+    "tuning": ("tuning",),
+    "outside": ("disturbance from outside",),
+    "upstream": ("another loop",),
+    "sensor": ("sensor",),
+    "saturation": ("saturation",),
+    "healthy": ("none",),
+}
 WEEK = 7 * 86400.0
 
 
@@ -152,7 +160,9 @@ def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
 
 
 def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
-    """Return loops of every cause by name, each pair of source and victim in one week, every other loop in its own."""
+    """Return loops of every cause by name, each pair of source and victim in one week, every other
+    loop in its own.
+    """
     rng, out = np.random.default_rng(seed), {}
     for i in range(n):
         cause = CAUSES[i % len(CAUSES)]
@@ -248,19 +258,24 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
         open_ = said["cannot tell"]
         right, wrong = right + good, wrong + sum(said.values()) - good - open_
         lines.append(
-            f"{cause:<12} n {sum(said.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said {dict(said)}"
+            f"{cause:<12} n {sum(said.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said"
+            f" {dict(said)}"
         )
     across = sum(len({name.rstrip("sv") for name in event}) > 1 for event in events)
-    lines.append(f"of {len(loops)} loops: right {right}, wrong {wrong}, cannot tell {len(loops) - right - wrong}; "
-                 f"right of those said {right / max(right + wrong, 1):.2f}, wrong of all {wrong / len(loops):.2f}; "
-                 f"events {len(events)}, across weeks {across}")  # fmt: skip
+    lines.append(
+        f"of {len(loops)} loops: right {right}, wrong {wrong}, cannot tell"
+        f" {len(loops) - right - wrong}; right of those said {right / max(right + wrong, 1):.2f},"
+        f" wrong of all {wrong / len(loops):.2f}; events {len(events)}, across weeks {across}"
+    )
     return lines
 
 
 def helped(
     loops: dict[str, Any], behind: dict[str, CandidateLoops | None], beside: str
 ) -> list[str]:
-    """Return how often the action ranked first is the true loop's best, and how far its claims lie from the true ones."""
+    """Return how often the action ranked first is the true loop's best, and how far its claims lie
+    from the true ones.
+    """
     n = best = always = inside = claims = near = 0
     sticky = [
         (loop, behind[name])
@@ -294,9 +309,10 @@ def helped(
                 claims, inside = claims + 1, inside + (a.lo <= true[a.name].variance <= a.hi)
     share = max(n, 1)
     return [
-        f"what if, {beside or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first action best within 10 % of PV "
-        f"variance {best} ({best / share:.2f}; to repair always {always}); variance without friction within .1 {near} "
-        f"({near / share:.2f}); {inside} of {claims} intervals hold ({inside / max(claims, 1):.2f})"
+        f"what if, {beside or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first"
+        f" action best within 10 % of PV variance {best} ({best / share:.2f}; to repair always"
+        f" {always}); variance without friction within .1 {near} ({near / share:.2f}); {inside} of"
+        f" {claims} intervals hold ({inside / max(claims, 1):.2f})"
     ]
 
 
@@ -348,7 +364,9 @@ def door(x: np.ndarray, deviation: float) -> list[int]:
 
 
 def sizes(n: int, seed: int) -> list[str]:
-    """Return how often S lies within the interval that the procedure states, under every archive."""
+    """Return how often S lies within the interval that the procedure states, under every
+    archive.
+    """
     loops = sticky(n, seed).values()
     lines, all_said, all_inside = [], 0, 0
     with tempfile.TemporaryDirectory() as place:
@@ -367,7 +385,8 @@ def sizes(n: int, seed: int) -> list[str]:
                     lo, hi = level if isinstance(level, tuple) else (level, level)
                     said, inside = said + 1, inside + (lo <= S <= hi)
             lines.append(
-                f"S, {how:<13} n {n}  stated {said:>3}  within its interval {inside:>3}  refused {refused}"
+                f"S, {how:<13} n {n}  stated {said:>3}  within its interval {inside:>3}  refused"
+                f" {refused}"
             )
             all_said, all_inside = all_said + said, all_inside + inside
     return [

@@ -1,7 +1,9 @@
-"""Which labels would a reader doubt? `python -m results.studies.plant.label_audit RECORDS -o KEPT` asks of every one.
+"""Which labels would a reader doubt? `python -m results.studies.plant.label_audit RECORDS -o KEPT`
+asks of every one.
 
-The log-odds of stiction of all records of a loop, calibrated on the loops of other units, against its label; then three labels
-at random are turned, again and again, to see whether those would be found.
+The log-odds of stiction of all records of a loop, calibrated on the loops of other units, against
+its label; then three labels at random are turned, again and again, to see whether those would be
+found.
 """
 
 from __future__ import annotations
@@ -51,8 +53,9 @@ def windows(record: LoopRecord) -> list[LoopRecord]:
 def doubts(loops: pd.DataFrame, labels: np.ndarray) -> np.ndarray:
     """Return the probability that each loop's label is wrong.
 
-    Slope and offset of the log-odds are fitted to the labels of the loops of other units, and pulled towards 1 and 0: what is
-    calibrated on simulated loops is off on a plant, and a plant has few loops.
+    Slope and offset of the log-odds are fitted to the labels of the loops of other units, and
+    pulled towards 1 and 0: what is calibrated on simulated loops is off on a plant, and a plant has
+    few loops.
     """
     odds, out = loops.odds.to_numpy(float), np.empty(len(loops))
     for unit in loops.unit.unique():
@@ -65,7 +68,9 @@ def doubts(loops: pd.DataFrame, labels: np.ndarray) -> np.ndarray:
 
 
 def _calibrated(odds: np.ndarray, sticky: np.ndarray) -> tuple[float, float]:
-    """Return slope and offset of the likeliest logistic curve, sticky and sound loops counting the same, pulled to (1, 0)."""
+    """Return slope and offset of the likeliest logistic curve, sticky and sound loops counting the
+    same, pulled to (1, 0).
+    """
     from scipy.optimize import minimize
 
     w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1)) * sticky.size
@@ -82,7 +87,9 @@ def _calibrated(odds: np.ndarray, sticky: np.ndarray) -> tuple[float, float]:
 
 
 def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
-    """Return the share of turned labels among the first suspected, and the share of true ones that are suspected."""
+    """Return the share of turned labels among the first suspected, and the share of true ones that
+    are suspected.
+    """
     rng, truth = np.random.default_rng(seed), loops.sticky.to_numpy(bool)
     found, false = [], []
     for _ in range(DRAWS):
@@ -96,7 +103,9 @@ def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print every loop by how doubtful its label is, with what speaks and where, and how many turned labels are found."""
+    """Print every loop by how doubtful its label is, with what speaks and where, and how many
+    turned labels are found.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.label_audit", description=__doc__
     )
@@ -135,13 +144,15 @@ def main(arguments: list[str] | None = None) -> int:
     for loop, line in loops.sort_values("doubt", ascending=False).iterrows():
         label = "stiction" if line.sticky else "no stiction"
         print(
-            f"{line.doubt:.2f}  {loop:<28} labelled {label:<12} probability of stiction {probability(line.odds):.2f}"
+            f"{line.doubt:.2f}  {loop:<28} labelled {label:<12} probability of stiction"
+            f" {probability(line.odds):.2f}"
         )
         for r in table[table.loop == loop].itertuples():
             print(f"      {r.id}: {_speaks(r.parts, line.sticky)}")
     share, false = turned(loops)
     print(
-        f"\n{DRAWS} draws, {TURNED} of {len(loops)} labels turned: {share:.2f} of them among the first {FIRST} suspected;"
+        f"\n{DRAWS} draws, {TURNED} of {len(loops)} labels turned: {share:.2f} of them among the"
+        f" first {FIRST} suspected;"
     )
     print(f"true labels suspected of being wrong: {false:.2f}")
     return 0
@@ -154,7 +165,10 @@ def _speaks(parts: list[dict[str, Any]], sticky: bool) -> str:
         return "no half can be judged alone"
     odds, i, p = (min if sticky else max)(judged, key=lambda x: x[0])
     where = ("first", "middle", "last")[i]
-    said = f"friction {p['gain']:+.0f} nats, from outside {p['outside']:+.0f}, band {p['share']:.0%} of OP's range"
+    said = (
+        f"friction {p['gain']:+.0f} nats, from outside {p['outside']:+.0f}, band {p['share']:.0%}"
+        " of OP's range"
+    )
     return f"{where} half {probability(odds):.2f} ({said})"
 
 

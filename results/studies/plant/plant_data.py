@@ -1,4 +1,6 @@
-"""The diagnosis on labelled plant records without a baseline: `python -m results.studies.plant.plant_data FOLDER`."""
+"""The diagnosis on labelled plant records without a baseline: `python -m
+results.studies.plant.plant_data FOLDER`.
+"""
 
 from __future__ import annotations
 
@@ -27,21 +29,24 @@ FLAGS = {
 
 
 def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
-    """Diagnose every usable primary record of a folder with a `records.csv`, each with `--identify`.
+    """Diagnose every usable primary record of a folder with a `records.csv`, each with
+    `--identify`.
 
     Parameters
     ----------
     folder : path
-        `records.csv` (columns id, unit_group, label, label_doubt, usable, primary, dynamics) and ID.csv files.
+        `records.csv` (columns id, unit_group, label, label_doubt, usable, primary, dynamics) and
+        ID.csv files.
     blind : bool
         Do not tell the diagnosis whether the plant integrates.
 
     Returns
     -------
     DataFrame
-        One row per record: id, unit_group, label, credible (no doubt about the label), effects, friction (named or not),
-        error (the sentence of a record that was refused), type (of the plant), and for each of `FLAGS` the flag and
-        `named_` flag: whether an effect or a note says so.
+        One row per record: id, unit_group, label, credible (no doubt about the label), effects,
+        friction (named or not), error (the sentence of a record that was refused), type (of the
+        plant), and for each of `FLAGS` the flag and `named_` flag: whether an effect or a note says
+        so.
     """
     table = pd.read_csv(Path(folder) / "records.csv")
     table["sp_steps"] = table.sp_kind == "steps"
@@ -86,7 +91,8 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
 
 
 def by_unit_group(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return, per label, how many unit groups there are and in which share friction was named (mean of each group's share).
+    """Return, per label, how many unit groups there are and in which share friction was named (mean
+    of each group's share).
 
     Parameters
     ----------
@@ -96,7 +102,8 @@ def by_unit_group(frame: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns label, groups, share, majority (share of groups in which most records name friction).
+        Columns label, groups, share, majority (share of groups in which most records name
+        friction).
     """
     share = frame[frame.credible].groupby(["label", "unit_group"]).friction.mean().reset_index()
     found = share.groupby("label").friction
@@ -111,7 +118,8 @@ def by_unit_group(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_flag(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return, per flag of records.csv, how often it is there and named, and how often it is named without being there.
+    """Return, per flag of records.csv, how often it is there and named, and how often it is named
+    without being there.
 
     Parameters
     ----------
@@ -121,7 +129,8 @@ def by_flag(frame: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns flag, records, named, groups, groups_named (in most of the group's flagged records), others, others_named.
+        Columns flag, records, named, groups, groups_named (in most of the group's flagged records),
+        others, others_named.
     """
     rows = []
     for flag in FLAGS:

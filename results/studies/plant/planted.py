@@ -1,4 +1,6 @@
-"""Does a study find what a fleet hides? `python -m results.studies.plant.planted FOLDER` plants one effect, and asks."""
+"""Does a study find what a fleet hides? `python -m results.studies.plant.planted FOLDER` plants one
+effect, and asks.
+"""
 
 from __future__ import annotations
 
@@ -83,12 +85,13 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     Returns
     -------
     dict
-        planted; p (distance); order of the effects found; predicted and true change of every method's accuracy on the grid's
-        loops, 0 predicted where the effect was not found.
+        planted; p (distance); order of the effects found; predicted and true change of every
+        method's accuracy on the grid's loops, 0 predicted where the effect was not found.
 
     Notes
     -----
-    In half the loops of the grid the valve sticks: of sticking that comes and goes, fleet and grid are drawn from the others.
+    In half the loops of the grid the valve sticks: of sticking that comes and goes, fleet and grid
+    are drawn from the others.
     """
     rng, methods = (
         np.random.default_rng([seed, list(STRENGTHS).index(effect)]),
@@ -109,13 +112,18 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
     first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {
-        "planted": effect, "p": found.distance["p"], "order": [e.effect for e in found.effects],
-        "predicted": {m: first.costs[m] if first else 0.0 for m in methods}, "true": {m: after[m] - before[m] for m in methods},
-    }  # fmt: skip
+        "planted": effect,
+        "p": found.distance["p"],
+        "order": [e.effect for e in found.effects],
+        "predicted": {m: first.costs[m] if first else 0.0 for m in methods},
+        "true": {m: after[m] - before[m] for m in methods},
+    }
 
 
 def _fleet(records: int, seed: int, sound: bool) -> list[Scenario]:
-    """Return loops of the grid, one of each group; only loops whose valve is sound where those are asked for."""
+    """Return loops of the grid, one of each group; only loops whose valve is sound where those are
+    asked for.
+    """
     if not sound:
         return list(loops(records, 2 * (seed + 1), GRID))
     some = loops(MORE * records, 2 * (seed + 1), GRID)
@@ -123,7 +131,8 @@ def _fleet(records: int, seed: int, sound: bool) -> list[Scenario]:
 
 
 def sound(groups: int, seed: int) -> list[Simulated]:
-    """Return loops of the grid whose valve is sound, each twice: one that friction may be put into, and its sibling.
+    """Return loops of the grid whose valve is sound, each twice: one that friction may be put into,
+    and its sibling.
 
     Parameters
     ----------
@@ -161,7 +170,8 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     from scipy.stats import spearmanr
 
     lines = [
-        f"{'planted':<22} {'first':>16}  {'found':>5}  {'told apart':>10}  {'off by (points)':>15}  {'rank corr.':>10}"
+        f"{'planted':<22} {'first':>16}  {'found':>5}  {'told apart':>10}  {'off by (points)':>15} "
+        f" {'rank corr.':>10}"
     ]
     for effect in [*dict.fromkeys(r["planted"] for r in rows), "all"]:
         here = [r for r in rows if effect in (r["planted"], "all")]
@@ -174,7 +184,8 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
         rank = f"{spearmanr(*pairs.T).statistic:.2f}" if moved else "none"
         lo, hi = wilson(first, len(here))
         lines.append(
-            f"{effect:<22} {first:>3}/{len(here)} ({lo:.2f}-{hi:.2f})  {named:>5}  {apart:>10}  {off:>15.1f}  {rank:>10}"
+            f"{effect:<22} {first:>3}/{len(here)} ({lo:.2f}-{hi:.2f})  {named:>5}  {apart:>10} "
+            f" {off:>15.1f}  {rank:>10}"
         )
     return lines
 
@@ -185,7 +196,9 @@ def _right(row: dict[str, Any], named: list[str]) -> bool:
 
 
 def healthy(runs: int, records: int, groups: int) -> list[str]:
-    """Return how often a fleet that hides nothing is told apart from its grid, both drawn from one pool without return."""
+    """Return how often a fleet that hides nothing is told apart from its grid, both drawn from one
+    pool without return.
+    """
     x, rng = units(draw(GRID, POOL, 0)), np.random.default_rng(0)
     small = np.zeros(2, dtype=int)
     for _ in tqdm(range(runs), file=sys.stderr, desc="fleets without effect"):
@@ -203,12 +216,17 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
         said.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
     return [
         "",
-        f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <= {LEVEL}: {', '.join(said)}",
+        (
+            f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <="
+            f" {LEVEL}: {', '.join(said)}"
+        ),
     ]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Plant each effect in fleets of several seeds, ask a study of each, and print what it found; goes on where it stopped."""
+    """Plant each effect in fleets of several seeds, ask a study of each, and print what it found;
+    goes on where it stopped.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.planted", description=__doc__
     )
@@ -231,7 +249,10 @@ def main(arguments: list[str] | None = None) -> int:
                 given.out / f"{effect.replace(' ', '-')}-{seed}-{given.records}-{given.groups}.json"
             )
             rows.append(answered(file, partial(asked, effect, seed, given.records, given.groups)))
-    head = f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of grid {GRID}"
+    head = (
+        f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of"
+        f" grid {GRID}"
+    )
     said = [head, *told(rows)] if rows else []
     print(
         "\n".join(

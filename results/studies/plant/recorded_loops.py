@@ -1,4 +1,6 @@
-"""Is stiction found in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o KEPT` asks of every label."""
+"""Is stiction found in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o
+KEPT` asks of every label.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def held(k: int) -> Callable[[LoopRecord], LoopRecord]:
 
 
 def exception(share: float) -> Callable[[LoopRecord], LoopRecord]:
-    """Return what keeps of PV and OP only changes beyond a share of their range, with straight lines between."""
+    """Return what keeps of PV and OP only changes beyond a share of their range, with straight
+    lines between.
+    """
     return lambda r: replace(r, pv=_exception(r.pv, share), op=_exception(r.op, share))
 
 
@@ -60,11 +64,19 @@ def lattice(steps: int) -> Callable[[LoopRecord], LoopRecord]:
 
 PROCEDURE, LIKELIHOOD = "procedure", "likelihood"
 PANEL: dict[str, Callable[[LoopRecord], LoopRecord]] = {
-    "every 2nd sample": every(2), "every 3rd sample": every(3), "every 5th sample": every(5),
-    "mean of 2": mean_of(2), "mean of 3": mean_of(3), "PV held for 2": held(2), "PV held for 4": held(4),
-    "exception 0.5 %": exception(0.005), "exception 1 %": exception(0.01), "exception 2 %": exception(0.02),
-    "lattice of 100": lattice(100), "lattice of 50": lattice(50),
-}  # fmt: skip
+    "every 2nd sample": every(2),
+    "every 3rd sample": every(3),
+    "every 5th sample": every(5),
+    "mean of 2": mean_of(2),
+    "mean of 3": mean_of(3),
+    "PV held for 2": held(2),
+    "PV held for 4": held(4),
+    "exception 0.5 %": exception(0.005),
+    "exception 1 %": exception(0.01),
+    "exception 2 %": exception(0.02),
+    "lattice of 100": lattice(100),
+    "lattice of 50": lattice(50),
+}
 
 
 def _span(x: np.ndarray) -> float:
@@ -81,7 +93,9 @@ def _exception(x: np.ndarray, share: float) -> np.ndarray:
 
 
 def weighed(record: LoopRecord) -> dict[str, Any]:
-    """Return whether the procedure says stiction of a record, and the log-odds of it; None where it cannot be judged."""
+    """Return whether the procedure says stiction of a record, and the log-odds of it; None where it
+    cannot be judged.
+    """
     said = judge(record, [PROCEDURE])[0].verdict == STICTION
     try:
         return {PROCEDURE: said, "odds": friction(record).log_odds}
@@ -118,7 +132,9 @@ def _called(part: pd.DataFrame, method: str) -> bool:
 
 
 def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
-    """Return the usable primary records of `records.csv`, each with its line; those with a doubted label where asked for."""
+    """Return the usable primary records of `records.csv`, each with its line; those with a doubted
+    label where asked for.
+    """
     table = pd.read_csv(where / "records.csv")
     good = table[(table.usable == 1) & (table.primary == 1) & (table.label != "unknown")]
     good = good if doubted else good[good.label_doubt.isna()]
@@ -138,7 +154,9 @@ def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Weigh every record, and one per unit once an archive has had it in twelve ways; goes on where it stopped."""
+    """Weigh every record, and one per unit once an archive has had it in twelve ways; goes on where
+    it stopped.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.recorded_loops", description=__doc__
     )
@@ -184,7 +202,10 @@ def panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
             if _sure(row) and not before:
                 added.append(f"added: {m.id}, {m.label}, {name}")
                 sound += m.label != "stiction"
-    said = f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says none; {lost} lost"
+    said = (
+        f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says"
+        f" none; {lost} lost"
+    )
     more = f"; of {silent} of {len(chosen) * len(PANEL)} nothing can be told"
     return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}{more}", *added]
 

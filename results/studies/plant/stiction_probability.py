@@ -1,8 +1,10 @@
-"""Learn the probability of stiction: `python -m results.studies.plant.stiction_probability FOLDER`, on four simulators.
+"""Learn the probability of stiction: `python -m results.studies.plant.stiction_probability FOLDER`,
+on four simulators.
 
-Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two, sampled too seldom, held, of
-an OP that hardly moves, with a drifting load, a set point that moves, retuned in the middle. Rules are learned on three
-simulators and scored on the fourth. Answers are kept in the folder; it goes on where it stopped.
+Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two,
+sampled too seldom, held, of an OP that hardly moves, with a drifting load, a set point that moves,
+retuned in the middle. Rules are learned on three simulators and scored on the fourth. Answers are
+kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -67,7 +69,9 @@ BINS = 10
 
 
 def entry(number: int) -> dict[str, Any]:
-    """Return what the loop of a number has, as the worlds are asked for it: every other one sticks."""
+    """Return what the loop of a number has, as the worlds are asked for it: every other one
+    sticks.
+    """
     turn = number // 2
     about = {
         "mv": False,
@@ -115,7 +119,9 @@ def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopReco
 def _rerun(
     loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.Generator
 ) -> LoopRecord | None:
-    """Return the loop's record under a drifting load, a set point that moves or a new tuning, or sampled more densely."""
+    """Return the loop's record under a drifting load, a set point that moves or a new tuning, or
+    sampled more densely.
+    """
     table, period = loop.to_table(), _period(record)
     cycles = float(rng.uniform(0.5, 2.0)) if form == "window" else float(rng.uniform(4.0, 15.0))
     n = int(rng.integers(300, LONGEST))
@@ -189,7 +195,9 @@ def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
 
 
 def asked(simulator: str, number: int) -> dict[str, Any]:
-    """Return what one record's likelihood measured of friction, and the truth; no evidence where it cannot be judged."""
+    """Return what one record's likelihood measured of friction, and the truth; no evidence where it
+    cannot be judged.
+    """
     record, sticky, form = drawn(simulator, number)
     about = {
         "simulator": simulator,
@@ -221,16 +229,22 @@ def _nats(x: float, low: float = -1.0, high: float = 3.0) -> float:
 # what is tried; the first is what the product weighs
 RULES: dict[str, Callable[[FrictionEvidence], Sequence[float]]] = {
     "as in the product, learned": regressors,
-    "gain beyond outside times share": lambda e: [_nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)],
+    "gain beyond outside times share": lambda e: [
+        _nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)
+    ],
     "gain": lambda e: [_nats(e.gain)],
     "gain, share": lambda e: [_nats(e.gain), np.log(np.clip(e.share, 0.02, 1.0))],
     "gain beyond outside, share": lambda e: [
-        _nats(e.gain - max(e.outside, 0.0)), np.log(np.clip(e.share, 0.02, 1.0))],
-}  # fmt: skip
+        _nats(e.gain - max(e.outside, 0.0)),
+        np.log(np.clip(e.share, 0.02, 1.0)),
+    ],
+}
 
 
 def learned(x: np.ndarray, y: np.ndarray, groups: Sequence[str]) -> Any:
-    """Return a logistic model in which every simulator counts the same, and in each sticky and sound loops."""
+    """Return a logistic model in which every simulator counts the same, and in each sticky and
+    sound loops.
+    """
     from sklearn.linear_model import LogisticRegression
 
     return LogisticRegression(C=100.0, max_iter=1000).fit(x, y, sample_weight=balanced(y, groups))
@@ -275,7 +289,8 @@ def scores(p: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def compared(rows: list[dict[str, Any]]) -> list[str]:
-    """Return log-loss, AUC and calibration error of every rule on every simulator, learned on the others.
+    """Return log-loss, AUC and calibration error of every rule on every simulator, learned on the
+    others.
 
     A record that cannot be judged counts with even odds.
     """
@@ -320,7 +335,9 @@ def by_form(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return what was measured of so many loops of each simulator; those looked at before are read from the folder."""
+    """Return what was measured of so many loops of each simulator; those looked at before are read
+    from the folder.
+    """
     folder(out)
     jobs = [(s, i) for i in range(count) for s in simulators]
     rows = []
@@ -330,7 +347,9 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`, beside what others would do."""
+    """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`,
+    beside what others would do.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.stiction_probability", description=__doc__
     )

@@ -1,4 +1,6 @@
-"""Do trust's claims hold? `python -m results.studies.plant.trust_claims FOLDER` asks it about loops whose truth is known."""
+"""Do trust's claims hold? `python -m results.studies.plant.trust_claims FOLDER` asks it about loops
+whose truth is known.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ BINS = 4  # of probability, for its calibration
 
 
 def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
-    """Yield loops of a grid in random order: one of each group, then the others; even seeds draw from odd groups."""
+    """Yield loops of a grid in random order: one of each group, then the others; even seeds draw
+    from odd groups.
+    """
     source, rng = load_grid(grid), np.random.default_rng(seed)
     groups = rng.permutation(np.arange((seed + 1) % 2, source.group_count, 2))
     others: list[Scenario] = []
@@ -61,7 +65,9 @@ def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
 
 
 def looked_at(scenario: Scenario) -> dict[str, Any]:
-    """Return whether one loop sticks, the probability of stiction without MV, and whether the procedure calls it."""
+    """Return whether one loop sticks, the probability of stiction without MV, and whether the
+    procedure calls it.
+    """
     run = simulate(scenario.loop, scenario.seed)
     record = run.record.without_mv()
     called = judge(record, [PROCEDURE])[0].verdict == STICTION
@@ -71,7 +77,9 @@ def looked_at(scenario: Scenario) -> dict[str, Any]:
 def kept(
     out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Return what is found of loops of the grid; those looked at before are read from the folder."""
+    """Return what is found of loops of the grid; those looked at before are read from the
+    folder.
+    """
     folder(out)
     rows = []
     for scenario in tqdm(loops(count, seed), total=count, file=sys.stderr):
@@ -85,7 +93,9 @@ def kept(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Ask trust about simulated loops, run the same loops again and again, and print claims beside what was measured."""
+    """Ask trust about simulated loops, run the same loops again and again, and print claims beside
+    what was measured.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.trust_claims", description=__doc__
     )
@@ -123,8 +133,9 @@ def checked(scenario: Scenario) -> dict[str, Any]:
     Returns
     -------
     dict
-        sticky; said, probability, smallest_visible, methods (rows of the contract); best, the method to trust with its reading
-        of the record, None without twins; and what `measured` returns.
+        sticky; said, probability, smallest_visible, methods (rows of the contract); best, the
+        method to trust with its reading of the record, None without twins; and what `measured`
+        returns.
     """
     run = simulate(scenario.loop, scenario.seed)
     return {
@@ -148,7 +159,8 @@ def claimed(record: LoopRecord) -> dict[str, Any]:
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
-    """Return how often every method calls the true loop stiction, with its own valve and, if that sticks, with a sound one.
+    """Return how often every method calls the true loop stiction, with its own valve and, if that
+    sticks, with a sound one.
 
     Parameters
     ----------
@@ -158,8 +170,8 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        healthy, with_friction: dict of method to share, the latter None for a sound loop; fitted: share of runs with friction
-        in which trust calls stiction probable; S, J (%).
+        healthy, with_friction: dict of method to share, the latter None for a sound loop; fitted:
+        share of runs with friction in which trust calls stiction probable; S, J (%).
     """
     S, J = max(plain_setup(scenario.loop, 0).bands)
     sound = (
@@ -196,7 +208,10 @@ def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
 
 def _claims(rows: list[dict[str, Any]]) -> list[str]:
     lines = [
-        f"{len(rows)} loops, {RUNS} runs each with and without friction; claimed on twins, then measured on the loop itself",
+        (
+            f"{len(rows)} loops, {RUNS} runs each with and without friction; claimed on twins, then"
+            " measured on the loop itself"
+        ),
         f"{'method':<18} {'false alarms':>14} {'off by':>7}   {'power':>14} {'off by':>7}",
     ]
     methods = list(rows[0]["healthy"])
@@ -213,7 +228,10 @@ def _claims(rows: list[dict[str, Any]]) -> list[str]:
     ]
     return [
         *lines,
-        f"false alarms claimed within .1 of those measured, mean over the loops: {near[0]} methods; power: {near[2]}",
+        (
+            f"false alarms claimed within .1 of those measured, mean over the loops: {near[0]}"
+            f" methods; power: {near[2]}"
+        ),
         f"the same over the {len(sound)} loops whose own valve is sound: {near[1]} methods",
     ]
 
@@ -254,7 +272,8 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     # trust assumes even odds before looking: sticky and healthy loops count the same
     w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
     lines = [
-        f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"
+        f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky,"
+        " loops"
     ]
     for here in _bins(p):
         if here.any():
@@ -264,7 +283,8 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     picks = [rng.integers(len(rows), size=len(rows)) for _ in range(BOOTSTRAPS)]
     lo, hi = np.quantile([_error(p[k], sticky[k], w[k]) for k in picks], [0.025, 0.975])
     lines.append(
-        f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to {hi:.3f}: upwards biased)"
+        f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to"
+        f" {hi:.3f}: upwards biased)"
     )
     right = {"trust": p > 0.5, PROCEDURE: np.array([r[PROCEDURE] for r in rows])}
     share = {
@@ -272,7 +292,8 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
         for name, called in right.items()
     }
     lines.append(
-        f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}"
+        "right, sticky and healthy loops counting the same:"
+        f" {', '.join(f'{n} {s:.2f}' for n, s in share.items())}"
     )
     sure = p > CLAIMED_FROM
     lines.append(
@@ -296,7 +317,9 @@ def _error(p: np.ndarray, sticky: np.ndarray, w: np.ndarray) -> float:
 
 
 def _visible(rows: list[dict[str, Any]]) -> list[str]:
-    """Return how often friction's size was called invisible: by the detectors' claim, and by the answer as a whole."""
+    """Return how often friction's size was called invisible: by the detectors' claim, and by the
+    answer as a whole.
+    """
     lines = []
     for whose in ("detectors", "detectors and likelihood"):
         counts = {"buried": [0, 0, 0], "plainly visible": [0, 0, 0]}
@@ -314,7 +337,8 @@ def _visible(rows: list[dict[str, Any]]) -> list[str]:
         for kind, (claim, answer, n) in counts.items():
             below = f"below the smallest that detectors show {out_of(claim, n)}"
             lines.append(
-                f"{kind}: {below}; the answer denies it or says that it cannot be seen {out_of(answer, n)}"
+                f"{kind}: {below}; the answer denies it or says that it cannot be seen"
+                f" {out_of(answer, n)}"
             )
     return lines
 
@@ -326,7 +350,8 @@ def out_of(k: int, n: int) -> str:
 
 
 def who_is_right(rows: list[dict[str, Any]]) -> list[str]:
-    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight.
+    """Return who is right how often: the detector picked per loop, trust itself, and the best
+    detector in hindsight.
 
     Parameters
     ----------
@@ -351,7 +376,10 @@ def who_is_right(rows: list[dict[str, Any]]) -> list[str]:
     }
     lines = [
         "",
-        f"right on {len(twins)} loops: best detector in hindsight ({best}) {np.mean(right[best]):.2f}",
+        (
+            f"right on {len(twins)} loops: best detector in hindsight ({best})"
+            f" {np.mean(right[best]):.2f}"
+        ),
     ]
     for name, ok in asked.items():
         won = sum(b and not a for a, b in zip(right[best], ok))

@@ -1,4 +1,6 @@
-"""Is "cannot be seen" said where it is true? `python -m results.studies.plant.trust_extremes FOLDER` buries it, or shows it."""
+"""Is "cannot be seen" said where it is true? `python -m results.studies.plant.trust_extremes
+FOLDER` buries it, or shows it.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,16 @@ from simbench.usage import exit_code
 DRAWN = (
     TESTING + 4
 )  # seed of the order of the loops: none that weights were learned on or answers looked at
-# S over the range that OP moves through with a sound valve; J over S is drawn between a little and as much as there is band
+# S over the range that OP moves through with a sound valve; J over S is drawn between a little and
+# as much as there is band
 SIZES = {"buried": (0.01, 0.1), "plainly visible": (1.5, 4.0)}
 SLIP = (0.3, 1.0)
 SMALLEST, LARGEST = 0.02, 25.0  # S in % of travel
 
 
 def asked(scenario: Scenario) -> dict[str, Any]:
-    """Return what trust says of one loop with little and with much friction, and whether that could be seen.
+    """Return what trust says of one loop with little and with much friction, and whether that could
+    be seen.
 
     Parameters
     ----------
@@ -38,8 +42,9 @@ def asked(scenario: Scenario) -> dict[str, Any]:
     Returns
     -------
     dict
-        Per kind of `SIZES`: S, J (%), seen (power less false alarms of the best detector on runs of the loop itself), fitted
-        (share of runs in which trust calls stiction probable; None where detectors see it), said, smallest_visible (S or None).
+        Per kind of `SIZES`: S, J (%), seen (power less false alarms of the best detector on runs of
+        the loop itself), fitted (share of runs in which trust calls stiction probable; None where
+        detectors see it), said, smallest_visible (S or None).
     """
     sound = scenario.loop.model_copy(update={"valve": Part(name="ideal")})
     rng, seed, methods = (
@@ -64,13 +69,17 @@ def _one(loop: Loop, seed: int, methods: list[str], alarms: dict[str, float]) ->
     smallest = answer.smallest_visible
     return {
         # what detectors see needs no likelihood
-        "seen": seen, "fitted": fitted(loop, seed) if seen <= BURIED else None, "said": answer.conclusion.verdict,
-        "probability": answer.probability, "smallest_visible": None if smallest is None else smallest[0],
-    }  # fmt: skip
+        "seen": seen,
+        "fitted": fitted(loop, seed) if seen <= BURIED else None,
+        "said": answer.conclusion.verdict,
+        "probability": answer.probability,
+        "smallest_visible": None if smallest is None else smallest[0],
+    }
 
 
 def told(rows: list[dict[str, Any]]) -> list[str]:
-    """Return how often friction was denied or called invisible, where it is buried and where it is plain.
+    """Return how often friction was denied or called invisible, where it is buried and where it is
+    plain.
 
     Parameters
     ----------
@@ -82,7 +91,8 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     list of str
     """
     lines = [
-        f"{len(rows)} loops of grid plant, each with little and with much friction (S over OP's range {SIZES})"
+        f"{len(rows)} loops of grid plant, each with little and with much friction (S over OP's"
+        f" range {SIZES})"
     ]
     for kind in SIZES:
         here = [r[kind] for r in rows if _is(kind, r[kind])]
@@ -91,13 +101,16 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
             f"{a} {sum(r['said'] == a for r in here)}" for a in sorted({r["said"] for r in here})
         )
         lines.append(
-            f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))}; said: {said}"
+            f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))};"
+            f" said: {said}"
         )
     return lines
 
 
 def _is(kind: str, row: dict[str, Any]) -> bool:
-    """Return whether friction is as visible as it was meant to be: detectors see it, or neither they nor the likelihood do."""
+    """Return whether friction is as visible as it was meant to be: detectors see it, or neither
+    they nor the likelihood do.
+    """
     if kind == "buried":
         return row["seen"] <= BURIED and row["fitted"] <= BURIED
     return row["seen"] >= PLAIN

@@ -1,4 +1,6 @@
-"""Ask detectors about the records of an exam; what was answered before a kill is not asked again."""
+"""Ask detectors about the records of an exam; what was answered before a kill is not asked
+again.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,8 @@ def answer_exam(
     asked = [part.strip() for text in methods for part in text.split(",")]
     if ORACLE in asked:
         raise ParameterError(
-            f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other methods"
+            f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other"
+            " methods"
         )
     with registry.hosted(files) as added:
         names = choose_methods(asked)
@@ -122,7 +125,9 @@ def _refuse_other_answers(
 
 
 def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
-    """Raise ParameterError when what lies half done was asked of other methods, or about another exam."""
+    """Raise ParameterError when what lies half done was asked of other methods, or about another
+    exam.
+    """
     text = json.dumps(settings, indent=1)
     if not file.exists():
         with whole_file(file) as f:
@@ -134,7 +139,8 @@ def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
         differ = [_SETTINGS]
     if differ:
         raise ParameterError(
-            f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another file"
+            f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another"
+            " file"
         )
 
 

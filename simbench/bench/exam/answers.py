@@ -39,7 +39,9 @@ def rows_of(record: str, verdicts: Iterable[Verdict]) -> str:
 
 
 def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
-    """Read files of answers; ParameterError, naming file and line, for what is no answer to one of the records."""
+    """Read files of answers; ParameterError, naming file and line, for what is no answer to one of
+    the records.
+    """
     found: Answers = {}
     first: dict[tuple[str, str], str] = {}
     for file in files:
@@ -59,16 +61,19 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
                 )
             if record not in records:
                 raise ParameterError(
-                    f"exam: {where}: the exam has no record {record[:80]!r}: {_near(record, records)}"
+                    f"exam: {where}: the exam has no record {record[:80]!r}:"
+                    f" {_near(record, records)}"
                 )
             if row["verdict"] not in VERDICTS:
                 raise ParameterError(
-                    f"exam: {where}: {row['verdict'][:80]!r} is no verdict; allowed: {', '.join(VERDICTS)}"
+                    f"exam: {where}: {row['verdict'][:80]!r} is no verdict; allowed:"
+                    f" {', '.join(VERDICTS)}"
                 )
             if (method, record) in first:
                 before = first[method, record]
                 raise ParameterError(
-                    f"exam: {where}: {method} answered record {record!r} before, in {before}; once is allowed"
+                    f"exam: {where}: {method} answered record {record!r} before, in {before}; once"
+                    " is allowed"
                 )
             first[method, record] = where
             score = _number(row["score"], where, "score") if row["score"] else math.nan

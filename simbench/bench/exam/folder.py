@@ -1,4 +1,6 @@
-"""The folder of an exam: records, what an engineer knows of each loop, and the commitment to the key."""
+"""The folder of an exam: records, what an engineer knows of each loop, and the commitment to the
+key.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,8 @@ def read_exam(folder: str | Path) -> Exam:
             )
     if len(loops) != about["n"]:
         raise ParameterError(
-            f"exam: {folder / LOOPS} has {len(loops)} records; {about['n']} are needed, as {EXAM} states"
+            f"exam: {folder / LOOPS} has {len(loops)} records; {about['n']} are needed, as {EXAM}"
+            " states"
         )
     records, marks = {}, {}
     for name, known in loops.items():
@@ -82,7 +85,9 @@ def read_exam(folder: str | Path) -> Exam:
 
 
 def mark_of(record: LoopRecord, t: np.ndarray) -> str:
-    """Return a digest of what an exam shows of a record, bit for bit; `t` are its times (s), shape (n,)."""
+    """Return a digest of what an exam shows of a record, bit for bit; `t` are its times (s), shape
+    (n,).
+    """
     digest = hashlib.sha256(json.dumps([record.Ts, record.process, record.op_span]).encode())
     for signal in (t, record.sp, record.op, record.pv):
         digest.update(np.ascontiguousarray(signal, dtype=float).tobytes())
@@ -124,7 +129,8 @@ def _loops(file: Path) -> dict[str, dict[str, Any]]:
             ) from None
         if row["record"] in found:
             raise ParameterError(
-                f"exam: {file}, line {line}: record {row['record']!r} stands there twice; once is allowed"
+                f"exam: {file}, line {line}: record {row['record']!r} stands there twice; once is"
+                " allowed"
             )
         found[row["record"]] = known
     return found
@@ -158,7 +164,9 @@ def _signals(file: Path) -> dict[str, np.ndarray]:
 def table_rows(
     file: Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()
 ) -> list[tuple[int, dict[str, str]]]:
-    """Return the rows of a CSV file by column, each with its line; ParameterError, naming file and line, for any other file."""
+    """Return the rows of a CSV file by column, each with its line; ParameterError, naming file and
+    line, for any other file.
+    """
     try:
         text = file.read_bytes().decode("utf-8-sig")
     except OSError as error:
@@ -171,7 +179,8 @@ def table_rows(
     lines = text.splitlines(keepends=True)
     if not lines or lines[-1] == lines[-1].rstrip("\r\n"):
         raise ParameterError(
-            f"exam: {file}, line {len(lines) or 1}: the file ends within a line; the whole file is needed"
+            f"exam: {file}, line {len(lines) or 1}: the file ends within a line; the whole file is"
+            " needed"
         )
     reader, rows = csv.reader(lines, strict=True), []
     try:
@@ -184,7 +193,8 @@ def table_rows(
                 f" and, if wanted, {', '.join(optional)}" if optional else ""
             )
             raise ParameterError(
-                f"exam: {file}, line 1: the columns are {', '.join(header)[:200]}; needed: {allowed}"
+                f"exam: {file}, line 1: the columns are {', '.join(header)[:200]}; needed:"
+                f" {allowed}"
             )
         for row in reader:
             if row and len(row) != len(header):

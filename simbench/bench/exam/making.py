@@ -1,4 +1,6 @@
-"""Make an exam: fresh seeds, records under random ids in random order, and a key that stays elsewhere."""
+"""Make an exam: fresh seeds, records under random ids in random order, and a key that stays
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -44,12 +46,13 @@ def make_exam(
     out, key : str or Path
         Folder of the exam, which must be new, and file of the key, which must lie outside.
     n : int, optional
-        Number of records, drawn at random; at most one of each group of the grid as long as there are others, because siblings
-        share noise and sampling. All scenarios by default.
+        Number of records, drawn at random; at most one of each group of the grid as long as there
+        are others, because siblings share noise and sampling. All scenarios by default.
     jobs : int
         Worker processes; they change nothing in the files.
     seed : int, optional
-        For tests: seeds, ids and order follow from it. By default all are drawn from the operating system's entropy.
+        For tests: seeds, ids and order follow from it. By default all are drawn from the operating
+        system's entropy.
 
     Returns
     -------
@@ -86,7 +89,8 @@ def make_exam(
     refuse_wrong_parts(plan)
     if n is not None and not 1 <= n <= len(plan):
         raise ParameterError(
-            f"exam: --n {n}; grid {plan.name} has {len(plan)} scenarios: 1 to {len(plan)} are allowed"
+            f"exam: --n {n}; grid {plan.name} has {len(plan)} scenarios: 1 to {len(plan)} are"
+            " allowed"
         )
     refuse_unwritable_key(key)
     make_folder(out.absolute().parent)
@@ -111,7 +115,8 @@ def make_exam(
         )
     if len(found) < (n or 1):
         raise ParameterError(
-            f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are needed"
+            f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are"
+            " needed"
         )
     picks = list(found)
     chance.shuffle(picks)
@@ -156,7 +161,9 @@ def make_exam(
 
 
 def _drop_key_of(half: Path, key: Path) -> None:
-    """Remove the key that a killed call wrote for an exam which nobody has seen, as it was never moved to its name."""
+    """Remove the key that a killed call wrote for an exam which nobody has seen, as it was never
+    moved to its name.
+    """
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         if json.loads((half / EXAM).read_bytes())["commitment"] == commitment_of(key.read_bytes()):
             key.unlink()
@@ -167,7 +174,9 @@ def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | str | None]:
 
 
 def _apart(picks: list[Pick]) -> list[Pick]:
-    """Return picks in an order in which no group gives another scenario before all have given as many."""
+    """Return picks in an order in which no group gives another scenario before all have given as
+    many.
+    """
     seen: Counter[int] = Counter()
     turns = []
     for group, _ in picks:

@@ -1,4 +1,6 @@
-"""Open an exam: check key and records, put the answers beside the truth, and hand both to the scoring of runs."""
+"""Open an exam: check key and records, put the answers beside the truth, and hand both to the
+scoring of runs.
+"""
 
 from __future__ import annotations
 
@@ -84,9 +86,9 @@ def opened_exam(
     Raises
     ------
     ParameterError
-        When the key does not match the commitment, another version of simbench made the exam, a record is not the one that
-        its seed gives, or a file of answers holds
-        what is no answer to this exam.
+        When the key does not match the commitment, another version of simbench made the exam, a
+        record is not the one that its seed gives, or a file of answers holds what is no answer to
+        this exam.
 
     Examples
     --------
@@ -105,7 +107,8 @@ def opened_exam(
     content, secret = read_key("exam", key)
     if not matches(content, exam.about["commitment"]):
         raise ParameterError(
-            f"exam: the SHA-256 of {key} is not the commitment in {exam.folder}; another key was made for it"
+            f"exam: the SHA-256 of {key} is not the commitment in {exam.folder}; another key was"
+            " made for it"
         )
     try:
         places = {
@@ -117,10 +120,14 @@ def opened_exam(
         raise ParameterError(f"exam: {key} is no key file of an exam") from None
     if exam.about["benchmark"] != stated or set(places) != set(exam.records):
         raise ParameterError(
-            f"exam: {exam.folder} states another benchmark or other records than its key; restore it"
+            f"exam: {exam.folder} states another benchmark or other records than its key;"
+            " restore it"
         )
     if made_by != evaluator_hash():
-        made = f"was made by another version of simbench (its evaluator is {made_by}, here it is {evaluator_hash()})"
+        made = (
+            f"was made by another version of simbench (its evaluator is {made_by}, here it is"
+            f" {evaluator_hash()})"
+        )
         raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
     given = read_answers([Path(file) for file in answers], exam.records)
     names = {place: ident for ident, place in places.items()}
@@ -134,12 +141,21 @@ def opened_exam(
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
     settings = {
-        "grid": grid.name, "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "overrides": grid.overrides,
-        "grid_content": grid.content.model_dump(mode="json"), "seed": grid.content.seed, "scenarios": len(rows),
-        "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)}, "thresholds": {},
-        "plugins": {}, "until_width": None, "front_end": known_front_end("acf"),
-        "command": "simbench exam open", "exam": exam.about["commitment"],
-    }  # fmt: skip
+        "grid": grid.name,
+        "grid_hash": grid.hash,
+        "cells_hash": grid.cells_hash,
+        "overrides": grid.overrides,
+        "grid_content": grid.content.model_dump(mode="json"),
+        "seed": grid.content.seed,
+        "scenarios": len(rows),
+        "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)},
+        "thresholds": {},
+        "plugins": {},
+        "until_width": None,
+        "front_end": known_front_end("acf"),
+        "command": "simbench exam open",
+        "exam": exam.about["commitment"],
+    }
     with tempfile.TemporaryDirectory() as place:
         run = Path(place) / "run"
         _write_run(run, describe(settings), rows, given)
@@ -195,7 +211,9 @@ def _write_run(
 
 
 def _covers(name: str, process: str) -> bool:
-    """Return whether a method is made for a process; one that is not of the package is made for all."""
+    """Return whether a method is made for a process; one that is not of the package is made for
+    all.
+    """
     try:
         return process in registry.load(name).METHOD.process
     except UserError:

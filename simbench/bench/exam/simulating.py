@@ -1,4 +1,6 @@
-"""Simulate chosen scenarios of a grid, in any order and on any number of workers, with the same bits as a run."""
+"""Simulate chosen scenarios of a grid, in any order and on any number of workers, with the same
+bits as a run.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _PIECE = 20  # scenarios
 def simulate_picks(
     grid: Grid, picks: Iterable[Pick], jobs: int, look: Callable[[SimulatedScenario], Any]
 ) -> dict[Pick, Any]:
-    """Return what `look` makes of each scenario, where it was simulated; its members that a group lacks are left out."""
+    """Return what `look` makes of each scenario, where it was simulated; its members that a group
+    lacks are left out.
+    """
     wanted = sorted(picks)
     groups = [list(some) for _, some in groupby(wanted, key=lambda pick: pick[0])]
     pieces: list[list[Pick]] = [[]]

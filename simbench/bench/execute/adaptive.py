@@ -1,4 +1,6 @@
-"""Adaptive sweeps: further seeds only for cells in which some method's accuracy is still known too vaguely."""
+"""Adaptive sweeps: further seeds only for cells in which some method's accuracy is still known too
+vaguely.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def next_round(
     methods: Sequence[str],
     told: dict[str, Any],
 ) -> list[list[int]]:
-    """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough."""
+    """Return the groups that the next round must add, cut in pieces; none when every cell is known
+    well enough.
+    """
     right, known, repeats = _counts(grid, place, receipts, methods)
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
@@ -67,7 +71,9 @@ def next_round(
 
 
 def trials(share: np.ndarray, tried: int, width: float) -> int:
-    """Return how many trials Wilson's interval needs to be this narrow, for the most demanding of several shares."""
+    """Return how many trials Wilson's interval needs to be this narrow, for the most demanding of
+    several shares.
+    """
     p = (np.asarray(share) * tried + 1.0) / (tried + 2.0)
     hardest = float(p[np.argmin(np.abs(p - 0.5))])
 

@@ -1,4 +1,6 @@
-"""Asked again: a detector that answers otherwise the second time fails the check, whatever its rates."""
+"""Asked again: a detector that answers otherwise the second time fails the check, whatever its
+rates.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,17 @@ _ASKED_AGAIN = 200  # records of a run
 def check_and_ask_again(
     folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False
 ) -> Check:
-    """Compare a run with a baseline as `check_run` does, and ask its methods once more about a share of its records."""
+    """Compare a run with a baseline as `check_run` does, and ask its methods once more about a
+    share of its records.
+    """
     check = check_run(folder, against, margin, exact)
     return replace(check, problems=(*check.problems, *differing(folder)))
 
 
 def differing(folder: str | Path) -> Iterator[str]:
-    """Ask every built-in method once more about a share of a run's records, and name those that answer otherwise."""
+    """Ask every built-in method once more about a share of a run's records, and name those that
+    answer otherwise.
+    """
     manifest = read_manifest(folder)
     if (
         manifest["code"] != code_hash()

@@ -1,4 +1,6 @@
-"""Errors are results: how many scenarios of a run could not be simulated, which methods raised, and why."""
+"""Errors are results: how many scenarios of a run could not be simulated, which methods raised, and
+why.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class Failures:
         return f"{'; '.join(said)} (most often: {first})" if said else ""
 
     def above(self, share: float) -> bool:
-        """Return whether more than a share of the scenarios, or of the records of one method, failed."""
+        """Return whether more than a share of the scenarios, or of the records of one method,
+        failed.
+        """
         judged = max(self.of - self.scenarios, 1)
         return (
             max([self.scenarios / max(self.of, 1), *(n / judged for n in self.methods.values())])

@@ -1,4 +1,6 @@
-"""Before a grid is run: are its plug-ins and their numbers right, how large will it be, does each kind of cell make a loop?"""
+"""Before a grid is run: are its plug-ins and their numbers right, how large will it be, does each
+kind of cell make a loop?
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 
 MOST_SCENARIOS = 1_000_000  # scenarios without --large
-# measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one core); rows on disk (bytes)
+# measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one
+# core); rows on disk (bytes)
 _SECONDS, _FAST_METHOD_SECONDS, _FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
 ROW, _VERDICT = 600, 70
 
@@ -58,7 +61,9 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
 
 
 def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
-    """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is asked for."""
+    """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is
+    asked for.
+    """
     if size.scenarios > MOST_SCENARIOS and not large:
         raise RunError(
             f"{name}: {size}; above {MOST_SCENARIOS} scenarios a run must be asked for with --large"
@@ -66,7 +71,9 @@ def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
 
 
 def refuse_wrong_parts(plan: Grid) -> None:
-    """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a cell of each block."""
+    """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a
+    cell of each block.
+    """
     say(plan.name, list(dict.fromkeys(_wrong(plan))))
     with naming(f"grid {plan.name}"):
         for index in plan.samples():

@@ -1,4 +1,6 @@
-"""Who works on a run's folder: a file with a heartbeat, which every machine that reaches the folder can watch."""
+"""Who works on a run's folder: a file with a heartbeat, which every machine that reaches the folder
+can watch.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,17 @@ OLD = 3600.0  # s without a change, after which what is half-written belongs to 
 
 @contextlib.contextmanager
 def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
-    """Hold a folder alone; what a dead holder left half-written goes, where nothing of it moved for `STALE` seconds."""
+    """Hold a folder alone; what a dead holder left half-written goes, where nothing of it moved for
+    `STALE` seconds.
+    """
     file = folder / LEASE
-    about = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-             "command": masked(" ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip
+    about = {
+        "host": socket.gethostname(),
+        "pid": os.getpid(),
+        "since": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "command": masked(" ".join(sys.argv))[:200],
+        "token": uuid.uuid4().hex,
+    }
     folders = [folder / sub for sub in subfolders]
     while not _made(file, about):
         _wait_out(file, folders)
@@ -73,7 +82,9 @@ def _beat(file: Path, about: dict, ended: threading.Event) -> None:
 
 
 def _wait_out(file: Path, folders: list[Path]) -> None:
-    """Return once a lease that stands there is gone, by itself or as stale; RunError as soon as it moves."""
+    """Return once a lease that stands there is gone, by itself or as stale; RunError as soon as it
+    moves.
+    """
     try:
         first = last = file.read_bytes()
         before, until = _temporaries(folders), time.monotonic() + STALE
@@ -82,7 +93,10 @@ def _wait_out(file: Path, folders: list[Path]) -> None:
             last = file.read_bytes()
         if last != first and last[:1] == b"{" and first[:1] == b"{":
             said = json.loads(last)
-            who = f"process {said['pid']} on {said['host']} works there since {said['since']} ({said['command']})"
+            who = (
+                f"process {said['pid']} on {said['host']} works there since {said['since']}"
+                f" ({said['command']})"
+            )
             raise RunError(
                 f"{file.parent}: {who}; wait for its end, stop it, or choose another folder"
             )

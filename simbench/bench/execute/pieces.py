@@ -1,4 +1,6 @@
-"""A run being worked: whoever works a piece writes its partitions and a receipt, and only the receipt travels."""
+"""A run being worked: whoever works a piece writes its partitions and a receipt, and only the
+receipt travels.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ class Receipt:
     # scenarios, failures: how many, and how many verdicts or simulations ended in an error
     scenarios: int
     failures: int
-    # simulating, judging, working: seconds on simulation with its truth, on detectors, and altogether
+    # simulating, judging, working: seconds on simulation with its truth, on detectors, and
+    # altogether
     simulating: float
     judging: float
     working: float
@@ -71,7 +74,8 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
         raise RunError(f"folder {place} is not empty and holds no run; choose another")
     elif not resume:
         raise RunError(
-            f"folder {place} already holds a run; continue it with --resume, or choose another folder"
+            f"folder {place} already holds a run; continue it with --resume, or choose another"
+            " folder"
         )
     else:
         refuse_to_mix(place, manifest)
@@ -79,7 +83,9 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
 
 
 def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
-    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands under its name."""
+    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands
+    under its name.
+    """
     there = find_receipt(place, piece.number, key)
     if there is not None:  # somebody believed dead was only slow
         return there
@@ -100,7 +106,9 @@ def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
 
 
 def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
-    """Return the receipt of a piece of this run when all its files stand there, bit for bit as they were written."""
+    """Return the receipt of a piece of this run when all its files stand there, bit for bit as they
+    were written.
+    """
     try:
         said = without_checksum(json.loads(place.read(receipt_file(number))), "receipt")
         if (said["run"], said["piece"]) != (key, number):
@@ -123,7 +131,8 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
         lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
         if lacking:
             raise RunError(
-                f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place that all reach"
+                f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place"
+                " that all reach"
             )
     scenarios, errors = (
         sum(getattr(r, name) for r in receipts) for name in ("scenarios", "failures")

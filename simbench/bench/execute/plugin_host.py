@@ -1,4 +1,6 @@
-"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the worker of a plug-in."""
+"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the worker
+of a plug-in.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
 
 
 def refuse_unsettled(group: Group) -> None:
-    """Raise UserError when a cell's scenarios cannot be set up; what another's part does there is a row of the run."""
+    """Raise UserError when a cell's scenarios cannot be set up; what another's part does there is a
+    row of the run.
+    """
     own = tuple(d for d in group.drafts if _host_of_draft(group.twin, d) is None)
     for scenario in resolve(replace(group, drafts=own)) if own else ():
         resolve_loop(scenario.loop, scenario.seed)
@@ -70,7 +74,9 @@ def truth(loop: Loop, seed: int) -> tuple[Run, Cycled]:
 
 
 def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
-    """Return `judge_oracle(scenario, run)`, wherever the loop's parts live, and the error where another's gave none."""
+    """Return `judge_oracle(scenario, run)`, wherever the loop's parts live, and the error where
+    another's gave none.
+    """
     host = host_of(parts_of_loop(scenario.loop))
     try:
         return ask(host, judge_oracle, scenario, run), None
@@ -81,7 +87,9 @@ def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
 
 
 def theory(loop: Loop) -> Theory:
-    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it."""
+    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why
+    there is none of it.
+    """
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(
         update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}

@@ -1,4 +1,6 @@
-"""Run a grid: pieces in parallel, each on disk as soon as it is whole, so that nothing finished is ever lost."""
+"""Run a grid: pieces in parallel, each on disk as soon as it is whole, so that nothing finished is
+ever lost.
+"""
 
 from __future__ import annotations
 
@@ -85,8 +87,9 @@ def run_grid(
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
     if fresh_seeds and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
         raise RunError(
-            "--fresh-seeds draws the grid's seed: it needs a grid by name or file, and neither --resume nor --set seed= "
-            "(to resume such a run, give --resume and --set seed= with the seed that its manifest states)"
+            "--fresh-seeds draws the grid's seed: it needs a grid by name or file, and neither"
+            " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
+            " the seed that its manifest states)"
         )
     drawn = {"seed": secrets.randbits(62)} if fresh_seeds else {}
     plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
@@ -121,8 +124,13 @@ def run_grid(
                 "scenarios": len(plan),
                 "methods": {n: about_method(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": digests
-                | {f"own {name}": _source_digest(detector) for name, detector in callers.items()},
+                "plugins": (
+                    digests
+                    | {
+                        f"own {name}": _source_digest(detector)
+                        for name, detector in callers.items()
+                    }
+                ),
                 "until_width": until_width,
                 "raw": raw,
                 "front_end": known_front_end(front_end),
@@ -201,7 +209,9 @@ def _all_pieces(
     width: float | None,
     methods: Sequence[str],
 ) -> list[Receipt]:
-    """Work through the grid, then, where an accuracy is asked for, round by round through what it lacks."""
+    """Work through the grid, then, where an accuracy is asked for, round by round through what it
+    lacks.
+    """
     groups: Sequence[Sequence[int]] = [range(*piece) for piece in chunks(plan)]
     receipts: list[Receipt] = []
     while groups:
@@ -306,7 +316,8 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
     for method, values in thresholds.items():
         if method not in names:
             raise RunError(
-                f"thresholds are given for {method!r}, which is not among the methods; known: {', '.join(names)}"
+                f"thresholds are given for {method!r}, which is not among the methods; known:"
+                f" {', '.join(names)}"
             )
         check_thresholds(method, registry.load(method).METHOD, values)
 
@@ -322,7 +333,9 @@ def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
 
 
 def _source_digest(detector: Any) -> str:
-    """Return what tells a caller's own detector from another of its name: its source, and its parameters where it says them."""
+    """Return what tells a caller's own detector from another of its name: its source, and its
+    parameters where it says them.
+    """
     said = (
         detector.get_params(deep=False)
         if hasattr(detector, "get_params")

@@ -1,4 +1,6 @@
-"""Sweep one loop over axes from Python: `simbench.sweep(loop, axes).score(detectors)` gives a table."""
+"""Sweep one loop over axes from Python: `simbench.sweep(loop, axes).score(detectors)` gives a
+table.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ class Sweep:
     def verdicts(
         self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any
     ) -> pd.DataFrame:
-        """Simulate and judge; one row per scenario and method, with the axes and the truth beside the verdict."""
+        """Simulate and judge; one row per scenario and method, with the axes and the truth beside
+        the verdict.
+        """
         import pandas as pd
 
         names = [detectors] if isinstance(detectors, str) else list(detectors)
@@ -95,7 +99,8 @@ def sweep(
     loop : Loop, str or Path
         A loop, or a loop file.
     axes : mapping of str to sequence
-        Dotted loop keys ("valve.J", "noise.std"), or the rules samples_per_period with periods, and noise_ratio.
+        Dotted loop keys ("valve.J", "noise.std"), or the rules samples_per_period with periods, and
+        noise_ratio.
     seeds : int
         Scenarios per combination; only noise and random disturbances differ between them.
     seed : int

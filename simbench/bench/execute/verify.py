@@ -1,4 +1,6 @@
-"""Verification of a run: its grid is resolved again, a random share simulated and judged again, and all scores recomputed."""
+"""Verification of a run: its grid is resolved again, a random share simulated and judged again, and
+all scores recomputed.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,8 @@ from simbench.files import csv_text, record_text
 from simbench.loop.hosted import add_parts, hosted_parts
 
 SHARE = 0.05  # of the scenarios
-# scenarios that are simulated again whatever the share: with every method, and with the methods of budget "fast"
+# scenarios that are simulated again whatever the share: with every method, and with the methods of
+# budget "fast"
 _LEAST, _LEAST_FAST = 100, 1000
 _RUNTIMES = {"runtime_s", "median_ms"}  # columns that may differ
 _PARTS = (
@@ -70,10 +73,11 @@ def verify_run(
     plugins: Iterable[str | Path] = (),
     seconds: float = SECONDS,
 ) -> Verification:
-    """Simulate a share of a run again and compare everything that it states; the share is drawn anew by every call.
+    """Simulate a share of a run again and compare everything that it states; the share is drawn
+    anew by every call.
 
-    The grid is that of the package where the run names one, else the copy in the manifest. RunError for a folder that is
-    damaged, a baseline, or whose loops need plug-ins that are not given.
+    The grid is that of the package where the run names one, else the copy in the manifest. RunError
+    for a folder that is damaged, a baseline, or whose loops need plug-ins that are not given.
     """
     if not 0.0 <= share <= 1.0:
         raise RunError(f"share = {share}; a number from 0 to 1 is needed")
@@ -136,7 +140,9 @@ def verify_run(
 
 @dataclass(frozen=True)
 class _Verification:
-    """What is done with every piece of a run: one file of each table, and the groups that stand in it."""
+    """What is done with every piece of a run: one file of each table, and the groups that stand in
+    it.
+    """
 
     place: Place
     marks: dict[str, list[str]]  # checksums of both tables' files
@@ -190,13 +196,16 @@ def _compare_rows(stored: list[dict[str, Any]], again: list[dict[str, Any]], not
 def _plugin_files(
     place: Place, manifest: Mapping[str, Any], plugins: Iterable[str | Path], notes: Notes
 ) -> dict[str, list[str]]:
-    """Return the files given by kind of plug-in ("" for detectors), detectors of another digest left out."""
+    """Return the files given by kind of plug-in ("" for detectors), detectors of another digest
+    left out.
+    """
     stated, files = manifest["plugins"], {kind: [] for kind in ("", *_PARTS)}
     given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
     for file in plugins:
         if not any(f"{kind}{Path(file).stem}" in stated for kind in files):
             raise RunError(
-                f"{place} states no plug-in {Path(file).stem!r}; it states: {', '.join(stated) or 'none'}"
+                f"{place} states no plug-in {Path(file).stem!r}; it states:"
+                f" {', '.join(stated) or 'none'}"
             )
     for name, digest in stated.items():
         kind, file = given.get(name, ("", None))
@@ -238,7 +247,9 @@ def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list
 def _compare_stated(
     manifest: Mapping[str, Any], grid: Grid, asked: Sequence[str], book: Any, notes: Notes
 ) -> str:
-    """Compare what the manifest states with what its grid, this installation and its tables give; return the benchmark."""
+    """Compare what the manifest states with what its grid, this installation and its tables give;
+    return the benchmark.
+    """
     benchmark, installed = benchmark_of(grid, book.ids.astype(str).tolist()), describe({})
     counts = {
         "scenarios": book.ids.size,
@@ -246,10 +257,15 @@ def _compare_stated(
         "errors": int(book.failed.sum()),
     }
     again = {
-        "grid_hash": grid.hash, "cells_hash": grid.cells_hash, "seed": grid.content.seed, "scenarios": len(grid),
-        "counts": counts, "records_hash": records_hash(book), BENCHMARK: benchmark,
+        "grid_hash": grid.hash,
+        "cells_hash": grid.cells_hash,
+        "seed": grid.content.seed,
+        "scenarios": len(grid),
+        "counts": counts,
+        "records_hash": records_hash(book),
+        BENCHMARK: benchmark,
         **{key: installed[key] for key in ("format", "code", "versions")},
-    }  # fmt: skip
+    }
     for key, value in again.items():
         notes.compare(f"manifest: {key}", "", manifest.get(key), value)
     for name in asked:
@@ -282,7 +298,9 @@ def _compare_scores(place: Place, book: Any, notes: Notes) -> None:
 
 
 def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[Sequence[int]]:
-    """Yield the groups of every piece of a run, with the rounds that `until_width` adds, from the grid alone."""
+    """Yield the groups of every piece of a run, with the rounds that `until_width` adds, from the
+    grid alone.
+    """
     groups: list[Sequence[int]] = [range(*piece) for piece in chunks(grid)]
     marks, done = manifest[TABLES], 0
     while groups:

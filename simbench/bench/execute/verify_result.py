@@ -1,4 +1,6 @@
-"""The answer of a verification: what was compared, what contradicts the run, and how much can escape."""
+"""The answer of a verification: what was compared, what contradicts the run, and how much can
+escape.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,10 @@ class Verification:
             for n, some in sorted(groups.items())
         )
         return (
-            f"{self.folder} is verified as a run of {self.origin}: the definitions of all {self.scenarios} scenarios and "
-            f"every score were computed again, {self.simulated} scenarios, drawn at random, were simulated again, and "
-            f"methods were asked again: {asked or 'none'}. "
-            f"Not checked: {', '.join(self.unchecked)}."
+            f"{self.folder} is verified as a run of {self.origin}: the definitions of all"
+            f" {self.scenarios} scenarios and every score were computed again, {self.simulated}"
+            " scenarios, drawn at random, were simulated again, and methods were asked again:"
+            f" {asked or 'none'}. Not checked: {', '.join(self.unchecked)}."
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -66,7 +68,9 @@ class Notes:
         self.found: dict[str, tuple[int, str, Any, Any]] = {}
 
     def add(self, what: str, where: str, stated: Any, again: Any) -> None:
-        """Note one contradiction: what differs, in which scenario or file, what the run states, what was computed again."""
+        """Note one contradiction: what differs, in which scenario or file, what the run states,
+        what was computed again.
+        """
         count, *first = self.found.get(what, (0, where, stated, again))
         self.found[what] = (count + 1, *first)
 
@@ -87,14 +91,23 @@ class Notes:
     def sentences(self) -> Iterator[str]:
         """Yield a sentence about each kind of contradiction."""
         if "scenario: record_hash" in self.found:
-            yield "records differ; they also do on a processor of another kind, which this cannot tell from a change"
+            yield (
+                "records differ; they also do on a processor of another kind, which this cannot"
+                " tell from a change"
+            )
         for what, (count, where, stated, again) in self.found.items():
             times = f" {count} times, first in {where}" if where else ""
-            yield f"{what} differs{times}: the run states {str(stated)[:200]}, computed again it is {str(again)[:200]}"
+            yield (
+                f"{what} differs{times}: the run states {str(stated)[:200]}, computed again it is"
+                f" {str(again)[:200]}"
+            )
 
 
 def _escape(asked: int, scenarios: int) -> str:
     if asked >= scenarios:
         return " (all)"
     least = math.ceil(math.log(1 - _SURE) / math.log1p(-asked / scenarios))
-    return f" (fewer than {least} changed verdicts of a method can escape with a probability above {1 - _SURE:.0%})"
+    return (
+        f" (fewer than {least} changed verdicts of a method can escape with a probability above"
+        f" {1 - _SURE:.0%})"
+    )

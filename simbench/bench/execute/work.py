@@ -1,4 +1,6 @@
-"""One piece of a run: groups of scenarios simulated, labelled and judged; what every worker does."""
+"""One piece of a run: groups of scenarios simulated, labelled and judged; what every worker
+does.
+"""
 
 from __future__ import annotations
 
@@ -46,10 +48,11 @@ _HELD = 80  # records simulated before they are judged in drawn order
 
 @dataclass(frozen=True)
 class Chunk:
-    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for.
+    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the
+    records asked for.
 
-    `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the truth's
-    seconds, too; `kept` are records by scenario id.
+    `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error;
+    `simulating` has the truth's seconds, too; `kept` are records by scenario id.
     """
 
     number: int
@@ -65,7 +68,9 @@ class Chunk:
 
 @dataclass(frozen=True)
 class _Questions:
-    """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too, what finds oscillations."""
+    """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too,
+    what finds oscillations.
+    """
 
     chosen: Thresholds
     oracle: bool
@@ -74,7 +79,9 @@ class _Questions:
 
 @dataclass(frozen=True)
 class SimulatedScenario:
-    """A scenario of a group with its truth and theory; why there is no run where there is none, and the seconds it took."""
+    """A scenario of a group with its truth and theory; why there is no run where there is none, and
+    the seconds it took.
+    """
 
     scenario: Scenario
     ident: str
@@ -88,7 +95,9 @@ class SimulatedScenario:
 
 @dataclass(frozen=True)
 class _Judged:
-    """A scenario's rows, how many of its answers are errors, its seconds, and its record where there is one."""
+    """A scenario's rows, how many of its answers are errors, its seconds, and its record where
+    there is one.
+    """
 
     row: dict[str, Any]
     verdicts: list[dict[str, Any]]
@@ -111,10 +120,12 @@ def work(
     front_end: str = "acf",
     callers: Mapping[str, Any] | None = None,
 ) -> Chunk:
-    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
+    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for
+    its times.
 
-    `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers` the caller's own detectors;
-    `seconds` is the time a file's may take for a record, `keep` how many records are handed back, from the first on.
+    `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers`
+    the caller's own detectors; `seconds` is the time a file's may take for a record, `keep` how
+    many records are handed back, from the first on.
     """
     began = time.perf_counter()
     add_parts(*stages, seconds=seconds)
@@ -135,7 +146,8 @@ def work(
             settling += time.perf_counter() - since
             held += [simulated(scenario, index, wrong) for scenario, wrong in scenarios]
             if len(held) >= _HELD or index == groups[-1]:
-                # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
+                # a sticky loop comes before its siblings in a grid: what is asked next must not
+                # follow from what was asked last
                 judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
                 for _, one in sorted(judged.items()):
                     if one.record is not None and len(kept) < keep:
@@ -166,8 +178,9 @@ def judge_both(
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
-    Returns the blinded record with what was found in it, and per method the verdict with the front end, the one without, the
-    error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
+    Returns the blinded record with what was found in it, and per method the verdict with the front
+    end, the one without, the error if it raised one, and its seconds; methods that do not declare
+    that they need MV do not see it.
     """
     since = time.perf_counter()
     blind = prepare(record.without_mv(), front_end)
@@ -288,7 +301,9 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
 def verdict_row(
     ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float
 ) -> dict[str, Any]:
-    """Return one method's row of the verdicts table: its answer with and without the oscillation front end."""
+    """Return one method's row of the verdicts table: its answer with and without the oscillation
+    front end.
+    """
     (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
     return {
         "scenario_id": ident,

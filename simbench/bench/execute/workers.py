@@ -1,4 +1,6 @@
-"""Who works the pieces of a run: this process, others of this machine, a cluster of dask or ray; and what if they die."""
+"""Who works the pieces of a run: this process, others of this machine, a cluster of dask or ray;
+and what if they die.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ _ONE_THREAD = dict.fromkeys(
 
 @contextlib.contextmanager
 def on_processes(jobs: int) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by processes of this machine and gives each receipt back when it is there."""
+    """Yield a function that has pieces worked by processes of this machine and gives each receipt
+    back when it is there.
+    """
     if jobs == 1:
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
         return
@@ -75,7 +79,9 @@ def on_processes(jobs: int) -> Iterator[Runner]:
 
 @contextlib.contextmanager
 def on_cluster(address: str | None) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it is there."""
+    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it
+    is there.
+    """
     client = _client(address)
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
@@ -92,7 +98,9 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
 
 @contextlib.contextmanager
 def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by ray and gives each receipt back when it is there."""
+    """Yield a function that has pieces worked by ray and gives each receipt back when it is
+    there.
+    """
     try:
         import ray  # type: ignore[import-not-found]
     except ImportError:
@@ -144,7 +152,9 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
 def _handed_out(
     submit: Callable, missing: _Pieces, gone: Callable[[], tuple[str, float] | None]
 ) -> Iterator[Receipt]:
-    """Yield receipts as they come; `gone` says what is missing when none does, and for how long that may be."""
+    """Yield receipts as they come; `gone` says what is missing when none does, and for how long
+    that may be.
+    """
     done: queue.SimpleQueue = queue.SimpleQueue()
     waiting, left = set(), iter(missing)
 

@@ -1,4 +1,6 @@
-"""A grid's axes as tables show them and as a surrogate is trained on them, for any cells of a grid of any size."""
+"""A grid's axes as tables show them and as a surrogate is trained on them, for any cells of a grid
+of any size.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ BLOCK_AXIS = "block"
 
 
 class GridAxes:
-    """The axes of a grid and their values, in order; `block` is one where there are several blocks."""
+    """The axes of a grid and their values, in order; `block` is one where there are several
+    blocks.
+    """
 
     def __init__(self, grid: Grid) -> None:
         self._grid, blocks = grid, grid.content.block
@@ -39,7 +43,9 @@ class GridAxes:
         return [key for key, values in self.values.items() if len(values) > 1]
 
     def table(self, cells: Iterable[int]) -> tuple[pd.DataFrame, list[tuple[str, ...]]]:
-        """Return the value of each axis in some cells (null where a cell lacks it), and the members of each cell."""
+        """Return the value of each axis in some cells (null where a cell lacks it), and the members
+        of each cell.
+        """
         import pandas as pd
 
         found = [self._grid.cell(int(cell)) for cell in cells]
@@ -50,7 +56,9 @@ class GridAxes:
         return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in found]
 
     def features(self, table: pd.DataFrame, members: Iterable[str]) -> np.ndarray:
-        """Return the place of each value on its axis (-1 where a cell lacks the axis), and of the member, as columns."""
+        """Return the place of each value on its axis (-1 where a cell lacks the axis), and of the
+        member, as columns.
+        """
         import pandas as pd
 
         codes = [pd.Categorical(table[key], values).codes for key, values in self.values.items()]
@@ -58,5 +66,7 @@ class GridAxes:
 
 
 def shown(value: Any) -> Any:
-    """Return an axis value as a table holds it: sections and lists of a loop file, which can be axes too, as JSON."""
+    """Return an axis value as a table holds it: sections and lists of a loop file, which can be
+    axes too, as JSON.
+    """
     return value if isinstance(value, (str, int, float)) else json.dumps(value, sort_keys=True)

@@ -1,4 +1,6 @@
-"""Map of a grid: simulate a random sample of its scenarios, and predict every method's accuracy over its axes."""
+"""Map of a grid: simulate a random sample of its scenarios, and predict every method's accuracy
+over its axes.
+"""
 
 from __future__ import annotations
 
@@ -56,9 +58,14 @@ class GridMap:
     def as_text(self) -> str:
         """Return the costs of all methods as a table, the cheapest method first."""
         lines = [
-            f"{len(self.sample)} of the {len(self.sample.whole)} scenarios of grid {self.sample.name} were simulated.",
+            (
+                f"{len(self.sample)} of the {len(self.sample.whole)} scenarios of grid"
+                f" {self.sample.name} were simulated."
+            ),
             "",
-            f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n",
+            (
+                f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n"
+            ),
         ]
         good = (self.table.accuracy > 0.9).groupby(self.table.method).mean()
         for name in sorted(self.methods, key=lambda m: self.methods[m]["cost"]["value"] or 0.0):
@@ -73,8 +80,14 @@ class GridMap:
             )
         lines += [
             "",
-            "Cost is that of a run of the whole grid, predicted, with its 95 % interval: an error costs 1,",
-            "no decision .5. It is given for all scenarios with a clear label, and for those that oscillate.",
+            (
+                "Cost is that of a run of the whole grid, predicted, with its 95 % interval: an"
+                " error costs 1,"
+            ),
+            (
+                "no decision .5. It is given for all scenarios with a clear label, and for those"
+                " that oscillate."
+            ),
             f"Map, numbers and a picture per method: {self.folder}",
         ]
         return "\n".join(lines)
@@ -89,7 +102,8 @@ def map_grid(
     y: str | None = None,
     **settings: Any,
 ) -> GridMap:
-    """Predict the accuracy of methods over the axes of a grid from a random sample of its scenarios.
+    """Predict the accuracy of methods over the axes of a grid from a random sample of its
+    scenarios.
 
     Parameters
     ----------
@@ -113,15 +127,16 @@ def map_grid(
         choice), with the axes and, averaged over the members of a cell, `cost`, `accuracy`,
         `sensitivity` and `false_positives`, each with `_lo` and `_hi`. Its 95 % intervals cover the
         sampling error of the surrogate, not a jump of accuracy between neighbouring cells that the
-        forest smooths away. `methods` has the cost over the whole grid: its 95 % interval covers the
-        cost that a run of the whole grid gives, whatever the surrogate is worth. As in `score`, answers
-        are compared with `cycled`; loops that are entrained or unclear, and loops to which a method
-        does not apply, are left out.
+        forest smooths away. `methods` has the cost over the whole grid: its 95 % interval covers
+        the cost that a run of the whole grid gives, whatever the surrogate is worth. As in `score`,
+        answers are compared with `cycled`; loops that are entrained or unclear, and loops to which
+        a method does not apply, are left out.
 
     Raises
     ------
     UserError
-        For an unknown grid, axis or method, for more points than scenarios, and for a grid without axes.
+        For an unknown grid, axis or method, for more points than scenarios, and for a grid without
+        axes.
 
     Notes
     -----
@@ -198,7 +213,8 @@ def _picture_axes(
     for option, name in (("--x", x), ("--y", y)):
         if name is not None and name not in axes.several:
             raise RunError(
-                f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two values or more)"
+                f"{option} {name}: {nearest(name, axes.several)} (axes of grid {grid} with two"
+                " values or more)"
             )
     if x is not None and x == y:
         raise RunError(f"--x {x} --y {y}: two different axes are needed")
@@ -212,7 +228,8 @@ def _sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return cell and features of the scenarios drawn, and where each stands in the tables.
 
-    -1: nowhere, as it is a healthy loop that cannot be made to oscillate as its sticky sibling does.
+    -1: nowhere, as it is a healthy loop that cannot be made to oscillate as its sticky sibling
+    does.
     """
     places = {place: row for row, place in enumerate(book.places.astype(str).tolist())}
     drawn = [
@@ -228,9 +245,11 @@ def _sampled(
 def _predicted(
     surrogate: Surrogate, features: np.ndarray, cell: np.ndarray
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return the rates of cells with their intervals as columns, and the mean probability of each outcome.
+    """Return the rates of cells with their intervals as columns, and the mean probability of each
+    outcome.
 
-    `features` are those of the members of all cells, `cell` the place of the cell that each belongs to, in order.
+    `features` are those of the members of all cells, `cell` the place of the cell that each belongs
+    to, in order.
     """
     columns: dict[str, list[np.ndarray]] = {
         f"{name}{end}": [] for name in RATES for end in ("", "_lo", "_hi")

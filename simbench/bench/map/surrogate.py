@@ -1,10 +1,11 @@
-"""A surrogate of one method on one grid: how likely each outcome is in a cell, and how well this is known.
+"""A surrogate of one method on one grid: how likely each outcome is in a cell, and how well this is
+known.
 
-Estimates for the whole grid are model-assisted: the mean prediction over the scenarios that were not
-simulated, corrected by the mean error of predictions for simulated scenarios out of sample
+Estimates for the whole grid are model-assisted: the mean prediction over the scenarios that were
+not simulated, corrected by the mean error of predictions for simulated scenarios out of sample
 (Särndal, Swensson and Wretman 1992, Model Assisted Survey Sampling, ch. 6; with random forests:
-Dagdoug, Goga and Haziza 2023, J. Am. Stat. Assoc. 118, 1234). They hold for any surrogate, a poor one
-only widens the interval.
+Dagdoug, Goga and Haziza 2023, J. Am. Stat. Assoc. 118, 1234). They hold for any surrogate, a poor
+one only widens the interval.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from simbench.bench.score.ranks import UNDECIDED
 from simbench.bench.statistics import Estimate, wilson
 from simbench.bench.store.reading import CODES
 
-# an outcome is 6 * oscillating + 3 * truth + verdict; the last one has no clear label, or the method does not apply to it
+# an outcome is 6 * oscillating + 3 * truth + verdict; the last one has no clear label, or the
+# method does not apply to it
 OUTCOMES = 13
 NOT_COUNTED = OUTCOMES - 1
 _TRUTH, _VERDICT = np.divmod(np.arange(NOT_COUNTED) % 6, 3)
@@ -59,7 +61,9 @@ class Surrogate:
 
     @classmethod
     def fit(cls, features: np.ndarray, outcome: np.ndarray, cells: np.ndarray) -> Surrogate:
-        """Learn the outcomes (n,) of scenarios from features (n, k); `cells` (n,) are those they stand in."""
+        """Learn the outcomes (n,) of scenarios from features (n, k); `cells` (n,) are those they
+        stand in.
+        """
         from sklearn.ensemble import RandomForestClassifier  # here, for it takes a second to load
 
         rng = np.random.default_rng(0)
@@ -87,7 +91,9 @@ class Surrogate:
 
     @property
     def in_sample(self) -> np.ndarray:
-        """The probability of each outcome (n x outcomes) of the sample's scenarios, from all halves."""
+        """The probability of each outcome (n x outcomes) of the sample's scenarios, from all
+        halves.
+        """
         return self._on_sample.mean(axis=0)
 
     @property
@@ -98,7 +104,9 @@ class Surrogate:
         )
 
     def brier(self) -> float:
-        """Return the mean squared error of the predicted accuracy of single scenarios out of sample."""
+        """Return the mean squared error of the predicted accuracy of single scenarios out of
+        sample.
+        """
         counted = self.outcome != NOT_COUNTED
         found = rate(self.out_of_sample[counted], "accuracy")
         return (
@@ -109,7 +117,9 @@ class Surrogate:
 
 
 def rate(probability: np.ndarray, name: str) -> np.ndarray:
-    """Return a rate from probabilities (..., outcomes); NaN where hardly any scenario is expected to count for it."""
+    """Return a rate from probabilities (..., outcomes); NaN where hardly any scenario is expected
+    to count for it.
+    """
     top, bottom = (probability @ weights for weights in RATES[name])
     enough = bottom > _LEAST_SHARE * probability.sum(axis=-1)
     return np.divide(top, bottom, out=np.full(np.shape(bottom), np.nan), where=enough)
@@ -118,17 +128,19 @@ def rate(probability: np.ndarray, name: str) -> np.ndarray:
 def rate_of_cells(halves: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a rate of cells and its 95 % interval, from probabilities (halves, cells, outcomes).
 
-    The interval covers the sampling error of the surrogate: what it would answer after another sample
-    of the same size. Each half is trained on half of the cells, and the variance of estimates on
-    halves drawn without replacement is that of the estimate on the whole sample (the grouped
-    jackknife that deletes half of the groups; Sexton and Laake 2009, Comput. Stat. Data Anal. 53,
-    801, for forests). It does not cover what a forest smooths away between neighbouring cells.
+    The interval covers the sampling error of the surrogate: what it would answer after another
+    sample of the same size. Each half is trained on half of the cells, and the variance of
+    estimates on halves drawn without replacement is that of the estimate on the whole sample (the
+    grouped jackknife that deletes half of the groups; Sexton and Laake 2009, Comput. Stat. Data
+    Anal. 53, 801, for forests). It does not cover what a forest smooths away between neighbouring
+    cells.
     """
     value = rate(halves.mean(axis=0), name)
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # cells of which no half knows the rate
         variance = np.nanvar(rate(halves, name), axis=0, ddof=1)
-    # Wilson's interval with as many trials as the variance speaks of, at most _MOST_TRIALS, stays within 0 and 1
+    # Wilson's interval with as many trials as the variance speaks of, at most _MOST_TRIALS, stays
+    # within 0 and 1
     near = (value * _MOST_TRIALS + 1.0) / (_MOST_TRIALS + 2.0)
     trials = 1.0 / (variance / (near * (1.0 - near)) + 1.0 / _MOST_TRIALS)
     lo, hi = wilson(value * trials, trials)
@@ -141,8 +153,9 @@ def rate_of_grid(
     """Return the cost of a method on all `size` scenarios of a grid, with its 95 % interval.
 
     `mean` holds the mean probability of each outcome over the grid; `only` which outcomes count
-    (default: all with a clear label). The interval covers the error of not having simulated the rest
-    of this grid with this seed; a sample of all scenarios has none. Errors in one cell hang together.
+    (default: all with a clear label). The interval covers the error of not having simulated the
+    rest of this grid with this seed; a sample of all scenarios has none. Errors in one cell hang
+    together.
     """
     counts = _COUNTED if only is None else only
     seen, n = np.eye(OUTCOMES)[surrogate.outcome], surrogate.outcome.size
@@ -159,6 +172,7 @@ def rate_of_grid(
     sums = np.bincount(
         np.unique(surrogate.cells, return_inverse=True)[1], residual - residual.mean()
     )
-    # an error of 1 and one of -1 added: a few loops that all cost the same do not show the cost exactly
+    # an error of 1 and one of -1 added: a few loops that all cost the same do not show the cost
+    # exactly
     half = _Z * np.sqrt((1.0 - share) * (float(sums @ sums) + 2.0)) / n / of
     return Estimate(cost, max(cost - half, 0.0), min(cost + half, 1.0))

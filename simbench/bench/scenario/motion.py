@@ -81,7 +81,9 @@ def motion(mv: np.ndarray, least: float) -> Motion:
 
 
 def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
-    """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one."""
+    """Return the largest amplitude of a sine in a signal, over periods within a factor of the given
+    one.
+    """
     x = np.asarray(x, dtype=float) - np.mean(x)
     size = (
         4 << (x.size - 1).bit_length()

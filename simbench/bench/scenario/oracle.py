@@ -1,4 +1,6 @@
-"""Oracle: a likelihood-ratio test that knows plant, load and noise, and so shows where nobody could know."""
+"""Oracle: a likelihood-ratio test that knows plant, load and noise, and so shows where nobody could
+know.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,10 @@ from simbench.loop.setup import Setup
 from simbench.loop.simulate import simulate
 
 ORACLE = "oracle"
-SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
+SOURCE = (
+    "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz"
+    " (1978)"
+)
 _BANDS = np.geomspace(0.1, 40.0, 31)  # S, % of travel
 _JUMPS = np.linspace(0.0, 1.0, 9)  # J/S
 _ZOOMS, _AROUND = 3, 5  # rounds of refinement, candidates a side in each
@@ -26,11 +31,12 @@ _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier th
 
 
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
-    """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
+    """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing
+    everything else.
 
-    OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
-    likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
-    them is taken (Kay 1998, section 6.4.2).
+    OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of
+    the sensor, so the ratio of likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J
+    are not known to the oracle: the maximum over all of them is taken (Kay 1998, section 6.4.2).
     """
     loop = scenario.loop
     if (
@@ -66,7 +72,10 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
         S=S,
         J=J,
         applicable=None if abs(score) < _UNSURE else True,
-        reason=f"knowing plant, load and noise, the {likelier} valve is likelier by {abs(score):.3g} nats",
+        reason=(
+            f"knowing plant, load and noise, the {likelier} valve is likelier by {abs(score):.3g}"
+            " nats"
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""Resolve a grid's rules: sampling, noise and loads of a cell follow from one noise-free run of its sticky twin."""
+"""Resolve a grid's rules: sampling, noise and loads of a cell follow from one noise-free run of its
+sticky twin.
+"""
 
 from __future__ import annotations
 
@@ -39,18 +41,23 @@ _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
 _LONGEST_WARM_UP = 4.0  # over what is asked for in periods of the record
-# two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with sticky ones
+# two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with
+# sticky ones
 _SETTLED, _NEAR = 0.1, 0.03
 _FAR = math.log(8.0)  # beyond the periods of all loads of the grids
 
 
 def resolve(group: Group) -> list[Scenario]:
-    """Settle the rules of one group; a healthy loop that cannot be matched with the sticky ones is left out."""
+    """Settle the rules of one group; a healthy loop that cannot be matched with the sticky ones is
+    left out.
+    """
     return [scenario for scenario in settle(group) if scenario is not None]
 
 
 def settle(group: Group) -> list[Scenario | None]:
-    """Settle the rules of one group: a scenario for each draft, or None for a healthy loop that cannot be matched."""
+    """Settle the rules of one group: a scenario for each draft, or None for a healthy loop that
+    cannot be matched.
+    """
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
@@ -70,8 +77,8 @@ def settle(group: Group) -> list[Scenario | None]:
 def measure_cycle(twin: Loop) -> Cycle:
     """Run a sticky loop without noise and measure its cycle.
 
-    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of `first_guess`
-    and the amplitude that of a valve off by a quarter of its band.
+    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the
+    period is that of `first_guess` and the amplitude that of a valve off by a quarter of its band.
     """
     at_rest = {"setpoint": SetPoint(value=twin.pv0), "noise": Noise(), "disturbance": ()}
     return _measured(twin.model_copy(update=at_rest).model_dump_json())
@@ -110,7 +117,9 @@ def _measured(text: str) -> Cycle:
 
 
 def _kicked(twin: Loop, period: float) -> Cycle | None:
-    """Measure the cycle of a loop that theory does not know (own law, cascade) from a run that begins away from rest."""
+    """Measure the cycle of a loop that theory does not know (own law, cascade) from a run that
+    begins away from rest.
+    """
     S, J = band(twin)
     if not plain_setup(twin, 0).not_linear:
         return None
@@ -150,7 +159,9 @@ def first_guess(loop: Loop) -> float:
 
 
 def band(loop: Loop) -> tuple[float, float]:
-    """Return (S, J) in % of a loop's valve; (1, 1) for a valve without friction, which gives sampling a scale."""
+    """Return (S, J) in % of a loop's valve; (1, 1) for a valve without friction, which gives
+    sampling a scale.
+    """
     module = VALVES.load(loop.valve.name)
     if not hasattr(module, "mapped_SJ"):
         return 1.0, 1.0
@@ -171,7 +182,8 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     Ti = loop.controller.Ti
     L = loop.controller.sign * G * (1.0 if Ti is None else 1.0 + Ts / Ti * z / (z - 1.0))
     phase = np.unwrap(np.angle(L))
-    # an integrating plant under PI starts at -180 degrees from above or below: look for the last way down through it
+    # an integrating plant under PI starts at -180 degrees from above or below: look for the last
+    # way down through it
     beyond = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
     at = beyond[0] + 1 if beyond.size else w.size - 1
     return float(1.0 / np.abs(L[at]))
@@ -182,8 +194,8 @@ def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
 
 
 def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
-    # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below its tuned value Ti takes
-    # Kc down with it, so that the loop stays stable.
+    # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below
+    # its tuned value Ti takes Kc down with it, so that the loop stays stable.
     Kc, tuned = twin.controller.Kc, twin.controller.Ti or 1.0
     Ti = tuned
     for _ in range(15):
@@ -197,7 +209,9 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
 
 
 def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple[Loop, int]:
-    """Settle a draft by the period of its own oscillation, by its sticky twin's where it has none; return its seed, too."""
+    """Settle a draft by the period of its own oscillation, by its sticky twin's where it has none;
+    return its seed, too.
+    """
     swing, per = draft.oscillation, draft.rules.samples_per_period
     cycle = scaled_cycle(cycle, draft.scale)
     if swing is not None:
@@ -212,12 +226,14 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
         loop, cycle = _settled(draft, group, twin, cycle, own)
         return steadied(loop, swing, cycle, draft.seed)
     loop, _ = _settled(draft, group, twin, cycle, own)
-    # what stands still but for the twin's own valve has the twin's period, but for what the noise does to it
+    # what stands still but for the twin's own valve has the twin's period, but for what the noise
+    # does to it
     same = draft.loop.valve.name == twin.valve.name
     undriven = cycle.exists and same and not draft.loads and not draft.moves and not group.matched
     for _ in range(0 if undriven or per is None else _PASSES):
         record = simulate(loop, draft.seed).record
-        # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and costs a third
+        # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and
+        # costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
         if found is None or (group.matched and not found.sustained):
             found = prepare(record.without_mv()).oscillation
@@ -267,7 +283,8 @@ def _settled(
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
     if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
-        # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that was drawn
+        # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that
+        # was drawn
         setup = plain_setup(Loop.from_table(table, "cell"), 0)
         table["operating_point"]["op0"] = significant(setup.resting_mv)
     if swing is not None and not tuned:

@@ -1,6 +1,8 @@
-"""Let a healthy loop oscillate as sticky ones do, so that neither amplitude nor period tells them apart.
+"""Let a healthy loop oscillate as sticky ones do, so that neither amplitude nor period tells them
+apart.
 
-A load makes it oscillate, or its own tuning. Amplitude and period are those of a sticky valve's cycle in the same loop.
+A load makes it oscillate, or its own tuning. Amplitude and period are those of a sticky valve's
+cycle in the same loop.
 """
 
 from __future__ import annotations
@@ -22,19 +24,20 @@ from simbench.loop.simulate import simulate
 _SHORTEST = 4.0  # samples per period of an oscillation
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
 _FINE = 5  # digits of a gain at the limit of stability
-# periods in which the load that lets an oscillation wander forgets itself, and its lag: a loop at its
-# limit of stability would answer to one that is not smooth
+# periods in which the load that lets an oscillation wander forgets itself, and its lag: a loop at
+# its limit of stability would answer to one that is not smooth
 _WANDERS, _WANDERS_SLOWLY = (1.0, 0.0), (4.0, 1.5)
 _SLOW_SHARE = 0.6  # size of the second over the first: as it forgets later, it moves the mean more
 # of a loop that oscillates by its tuning: how many gains are tried, and between which shares of the
 # gain at which the loop alone neither grows nor fades; with noise it is a lower one
 _TRIES, _NOISES, _SHARES = 9, 4, (0.8, 1.08)
 _LARGEST_EXCITATION = 8.0  # OP stds of the wanted oscillation: a larger one may bring OP to a limit
-# logarithm of the OP std in the first or last fifth of a record over that of the whole: the first is
-# taken at once, above the second no tuning is taken; nine in ten sticky loops of grid chapter that no
-# load drives have less than 0.08
+# logarithm of the OP std in the first or last fifth of a record over that of the whole: the first
+# is taken at once, above the second no tuning is taken; nine in ten sticky loops of grid chapter
+# that no load drives have less than 0.08
 _STEADY, _UNSTEADY = 0.015, 0.06
-_UNLIKE = 0.5  # logarithm of the variance of OP over the wanted one: more in a loop whose valve is far from linear
+# logarithm of the variance of OP over the wanted one: more in a loop whose valve is far from linear
+_UNLIKE = 0.5
 
 
 class UnmatchedError(Exception):
@@ -52,18 +55,24 @@ class Cycle:
 
 
 def significant(x: float, digits: int = _DIGITS) -> float:
-    """Return a number rounded to a few digits, so that ids do not hang on a simulation's last bits."""
+    """Return a number rounded to a few digits, so that ids do not hang on a simulation's last
+    bits.
+    """
     return float(f"{x:.{digits}g}")
 
 
 def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[str, Any]:
-    """Return the table of a load whose amplitude is given in units of `size` and whose times in units of `period`."""
+    """Return the table of a load whose amplitude is given in units of `size` and whose times in
+    units of `period`.
+    """
     scale = {"amplitude": size, "period": period, "lag": period, "start": period}
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
 def scaled_cycle(cycle: Cycle, scale: CycleScale) -> Cycle:
-    """Return the cycle of the sticky twin in the units of a member: in a linear loop with friction it is the member's own."""
+    """Return the cycle of the sticky twin in the units of a member: in a linear loop with friction
+    it is the member's own.
+    """
     return replace(
         cycle,
         period=cycle.period * scale.time,
@@ -73,7 +82,9 @@ def scaled_cycle(cycle: Cycle, scale: CycleScale) -> Cycle:
 
 
 def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> None:
-    """Add the load that gives a healthy loop the period and the OP std of a cycle, and a slow one that makes it wander."""
+    """Add the load that gives a healthy loop the period and the OP std of a cycle, and a slow one
+    that makes it wander.
+    """
     assert swing.load is not None
     load = absolute_load(
         {**swing.load, "amplitude": 1.0, "period": 1.0}, cycle.pv_std, cycle.period
@@ -120,7 +131,8 @@ def at_its_limit(loop: Loop, cycle: Cycle) -> tuple[Loop, Cycle]:
 
 
 def steadied(loop: Loop, swing: WantedOscillation, cycle: Cycle, seed: int) -> tuple[Loop, int]:
-    """Return a loop at its limit of stability, and its seed, that swings evenly with a cycle's OP std.
+    """Return a loop at its limit of stability, and its seed, that swings evenly with a cycle's OP
+    std.
 
     Its answers to excitation and noise add up. A bisection finds the gain at which their sum is as
     wide at the record's end as at its beginning; for each gain the size of the excitation follows

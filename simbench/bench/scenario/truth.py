@@ -1,4 +1,6 @@
-"""Truth: does the valve stick, and does the loop cycle because of it? Stored side by side, never mixed."""
+"""Truth: does the valve stick, and does the loop cycle because of it? Stored side by side, never
+mixed.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
 class Cycled:
     """Whether a loop cycles by itself because of its valve."""
 
-    # {"yes", "no", "entrained", "unclear"}: entrained: it does not cycle alone, but the valve jumps under the disturbance
+    # {"yes", "no", "entrained", "unclear"}: entrained: it does not cycle alone, but the valve jumps
+    # under the disturbance
     answer: str
     period: float = math.nan  # of MV in the tail (s); NaN when it does not swing
     swing: float = 0.0  # median distance (%) between reversals of MV in the tail
@@ -42,7 +45,8 @@ class Cycled:
 def simulate_with_truth(
     loop: Loop, seed: int = 0, *, period: float | None = None
 ) -> tuple[Run, Cycled]:
-    """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
+    """Run a loop, let it go on without noise under frozen disturbances and set point, and say
+    whether it cycles.
 
     A valve without friction is its own twin: never "yes".
     """
@@ -60,7 +64,8 @@ def simulate_with_truth(
         said = _alone(loop, seed, tail, moved, bar, quiet)
         if said == YES:
             return run, Cycled(YES, moved.period * Ts, moved.swing)
-        # what the loop does from the record's end on counts first; earlier ends only make it unclear
+        # what the loop does from the record's end on counts first; earlier ends only make it
+        # unclear
         found = found or (said, moved)
         if said == _UNCLEAR:
             found = (_UNCLEAR, found[1])
@@ -74,14 +79,18 @@ def simulate_with_truth(
 
 
 def least_swing(loop: Loop) -> float:
-    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump."""
+    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without
+    slip jump.
+    """
     bands = friction(loop)
     S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
     return max(J / 2 if J > 0 else S / 20, 1e-6)
 
 
 def healthy_twin(loop: Loop) -> Loop:
-    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without friction stays."""
+    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
+    friction stays.
+    """
     bare = loop.model_copy(update={"effect": ()})
     valve = Part(name="ideal") if friction(bare) else loop.valve
     ideal = bare.model_copy(update={"valve": Part(name="ideal")})
@@ -109,7 +118,8 @@ def _tail(
         tail = valve_tail(loop, seed, samples, quiet)
         moved = motion(tail, bar / 4)
         wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / _TAIL_PERIODS)
-        # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
+        # a cycle that is slower than expected needs a longer tail; a valve that stands still does
+        # not
         if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= _MAX_TAIL:
             return tail, moved
         samples = wanted
@@ -128,7 +138,9 @@ def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, q
 
 
 def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float) -> bool:
-    """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
+    """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the
+    noise goes on.
+    """
     if not _driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
         return True
     if undisturbed(loop).noise_std == 0:

@@ -23,21 +23,56 @@ _EMPTY = {
     "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_unit", "runtime_s"),
 }
 _KEPT = (
-    "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
-    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "benchmark",
-)  # fmt: skip
+    "format",
+    "grid",
+    "grid_hash",
+    "cells_hash",
+    "seed",
+    "overrides",
+    "scenarios",
+    "methods",
+    "thresholds",
+    "plugins",
+    "command",
+    "code",
+    "commit",
+    "versions",
+    "machine",
+    "complete",
+    "counts",
+    "records_hash",
+    "benchmark",
+)
 _BASELINE_COLUMNS = (
-    "method", "truth", "process", "population", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided",
-    "no_decision", "found", "false_alarms", "accuracy_all", "auc", "found_at_5", "cost", "risk_coverage", "rank", "errors",
-)  # fmt: skip
+    "method",
+    "truth",
+    "process",
+    "population",
+    "n",
+    "positives",
+    "applicable",
+    "accuracy_applicable",
+    "accuracy_decided",
+    "no_decision",
+    "found",
+    "false_alarms",
+    "accuracy_all",
+    "auc",
+    "found_at_5",
+    "cost",
+    "risk_coverage",
+    "rank",
+    "errors",
+)
 
 
 def write_baseline(run: str | Path, baseline: str | Path) -> None:
     """Write a run as a baseline; its manifest comes last.
 
-    The tables keep their columns, those that no check needs are empty; scores, S and J keep 24 bits. The loops stay: every flip
-    can be simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and
-    lost. history.csv grows by one row per method.
+    The tables keep their columns, those that no check needs are empty; scores, S and J keep 24
+    bits. The loops stay: every flip can be simulated again. scores.csv is there for the eye: its
+    difference in version control reads as accuracy gained and lost. history.csv grows by one row
+    per method.
     """
     baseline = make_folder(baseline)
     whole = read_manifest(run)
@@ -94,10 +129,12 @@ def read_book(folder: str | Path) -> RunArrays:
         ValueError,
     ) as error:
         raise RunError(
-            f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again"
+            f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it"
+            " again"
         ) from None
     if not book.ids.size or not book.methods:
         raise RunError(
-            f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods; run it again"
+            f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods;"
+            " run it again"
         )
     return book

@@ -1,4 +1,6 @@
-"""Gate: has a detector become worse? A run against a baseline, loop by loop where both stand in the same place of a grid."""
+"""Gate: has a detector become worse? A run against a baseline, loop by loop where both stand in the
+same place of a grid.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,14 @@ from simbench.bench.store.reading import CODES, RunArrays, RunError
 _LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
 _UNPAIRED = 0.02  # the same between runs of other loops
-# a drop of the share of right answers that must be found with this power: of the same records, of records that differ in the
-# same place of a grid, of other loops; where it is not, the check cannot tell
+# a drop of the share of right answers that must be found with this power: of the same records, of
+# records that differ in the same place of a grid, of other loops; where it is not, the check cannot
+# tell
 _REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
 _POWER = 0.8
 _CHECKED_TRUTHS = ("sticky", "cycled")
-# what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
+# what is counted: among positives or negatives, which answers are good; "no decision" is neither
+# right nor wrong
 _COUNTED = {
     "right": (None, ()),
     "detection": (True, (STICTION,)),
@@ -44,14 +48,17 @@ def check_run(
 ) -> Check:
     """Compare a run with a baseline.
 
-    Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for the
-    other: a gate on accuracy alone would see little of it. Loops in the same place of the same grid: exact one-sided McNemar
-    tests and DeLong's test of the AUC. Records there may differ, as another processor simulates a chaotic loop otherwise; an
-    unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided two-sample tests of
-    a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the very same records,
-    where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count. Where a drop that
-    matters (`_REACH`) would not have been found, the check cannot tell, and fails. With `exact`, every changed verdict of a
-    built-in method fails as well, and so do records that are not the baseline's, on which nobody could tell.
+    Rates are compared within the positives and within the negatives of each label, since a moved
+    threshold trades one for the other: a gate on accuracy alone would see little of it. Loops in
+    the same place of the same grid: exact one-sided McNemar tests and DeLong's test of the AUC.
+    Records there may differ, as another processor simulates a chaotic loop otherwise; an unchanged
+    detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
+    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that
+    unchanged detectors fail; on the very same records, where an unchanged detector answers the
+    same, to 5 % a method. Only loops that a method covers count. Where a drop that matters
+    (`_REACH`) would not have been found, the check cannot tell, and fails. With `exact`, every
+    changed verdict of a built-in method fails as well, and so do records that are not the
+    baseline's, on which nobody could tell.
     """
     now, before = read_book(folder), read_book(against)
     refuse_other_benchmark(now.manifest, before.manifest)
@@ -66,7 +73,8 @@ def compare_books(
     if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
         content = "" if None in cells else f" ({cells[0]} and {cells[1]}: other cells)"
         raise RunError(
-            f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the baseline's grid"
+            f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the"
+            " baseline's grid"
         )
     pairs = pair(now, before)
     paired = pairs.now.size > 0
@@ -90,7 +98,8 @@ def compare_books(
     )
     each = tests.groupby("method", sort=False)["p"]
     size = each.transform("size") if basis == "same" else pd.Series(len(tests), index=tests.index)
-    # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
+    # an unchanged detector gives the same answers on the same records: only what changed can fail
+    # by chance
     tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
     tests["seen"] = [
         _seen(row, basis, k) for row, k in zip(tests.to_dict("records"), size, strict=True)
@@ -106,7 +115,10 @@ def compare_books(
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
     unseen = (*_unseen(tests, basis), *untold)
-    said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be found in 8 of 10 such runs"
+    said = (
+        f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be"
+        " found in 8 of 10 such runs"
+    )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
         problems += _changed(now, pairs, every)
@@ -117,7 +129,8 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     """Make a run the baseline, and say what that changes."""
     now, there = read_book(folder), (Path(baseline) / "manifest.json").exists()
     lines = [
-        f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x {len(now.methods)} methods"
+        f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x"
+        f" {len(now.methods)} methods"
     ]
     if there:
         try:
@@ -164,12 +177,17 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
 
 
 def _changed(now: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]:
-    """Return what an exact comparison does not let pass: changed verdicts of built-in methods, and other records."""
+    """Return what an exact comparison does not let pass: changed verdicts of built-in methods, and
+    other records.
+    """
     differ = int((~pairs.same).sum())
     if not pairs.now.size:
         yield "exact: the run has no record of the baseline"
     elif differ:
-        yield f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts cannot be compared there"
+        yield (
+            f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts"
+            " cannot be compared there"
+        )
     strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
     built_in = flips[~flips["method"].isin(strangers)] if len(flips) else flips
     for method, rows in built_in.groupby("method", sort=False) if len(built_in) else ():
@@ -184,17 +202,23 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
     if pairs.now.size:
         ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
         moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
-        why = f"{differ} of {pairs.now.size} records differ from the baseline's in the same place of the grid"
+        why = (
+            f"{differ} of {pairs.now.size} records differ from the baseline's in the same place of"
+            " the grid"
+        )
         more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
         return f"{why} ({more}), as on another processor; {tests}"
     return (
-        f"other loops than the baseline's; two-sample tests of {now.ids.size} against {before.ids.size} scenarios, "
-        f"a drop of {100 * _UNPAIRED:g} points is allowed, Holm-corrected"
+        f"other loops than the baseline's; two-sample tests of {now.ids.size} against"
+        f" {before.ids.size} scenarios, a drop of {100 * _UNPAIRED:g} points is allowed,"
+        " Holm-corrected"
     )
 
 
 def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
-    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC and a median error."""
+    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC and a median
+    error.
+    """
     n, level = row["n"], _LEVEL / tests
     if row["what"] in ("AUC", MEDIAN_ERROR) or n == 0:
         return float("nan")
@@ -208,7 +232,9 @@ def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
 
 
 def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
-    """Name the methods whose loss nobody could have found: too few loops that they cover, and answers that changed."""
+    """Name the methods whose loss nobody could have found: too few loops that they cover, and
+    answers that changed.
+    """
     for row in tests[(tests["what"] == "right") & (tests["label"] == "cycled")].to_dict("records"):
         changed = basis != "same" or row["lost"] > 0
         if (
@@ -221,7 +247,10 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
                 if row["n"]
                 else "it covers none"
             )
-            yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {_REACH[basis]:g} is asked for"
+            yield (
+                f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why},"
+                f" {_REACH[basis]:g} is asked for"
+            )
 
 
 def _answers(

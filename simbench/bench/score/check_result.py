@@ -21,15 +21,19 @@ class Check:
     paired: bool  # whether answers are compared loop by loop
     basis: str  # which test was used and why, in one sentence
     problems: tuple[
-        str, ...
-    ]  # what fails without any statistics: missing methods or scenarios, new errors, a changed truth
-    # method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
-    # called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of S
-    # and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired only),
-    # p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
+        str,
+        ...,
+        # what fails without any statistics: missing methods or scenarios, new errors, a changed
+        # truth
+    ]
+    # method, label, what ("right": of all, "detection": share of the positives called sticky,
+    # "rejection": of the negatives called healthy, "no miss", "no false alarm": the same with no
+    # decision allowed, "AUC", "coverage" and "median error" of S and J of a family of valves), n
+    # (of them, where the method covers the loop), before, now, lost, won (cases, paired only), p
+    # (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
     tests: pd.DataFrame
-    # every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled, block,
-    # disturbance
+    # every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or
+    # "other"), sticky, cycled, block, disturbance
     flips: pd.DataFrame
     home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
     unseen: tuple[
@@ -112,7 +116,10 @@ class Check:
         suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
         ElementTree.indent(suite)
         # the declaration by hand: ElementTree would name the machine's locale
-        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
+        return (
+            '<?xml version="1.0"'
+            f' encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
+        )
 
 
 def again(check: Check, scenario_id: str) -> str:
@@ -123,7 +130,10 @@ def again(check: Check, scenario_id: str) -> str:
 def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
     cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
-    moved = f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to {row['now']:.3f}"
+    moved = (
+        f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to"
+        f" {row['now']:.3f}"
+    )
     of = (
         f"of {row['label']}"
         if row["what"] in (COVERAGE, MEDIAN_ERROR)

@@ -1,4 +1,6 @@
-"""Compare detectors on the same scenarios: between methods of one run, or method by method between two runs."""
+"""Compare detectors on the same scenarios: between methods of one run, or method by method between
+two runs.
+"""
 
 from __future__ import annotations
 
@@ -30,33 +32,42 @@ class _Comparison:
 
     truth: str  # the label answers are compared with
     cases: int  # scenarios both sides judged
-    # method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN for
-    # what is not ranked: methods that see MV or are made for a part of the scenarios), home (where its constants were fitted),
-    # best first
+    # method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1
+    # = best, ties shared; NaN for what is not ranked: methods that see MV or are made for a part of
+    # the scenarios), home (where its constants were fitted), best first
     ranking: pd.DataFrame
-    # mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs or for fewer than 3 methods
+    # mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs
+    # or for fewer than 3 methods
     critical_difference: float
-    # first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
-    # Holm-corrected), differ
+    # first, second, only_first, only_second (scenarios that both apply to and only one got right),
+    # p (exact McNemar, Holm-corrected), differ
     pairs: pd.DataFrame
     by_axis: pd.DataFrame  # method, axis, value, n, accuracy, lo, hi
-    breakdown: pd.DataFrame  # method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below 0.8
+    # method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below
+    # 0.8
+    breakdown: pd.DataFrame
 
     def as_text(self) -> str:
-        """Return ranking, which methods differ from the best (or between two runs), and breakdowns, for a terminal."""
+        """Return ranking, which methods differ from the best (or between two runs), and breakdowns,
+        for a terminal.
+        """
         lines = [
             f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals",
             _text(self.ranking),
         ]
         if not np.isnan(self.critical_difference):
             lines += [
-                f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group bootstrap, 5 %)"
+                f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group"
+                " bootstrap, 5 %)"
             ]
         differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
         alike = len(self.pairs) - len(differ)
         lines += [
             "",
-            f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}), {alike} do not",
+            (
+                f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}),"
+                f" {alike} do not"
+            ),
         ]
         ranked = self.ranking.dropna(subset=["mean_rank"])
         best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
@@ -78,7 +89,10 @@ class _Comparison:
             )
             lines += [
                 "",
-                f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the accuracy there",
+                (
+                    f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the"
+                    " accuracy there"
+                ),
             ]
             lines += [
                 wide.dropna(how="all")
@@ -103,8 +117,8 @@ def compare(
 ) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
-    An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
-    McNemar (1947), Holm (1979), Demsar (2006).
+    An answer is right when it is the label; "no decision" is never right. Where a method does not
+    apply it is not compared. McNemar (1947), Holm (1979), Demsar (2006).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
@@ -138,7 +152,9 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
 def between_runs(
     book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False
 ) -> _Comparison:
-    """Compare every method with itself in another run; see `compare`. `first` is this run, `second` the other."""
+    """Compare every method with itself in another run; see `compare`. `first` is this run, `second`
+    the other.
+    """
     _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
     common = [m for m in book.methods if m in other.methods]
     if not at.size or not common:

@@ -1,4 +1,6 @@
-"""Valve families: what each method finds of every friction model, and its false alarms on loops that do not cycle."""
+"""Valve families: what each method finds of every friction model, and its false alarms on loops
+that do not cycle.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def read(run: str | Path) -> pd.DataFrame:
 
 
 def rates(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return what each method finds of each family, and its false alarms on loops that do not cycle."""
+    """Return what each method finds of each family, and its false alarms on loops that do not
+    cycle.
+    """
     hit = rows.assign(hit=rows.said == STICTION)
     found = hit.groupby(["method", "valve", "cycled"]).hit.agg(["size", "sum"]).reset_index()
     lo, hi = wilson(found["sum"], found["size"])

@@ -1,4 +1,6 @@
-"""What is learned on some groups of loops and judged on the others: thresholds, and the probability of a label."""
+"""What is learned on some groups of loops and judged on the others: thresholds, and the probability
+of a label.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
 def found_at(
     ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS
 ) -> int:
-    """Count positives above a threshold that lets so many false alarms through on the other folds."""
+    """Count positives above a threshold that lets so many false alarms through on the other
+    folds.
+    """
     found = 0
     for k in np.unique(fold):
         healthy = np.sort(ranks[(fold != k) & ~positive])[::-1]
@@ -33,11 +37,14 @@ def found_at(
 def risk_coverage(
     ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the risk of a method that is asked for its surest answers only, for every number of answers, and of every loop.
+    """Return the risk of a method that is asked for its surest answers only, for every number of
+    answers, and of every loop.
 
-    The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
+    The mean of either is the area under the curve; the spread of the loops' values is that of its
+    estimate.
 
-    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's influence function.
+    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's
+    influence function.
     """
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
     for k in np.unique(fold):
@@ -74,7 +81,9 @@ def risk_coverage(
 
 
 def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return the probability of a label by gradient boosting on one thread, learned on other groups than it is asked about."""
+    """Return the probability of a label by gradient boosting on one thread, learned on other groups
+    than it is asked about.
+    """
     fold, said = folds_of(groups), np.full(label.size, 0.5)
     for k in np.unique(fold):
         there, here = fold != k, fold == k

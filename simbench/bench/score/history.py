@@ -31,17 +31,23 @@ _HISTORY_COLUMNS = (
 class History:
     """The baselines that were kept."""
 
-    # one row per baseline (numbered from 1) and method: the commit and the hash of the records it was made with, scenarios,
-    # rank and the rates against `cycled` with the oscillation front end, where the method applies
+    # one row per baseline (numbered from 1) and method: the commit and the hash of the records it
+    # was made with, scenarios, rank and the rates against `cycled` with the oscillation front end,
+    # where the method applies
     table: pd.DataFrame
 
     def as_text(self) -> str:
-        """Return accuracy by method (rows) and baseline (columns), and what each baseline was made of."""
+        """Return accuracy by method (rows) and baseline (columns), and what each baseline was made
+        of.
+        """
         wide = self.table.pivot(index="method", columns="baseline", values="accuracy_applicable")
         made = self.table.drop_duplicates("baseline")[["baseline", "commit", "grid", "scenarios"]]
         order = wide.iloc[:, -1].sort_values(ascending=False, kind="stable").index
         text = wide.loc[order].to_string(float_format="%.3f", na_rep="-")
-        return f"accuracy against cycled, where the method applies\n{text}\n\n{made.to_string(index=False)}"
+        return (
+            "accuracy against cycled, where the method"
+            f" applies\n{text}\n\n{made.to_string(index=False)}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return the rows as JSON types."""
@@ -53,7 +59,8 @@ def read_history(baseline: str | Path) -> History:
     file = Path(baseline) / _HISTORY_FILE
     if not file.is_file():
         raise RunError(
-            f"{baseline} holds no {_HISTORY_FILE}: it is no baseline, or `simbench check --update` never wrote one there"
+            f"{baseline} holds no {_HISTORY_FILE}: it is no baseline, or `simbench check --update`"
+            " never wrote one there"
         )
     try:
         table = pd.read_csv(file)
@@ -68,7 +75,9 @@ def read_history(baseline: str | Path) -> History:
 
 
 def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> None:
-    """Add a baseline's scores to its history; the same records and the same scores are not written twice."""
+    """Add a baseline's scores to its history; the same records and the same scores are not written
+    twice.
+    """
     everything = (table["process"] == "all") & (table["population"] == "all")
     rows = table[(table["truth"] == "cycled") & table["front_end"] & everything]
     rows = rows[rows["role"] != "yardstick"]

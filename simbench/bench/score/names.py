@@ -10,18 +10,23 @@ OF_OSCILLATING, OF_NOT_OSCILLATING = "oscillating", "not oscillating"
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
 NO_WAVEFORM = "no_waveform"  # the reference row that knows everything but the waveform
-# after a method's name, by where its constants were fitted: on loops of this grid, of one with the same blocks, of neither
+# after a method's name, by where its constants were fitted: on loops of this grid, of one with the
+# same blocks, of neither
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 
 
 def benchmark_text(manifest: dict[str, Any]) -> str:
-    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an older simbench."""
+    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an
+    older simbench.
+    """
     stated = manifest.get("benchmark")
     return f", benchmark {stated['name']} ({stated['hash']})" if stated else ""
 
 
 def kind_of(role: str, sees_mv: bool) -> int:
-    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests."""
+    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the
+    oracle, 3 for other tests.
+    """
     if role in ("oracle", ROLE_YARDSTICK):
         return 2
     return 3 if role == "nonlinearity" else int(sees_mv)

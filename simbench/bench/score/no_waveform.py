@@ -1,7 +1,8 @@
-"""What a record tells without its waveform, and the reference method `no_waveform` that knows nothing else.
+"""What a record tells without its waveform, and the reference method `no_waveform` that knows
+nothing else.
 
-A method that finds stiction must beat it. One list for the reference row of the score table and for the study of what grids
-give away (`python -m results.studies.leak`).
+A method that finds stiction must beat it. One list for the reference row of the score table and for
+the study of what grids give away (`python -m results.studies.leak`).
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ FEATURE_SETS = {
         "pv_values",
     ),  # shares of repeated and of different values
     "amplitude": ("op_std", "pv_std"),
-    # means and first values; error and drift (mean of the last fifth less that of the first) over the std of PV and OP
+    # means and first values; error and drift (mean of the last fifth less that of the first) over
+    # the std of PV and OP
     "offset and start": ("op_mean", "pv_mean", "error_mean", "op_first", "pv_first", "op_trend"),
     "noise level": ("op_noise", "pv_noise"),  # std of the noise over that of the signal
     "growth": (
@@ -44,8 +46,9 @@ EXTREMES = ("op_max", "op_min", "pv_max", "pv_min")
 FEATURES = tuple(name for names in FEATURE_SETS.values() for name in names)
 _FIFTH = 5
 _SMALLEST = 1e-12  # std (% or PV units) of a signal that stands still
-# std of white noise over the median of its absolute fourth difference: of 1, -4, 6, -4, 1 the squares sum to 70, and the median
-# of a normal variable's size is 0.6745 of its std. Of a wave of 20 samples or more a fourth difference leaves less than 0.01.
+# std of white noise over the median of its absolute fourth difference: of 1, -4, 6, -4, 1 the
+# squares sum to 70, and the median of a normal variable's size is 0.6745 of its std. Of a wave of
+# 20 samples or more a fourth difference leaves less than 0.01.
 _NOISE_SCALE = 1.0 / (0.6745 * 70.0**0.5)
 
 
@@ -95,10 +98,12 @@ def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
 
 
 def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray]:
-    """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`, for every scenario.
+    """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`,
+    for every scenario.
 
-    It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as of every method after the
-    oscillation detection. It learns from the loops of other groups; where the truth is not clear it knows nothing, .5.
+    It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as
+    of every method after the oscillation detection. It learns from the loops of other groups; where
+    the truth is not clear it knows nothing, .5.
     """
     known = book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.where(book.oscillating, 0.5, -np.inf)

@@ -1,4 +1,6 @@
-"""Which loop of one run is which of another: by its place in the grid, or by its id where the grids differ."""
+"""Which loop of one run is which of another: by its place in the grid, or by its id where the grids
+differ.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ class Pairs(NamedTuple):
     now: np.ndarray
     before: np.ndarray
     same: np.ndarray  # (m,) whether the two records are the same, bit for bit
-    one_grid: bool  # whether the runs are of the very same grid, so that a loop that is missing is a fault
+    # whether the runs are of the very same grid, so that a loop that is missing is a fault
+    one_grid: bool
 
 
 def pair(now: RunArrays, before: RunArrays) -> Pairs:

@@ -1,4 +1,6 @@
-"""S and J scored: how far a method's S and J lie from the valve's, and whether intervals hold as often as they are said to."""
+"""S and J scored: how far a method's S and J lie from the valve's, and whether intervals hold as
+often as they are said to.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,11 @@ _KEPT = (
 
 
 def estimates(book: RunArrays) -> pd.DataFrame:
-    """Return every S and J that a method gave of a sticky valve, whose mapped S is the unit of errors and widths.
+    """Return every S and J that a method gave of a sticky valve, whose mapped S is the unit of
+    errors and widths.
 
-    Columns: loop (its number in the run), method, family, parameter, error, width and held; the last two are NaN where the
-    method states no level for its interval, or gave a number.
+    Columns: loop (its number in the run), method, family, parameter, error, width and held; the
+    last two are NaN where the method states no level for its interval, or gave a number.
     """
     import pandas as pd
 
@@ -54,7 +57,9 @@ def estimates(book: RunArrays) -> pd.DataFrame:
 
 
 def quantification(book: RunArrays) -> pd.DataFrame:
-    """Return how well every method tells S and J of each family of valves; errors and widths in shares of S."""
+    """Return how well every method tells S and J of each family of valves; errors and widths in
+    shares of S.
+    """
     found = estimates(book).groupby(["method", "family", "parameter"], sort=False)
     table = found.agg(
         n=("error", "size"),
@@ -74,7 +79,8 @@ def quantification(book: RunArrays) -> pd.DataFrame:
 def compared(
     now: RunArrays, before: RunArrays, pairs: Pairs
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the tests of a gate, median error and coverage of S and J by method and family, and what cannot be told.
+    """Return the tests of a gate, median error and coverage of S and J by method and family, and
+    what cannot be told.
 
     `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
     """
@@ -99,7 +105,8 @@ def compared(
         wanted = _KEPT * len(one) * (1.0 if paired else now.ids.size / before.ids.size)
         if len(sides[1]) < wanted:
             untold.append(
-                f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times, before {len(one)}"
+                f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times,"
+                f" before {len(one)}"
             )
             continue
         for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
@@ -113,7 +120,9 @@ def compared(
 
 
 def _test(what: str, before: np.ndarray, now: np.ndarray, paired: bool) -> dict[str, Any]:
-    """Test whether errors grew, or intervals hold less often, loop by loop or between two sets of loops."""
+    """Test whether errors grew, or intervals hold less often, loop by loop or between two sets of
+    loops.
+    """
     allowed = _ALLOWED[what] + (0.0 if paired else _ALLOWED_APART)
     if paired:  # an interval that is no longer given holds nothing
         known = np.isfinite(before)

@@ -1,4 +1,6 @@
-"""Which methods can a run tell apart? The smallest difference it resolves, shared ranks, and how many loops more would take."""
+"""Which methods can a run tell apart? The smallest difference it resolves, shared ranks, and how
+many loops more would take.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +12,30 @@ from scipy import stats
 
 UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _LEVEL, _POWER = 0.95, 0.90
-RANKED_LOOPS = 30  # with a clear label: fewer rank nobody, as the 95 % interval of a rate is then wider than .3
+# with a clear label: fewer rank nobody, as the 95 % interval of a rate is then wider than .3
+RANKED_LOOPS = 30
 
 
 class Ranks(NamedTuple):
     """Who stands where."""
 
-    # (m,) 1 = no method is better by a difference the run resolves; methods that cannot be told apart share a rank
+    # (m,) 1 = no method is better by a difference the run resolves; methods that cannot be told
+    # apart share a rank
     rank: np.ndarray
     resolution: float  # smallest difference of the mean that counts; NaN without methods or loops
-    spread: float  # largest variance of a difference times the number of loops; what `loops_needed` takes
+    # largest variance of a difference times the number of loops; what `loops_needed` takes
+    spread: float
 
 
 def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     """Rank methods by what each earns on the same loops.
 
-    The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
-    draws: the sum over groups of their squared share in it. It is not taken smaller than for methods whose errors have nothing
-    to do with each other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
-    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is one
-    more than the number of methods that are better by that much.
+    The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in
+    its closed form for many draws: the sum over groups of their squared share in it. It is not
+    taken smaller than for methods whose errors have nothing to do with each other, p (1 - p) + q (1
+    - q): a near copy of a method is no rival, however surely a paired test tells it from its
+    original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A
+    method's rank is one more than the number of methods that are better by that much.
     """
     m, n = right.shape
     if m == 0 or n == 0:

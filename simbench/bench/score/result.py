@@ -1,4 +1,6 @@
-"""Scores of a run, for a terminal and for a program: the same rows in a fixed order, with what the run can resolve."""
+"""Scores of a run, for a terminal and for a program: the same rows in a fixed order, with what the
+run can resolve.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,40 @@ if TYPE_CHECKING:
 
 _PLACE = ("method", "truth", "front_end", "process", "population")
 _ROWS = (
-    *_PLACE, "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms",
-    "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage", "home",
-)  # fmt: skip
+    *_PLACE,
+    "n",
+    "applicable",
+    "accuracy_applicable",
+    "accuracy_decided",
+    "no_decision",
+    "found",
+    "false_alarms",
+    "accuracy_all",
+    "auc",
+    "lo",
+    "hi",
+    "sees_mv",
+    "rank",
+    "found_at_5",
+    "cost",
+    "risk_coverage",
+    "home",
+)
 _INTERVALS = (
-    *_PLACE, "cost_lo", "cost_hi", "no_decision_lo", "no_decision_hi", "found_at_5_lo", "found_at_5_hi", "positives",
-    "cost_over_no_waveform", "cost_over_no_waveform_lo", "cost_over_no_waveform_hi", "risk_coverage_lo", "risk_coverage_hi",
-)  # fmt: skip
+    *_PLACE,
+    "cost_lo",
+    "cost_hi",
+    "no_decision_lo",
+    "no_decision_hi",
+    "found_at_5_lo",
+    "found_at_5_hi",
+    "positives",
+    "cost_over_no_waveform",
+    "cost_over_no_waveform_lo",
+    "cost_over_no_waveform_hi",
+    "risk_coverage_lo",
+    "risk_coverage_hi",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,25 +68,30 @@ class Scores:
     Parameters
     ----------
     table : DataFrame
-        One row per method, truth, mode ("front end" or "raw"), process ("all", "self-regulating", "integrating") and population
-        ("all", "oscillating", "not oscillating", by the common oscillation detection): n scenarios with a truth, positives;
-        applicable: on how many the method's source covers the loop; over those, with Wilson intervals (NAME_lo, NAME_hi),
-        accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found (of positives, no decision is not
-        found), false_alarms (of negatives), auc over records with a score, with DeLong's interval; cost (an error 1, no
-        decision `undecided`) and rank by it among its kind (none where it covers less than 95 % of the loops, failed too
-        often, or fewer than 30 loops have a label); found_at_5 (found at 5 % false alarms, threshold from other groups);
-        risk_coverage (area under the curve: mean error of the surest answers); cost_over_no_waveform, the cost less that of the
-        reference row `no_waveform` on the same loops; accuracy_all over everything; home, where its constants were fitted;
-        errors; median runtime in ms.
+        One row per method, truth, mode ("front end" or "raw"), process ("all", "self-regulating",
+        "integrating") and population ("all", "oscillating", "not oscillating", by the common
+        oscillation detection): n scenarios with a truth, positives; applicable: on how many the
+        method's source covers the loop; over those, with Wilson intervals (NAME_lo, NAME_hi),
+        accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found (of
+        positives, no decision is not found), false_alarms (of negatives), auc over records with a
+        score, with DeLong's interval; cost (an error 1, no decision `undecided`) and rank by it
+        among its kind (none where it covers less than 95 % of the loops, failed too often, or fewer
+        than 30 loops have a label); found_at_5 (found at 5 % false alarms, threshold from other
+        groups); risk_coverage (area under the curve: mean error of the surest answers);
+        cost_over_no_waveform, the cost less that of the reference row `no_waveform` on the same
+        loops; accuracy_all over everything; home, where its constants were fitted; errors; median
+        runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
         How often sticky, predicted and cycled say what together.
     left_out : DataFrame
-        method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three answers with intervals.
+        method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three
+        answers with intervals.
     quantification : DataFrame
-        method, family of valves, parameter (S or J), n sticky loops for which the method gave it, median_error (from the middle
-        of an interval) and width in shares of the valve's S, coverage of intervals that are said to hold nine in ten.
+        method, family of valves, parameter (S or J), n sticky loops for which the method gave it,
+        median_error (from the middle of an interval) and width in shares of the valve's S, coverage
+        of intervals that are said to hold nine in ten.
     standing : dict of (truth, mode, process, population) to Ranks
         What the run can resolve, among methods that see OP and PV only.
     manifest : dict
@@ -89,7 +123,9 @@ class Scores:
 
     @property
     def resolution(self) -> float:
-        """Smallest difference of cost against `cycled` that the run resolves on oscillating loops, in the mode shown first."""
+        """Smallest difference of cost against `cycled` that the run resolves on oscillating loops,
+        in the mode shown first.
+        """
         return self.standing["cycled", self.first, ALL, OF_OSCILLATING].resolution
 
     def ranking(
@@ -99,7 +135,9 @@ class Scores:
         process: str = ALL,
         population: str = OF_OSCILLATING,
     ) -> pd.DataFrame:
-        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, reference rows, other tests."""
+        """Return the rows of one block, best first: methods that see OP and PV, those that see MV,
+        reference rows, other tests.
+        """
         t = self.table
         here = (t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)
         rows = t[here & (t.population == population)]
@@ -127,7 +165,9 @@ class Scores:
         return "\n".join(full_text(self, truth, where) if full else headline(self, truth, where))
 
     def as_json(self) -> dict[str, Any]:
-        """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
+        """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
+        become null.
+        """
         table = self.table.rename(
             columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"}
         )

@@ -1,4 +1,6 @@
-"""Score a run: every detector where it applies, by truth, oscillation detection, process and population, and by axis."""
+"""Score a run: every detector where it applies, by truth, oscillation detection, process and
+population, and by axis.
+"""
 
 from __future__ import annotations
 
@@ -142,7 +144,9 @@ def score_book(
 
 
 def _failing(book: RunArrays, allowed: float) -> dict[str, int]:
-    """Return on how many simulated records each method raised an error that raised more than is allowed."""
+    """Return on how many simulated records each method raised an error that raised more than is
+    allowed.
+    """
     simulated = book.hashes != b""
     counts = (book.failed & simulated).sum(axis=1)
     return {
@@ -171,9 +175,16 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
         yield _Answers(
-            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i],
+            method,
+            about["role"],
+            about["needs_mv"],
+            verdicts[i],
+            scores[i],
+            applies,
+            book.failed[i],
+            book.runtime[i],
             home_of(method, book),
-        )  # fmt: skip
+        )
     nothing = np.zeros(book.ids.size)
     for name, code in _YARDSTICKS.items():
         said = np.full(book.ids.size, code)
@@ -183,7 +194,9 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
 
 
 def home_of(method: str, book: RunArrays) -> str:
-    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
+    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the
+    same blocks, or "no".
+    """
     known = [
         name
         for name in book.manifest["methods"][method].get("fitted_on", ())
@@ -205,7 +218,8 @@ _classified: WeakKeyDictionary[RunArrays, _Answers] = WeakKeyDictionary()
 
 
 def no_waveform_answers(book: RunArrays) -> _Answers:
-    """Return what a classifier answers of an oscillating loop from everything but its waveform, learned on other groups.
+    """Return what a classifier answers of an oscillating loop from everything but its waveform,
+    learned on other groups.
 
     It is trained once for a run in memory.
     """
@@ -236,7 +250,8 @@ def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which have the truth asked for; of these which are positive, in what group and fold.
+    """The loops of one row: how many, which have the truth asked for; of these which are positive,
+    in what group and fold.
 
     `blind` is what the classifier that knows no waveform says of these.
     """
@@ -330,12 +345,15 @@ def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
 def _mean_of_groups(
     values: np.ndarray, groups: np.ndarray, least: float = 0.0
 ) -> tuple[float, float, float]:
-    """Return a mean of values from `least` to 1 with its 95 % interval; values of one group hang together."""
+    """Return a mean of values from `least` to 1 with its 95 % interval; values of one group hang
+    together.
+    """
     if not values.size:
         return math.nan, least, 1.0
     mean = float(values.mean())
     shares = np.bincount(groups, values - mean)
-    # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost exactly
+    # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost
+    # exactly
     size = values.size + 2
     alone = (float(values @ values) + 1.0) / size - ((float(values.sum()) + 1.0) / size) ** 2
     variance = max(float(shares @ shares) / values.size, alone)
@@ -344,7 +362,9 @@ def _mean_of_groups(
 
 
 def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict[str, Any]]:
-    """Count what every method says of loops that no score against `cycled` holds, and of those it does not apply to."""
+    """Count what every method says of loops that no score against `cycled` holds, and of those it
+    does not apply to.
+    """
     rows = []
     for a in everyone:
         known = book.truth["cycled"] >= 0
@@ -373,10 +393,11 @@ def _rank(
     cost: float,
     failing: dict[str, int],
 ) -> tuple[Ranks, list[_Answers]]:
-    """Write a rank into each row of a block, and return what it can resolve with the methods ranked together.
+    """Write a rank into each row of a block, and return what it can resolve with the methods ranked
+    together.
 
-    Methods with MV are ranked among themselves. No rank have reference rows, methods made for a part of the loops, methods that
-    failed too often, and anyone where too few loops have a label.
+    Methods with MV are ranked among themselves. No rank have reference rows, methods made for a
+    part of the loops, methods that failed too often, and anyone where too few loops have a label.
     """
     use, standing, enough = block.use, [], block.use.size >= RANKED_LOOPS
     for row in rows:
@@ -403,7 +424,9 @@ def _rank(
 def _stability(
     block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays
 ) -> RankStability:
-    """Return how stable the order of the ranked methods is, with halves drawn from the run's seed."""
+    """Return how stable the order of the ranked methods is, with halves drawn from the run's
+    seed.
+    """
     use = block.use
     earned = {a.method: _earned(a.said[use], block.positive, cost) * a.applies[use] for a in ranked}
     right = {a.method: a.said[use] == block.positive for a in ranked}

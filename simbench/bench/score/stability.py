@@ -1,4 +1,6 @@
-"""How stable a ranking is: how often the winner wins on half of the loops, and which neighbours an exact test separates."""
+"""How stable a ranking is: how often the winner wins on half of the loops, and which neighbours an
+exact test separates.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ class RankStability:
 
     winner: str | None = None  # the method of lowest cost; None where no two methods are ranked
     wins: int = 0  # of `HALVES` random halves of the groups: in how many no other method costs less
-    # first, second (adjacent in the ranking), only_first, only_second (loops that only one got right), p (exact McNemar test
-    # with Holm's correction), separated
+    # first, second (adjacent in the ranking), only_first, only_second (loops that only one got
+    # right), p (exact McNemar test with Holm's correction), separated
     pairs: tuple[dict[str, Any], ...] = ()
 
     def as_json(self) -> dict[str, Any]:
@@ -40,7 +42,8 @@ def stability(
 ) -> RankStability:
     """Rank methods on random halves of the groups, and test neighbours of the whole ranking.
 
-    `earned`: 1 less the cost of every answer; `right`: whether it was right; both (n,) by method. McNemar (1947), Holm (1979).
+    `earned`: 1 less the cost of every answer; `right`: whether it was right; both (n,) by method.
+    McNemar (1947), Holm (1979).
     """
     order = sorted(earned, key=lambda method: -float(earned[method].mean()))
     if len(order) < 2:

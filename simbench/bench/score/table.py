@@ -1,4 +1,5 @@
-"""Text tables of a run's scores: the ranking on oscillating loops, and every other table on request.
+"""Text tables of a run's scores: the ranking on oscillating loops, and every other table on
+request.
 
 `scores` is a `simbench.bench.score.result.Scores`, which prints itself by these functions.
 """
@@ -52,13 +53,15 @@ _DETECTION = {
     RAW: "without the common oscillation detection",
 }
 _LEGEND = (
-    "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this grid, + on a related grid. "
-    "no_waveform: a classifier that knows everything but the waveform."
+    "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
+    " grid, + on a related grid. no_waveform: a classifier that knows everything but the waveform."
 )
 
 
 def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
-    """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and three sentences."""
+    """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and
+    three sentences.
+    """
     title, rows = _title(scores), scores.ranking(truth)
     tail = [
         *_wrapped(_LEGEND.format(undecided=scores.undecided)),
@@ -69,8 +72,8 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         return [*title, "", *_sentences(scores, truth, where)]
     first = rows.iloc[0]
     title += _wrapped(
-        f"{first.n} of them have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]} "
-        f"(truth {truth!r}). The table is on these {first.n}."
+        f"{first.n} of them have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
+        f" (truth {truth!r}). The table is on these {first.n}."
     )
     room = _LINES - _BESIDES - len(title) - len(tail) - 3
     return [*title, "", *_ranking(rows, scores, room), "", *tail]
@@ -82,7 +85,10 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     for process in ("self-regulating", "integrating"):
         rows = scores.ranking(truth, process=process)
         if len(rows):
-            title = f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
+            title = (
+                f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n},"
+                f" {rows.iloc[0].positives} positive)"
+            )
             lines += ["", title, *(_ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])]
             lines.append(_resolution(scores, truth, process))
     lines += [
@@ -102,7 +108,10 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
 
 def _title(scores: Any) -> list[str]:
     m, counts = scores.manifest, scores.counts
-    about = f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed {m.get('seed')}{benchmark_text(m)}"
+    about = (
+        f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed"
+        f" {m.get('seed')}{benchmark_text(m)}"
+    )
     lines = _wrapped(about)
     words = (
         scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
@@ -137,11 +146,12 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     else:
         apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
-            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank; an exact test separates "
-            f"{apart} of {len(stable.pairs)} adjacent pairs (McNemar, Holm)."
+            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank; an"
+            f" exact test separates {apart} of {len(stable.pairs)} adjacent pairs (McNemar, Holm)."
         )
         said.append(
-            f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the loops."
+            f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the"
+            " loops."
         )
     return [line for sentence in (*said, where) for line in _wrapped(sentence)]
 
@@ -158,7 +168,9 @@ def _why_not(scores: Any, rows: pd.DataFrame) -> str:
 
 
 def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
-    """Return a ranking, within so many lines below its head; what reference rows cannot spare the last methods do."""
+    """Return a ranking, within so many lines below its head; what reference rows cannot spare the
+    last methods do.
+    """
     body: list[tuple[str, Any]] = []
     before = (0, False, None)
     for r in rows.itertuples():
@@ -194,7 +206,9 @@ def _group(r: Any, scores: Any) -> str:
 
 
 def _cells(rows: Sequence[Any]) -> list[str]:
-    """Return a head and one line a row; of too wide a table the intervals of all but the cost are left out."""
+    """Return a head and one line a row; of too wide a table the intervals of all but the cost are
+    left out.
+    """
     for shown in (_interval, lambda value, lo, hi, few: _rate(value, few)):
         lines = [HEAD]
         for r in rows:
@@ -226,7 +240,10 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
     if math.isnan(standing.resolution):
         return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
     more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
-    return f"Methods closer than {_rate(standing.resolution)} share a rank; 9 of 10 runs would resolve {more}."
+    return (
+        f"Methods closer than {_rate(standing.resolution)} share a rank; 9 of 10 runs would resolve"
+        f" {more}."
+    )
 
 
 def _still(scores: Any, truth: str) -> list[str]:
@@ -236,7 +253,8 @@ def _still(scores: Any, truth: str) -> list[str]:
     )
     if rows.empty or rows.iloc[0].n < LEAST:
         return [
-            f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few for a table"
+            f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few"
+            " for a table"
         ]
     first, without = rows.iloc[0], raw.set_index("method")
     lines = [
@@ -255,7 +273,10 @@ def _still(scores: Any, truth: str) -> list[str]:
         lines.append(
             (r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates))
         )
-    title = f"loops that do not oscillate ({first.n}, {first.positives} positive), {_DETECTION[FRONT]} and without"
+    title = (
+        f"loops that do not oscillate ({first.n}, {first.positives} positive), {_DETECTION[FRONT]}"
+        " and without"
+    )
     return [title, *columns(lines)]
 
 
@@ -272,7 +293,10 @@ def _neighbours(scores: Any, truth: str) -> list[str]:
                 "yes" if pair["separated"] else "no",
             )
         )
-    title = "adjacent methods on oscillating loops: loops that only one of them judged right (exact McNemar test, Holm)"
+    title = (
+        "adjacent methods on oscillating loops: loops that only one of them judged right (exact"
+        " McNemar test, Holm)"
+    )
     return [title, *columns(lines)] if len(lines) > 1 else ["no two methods are ranked"]
 
 
@@ -342,14 +366,16 @@ def _details(scores: Any, truth: str, mode: str) -> list[str]:
         f"all loops, truth {truth!r} ({first.n}, {first.positives} positive), {_DETECTION[mode]}"
     )
     legend = (
-        "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area under the risk-coverage "
-        "curve; of all: accuracy, not-applicable counted as wrong"
+        "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area"
+        " under the risk-coverage curve; of all: accuracy, not-applicable counted as wrong"
     )
     return [title, *columns(lines), *_wrapped(legend)]
 
 
 def _marked(scores: Any) -> dict[str, str]:
-    """Return the names of the methods that are scored, with their marks; of loops left out alone there are others."""
+    """Return the names of the methods that are scored, with their marks; of loops left out alone
+    there are others.
+    """
     return {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
 
 
@@ -366,7 +392,10 @@ def _left_out(scores: Any) -> list[str]:
         yes = _interval(r.stiction, r.stiction_lo, r.stiction_hi, few)
         shares = (yes, _rate(r.no_stiction, few), _rate(r.no_decision, few))
         lines.append((names.get(r.method, r.method), r.of, str(r.n), *shares))
-    title = "not in any row above: answers on entrained and unclear loops, and on those a method does not apply to"
+    title = (
+        "not in any row above: answers on entrained and unclear loops, and on those a method does"
+        " not apply to"
+    )
     return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 
 
@@ -418,8 +447,9 @@ def _quantified(scores: Any) -> list[str]:
     if len(lines) == 1:
         return [f"no method gives S or J of {LEAST} sticky loops of a family"]
     text = (
-        "S and J of sticky loops by family of valves: median error and width in shares of the valve's S; held: share of the "
-        "intervals that hold the truth, nominally nine in ten; - where a method states no level."
+        "S and J of sticky loops by family of valves: median error and width in shares of the"
+        " valve's S; held: share of the intervals that hold the truth, nominally nine in ten; -"
+        " where a method states no level."
     )
     return [*_wrapped(text), *columns(lines)]
 

@@ -1,4 +1,6 @@
-"""The version of a benchmark: a grid's name and number, and a hash of everything that a score depends on but the detectors."""
+"""The version of a benchmark: a grid's name and number, and a hash of everything that a score
+depends on but the detectors.
+"""
 
 from __future__ import annotations
 
@@ -54,10 +56,11 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        name ("ci-2"), version (2), hash (16 hex digits over all parts), and parts, a hash each: grid (the file without
-        its seed and repeats), scenarios (sorted ids), evaluator (source of what decides truth and score, whatever
-        its comments, docstrings and layout). Another seed changes the scenarios alone. `--set` and `--axis` change
-        grid and scenarios, and a grid of the package then has "changed" behind its name.
+        name ("ci-2"), version (2), hash (16 hex digits over all parts), and parts, a hash each:
+        grid (the file without its seed and repeats), scenarios (sorted ids), evaluator (source of
+        what decides truth and score, whatever its comments, docstrings and layout). Another seed
+        changes the scenarios alone. `--set` and `--axis` change grid and scenarios, and a grid of
+        the package then has "changed" behind its name.
 
     Examples
     --------
@@ -78,18 +81,25 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
 
 
 def grid_of(manifest: Mapping[str, Any]) -> Grid:
-    """Return the grid that a run's manifest holds, overrides applied; of a map's run, the sample that was simulated."""
+    """Return the grid that a run's manifest holds, overrides applied; of a map's run, the sample
+    that was simulated.
+    """
     content = GridFile.model_validate(manifest["grid_content"])
     grid = Grid(manifest["grid"], content, dict(manifest["overrides"]))
     return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
 
 
 def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
-    """Raise RunError, naming the parts that differ, unless two manifests state the same version of a benchmark."""
+    """Raise RunError, naming the parts that differ, unless two manifests state the same version of
+    a benchmark.
+    """
     versions = [manifest.get(BENCHMARK) for manifest in (one, other)]
     for manifest, stated in zip((one, other), versions, strict=True):
         if stated is None:
-            older = f"a run of grid {manifest.get('grid')!r} states no benchmark version, as an older simbench wrote it"
+            older = (
+                f"a run of grid {manifest.get('grid')!r} states no benchmark version, as an older"
+                " simbench wrote it"
+            )
             raise RunError(f"{older}; run it again")
     first, second = versions
     if first["hash"] != second["hash"]:
@@ -98,13 +108,16 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> 
         ]
         names = " and ".join(f"{v['name']} ({v['hash']})" for v in versions)
         raise RunError(
-            f"runs of different benchmark versions are not compared: {names} differ in {', '.join(differ)}"
+            f"runs of different benchmark versions are not compared: {names} differ in"
+            f" {', '.join(differ)}"
         )
 
 
 @cache
 def evaluator_hash() -> str:
-    """Return 16 hex digits of the source of everything that decides truth and score, as Python reads it."""
+    """Return 16 hex digits of the source of everything that decides truth and score, as Python
+    reads it.
+    """
     root = Path(__file__).resolve().parents[3]
     files = [
         file

@@ -42,7 +42,8 @@ def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any
     plain = {k: v for k, v in content.items() if k != _CHECKSUM}
     if _CHECKSUM not in content:
         raise RunError(
-            f"{where} carries no checksum, which is needed: it was written by an older simbench; run it again"
+            f"{where} carries no checksum, which is needed: it was written by an older simbench;"
+            " run it again"
         )
     if (mark := _of(plain)) != (told := content[_CHECKSUM]):
         why = f"its checksum is {mark}, {str(told)[:16]!r} is needed"
@@ -53,7 +54,8 @@ def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any
 def unreadable(file: str, error: OSError) -> RunError:
     """Return the sentence about a file of a run that is there and cannot be read."""
     return RunError(
-        f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there: restore it"
+        f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there:"
+        " restore it"
     )
 
 
@@ -64,7 +66,9 @@ def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
 
 
 def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tuple[str, str]]:
-    """Return the files a table of a run or baseline is made of, in order, each with its checksum."""
+    """Return the files a table of a run or baseline is made of, in order, each with its
+    checksum.
+    """
     marks, table = manifest.get(TABLES, {}).get(kind), f"{kind}.parquet"
     if not isinstance(marks, list):
         return [(table, str(marks))]
@@ -72,7 +76,8 @@ def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tu
     there = place.names(table)
     for lacking in sorted(set(files) - set(there))[:1]:
         raise RunError(
-            f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run it again"
+            f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run"
+            " it again"
         )
     for other in sorted(set(there) - set(files))[:1] if manifest.get("complete") else ():
         raise RunError(
@@ -82,7 +87,9 @@ def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tu
 
 
 def partition(number: int) -> str:
-    """Return the name of a partition within its table's folder: eight digits, so that names and numbers sort alike."""
+    """Return the name of a partition within its table's folder: eight digits, so that names and
+    numbers sort alike.
+    """
     return f"{number:08d}.parquet"
 
 
@@ -97,7 +104,10 @@ def verified(place: Place, name: str, mark: str) -> bytes:
     except OSError as error:
         raise unreadable(f"{place}/{name}", error) from None
     if (found := digest(content)) != mark:
-        why = f"is not the table its manifest speaks of: its checksum is {found}, {mark[:16]!r} is needed"
+        why = (
+            f"is not the table its manifest speaks of: its checksum is {found}, {mark[:16]!r} is"
+            " needed"
+        )
         raise RunError(f"{place}/{name} {why}; restore it, or run it again")
     return content
 

@@ -1,4 +1,6 @@
-"""A run's manifest: what was run, on which versions and code, and whether old and new pieces may stand together."""
+"""A run's manifest: what was run, on which versions and code, and whether old and new pieces may
+stand together.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,8 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
         raise unreadable(file, error) from None
     if found != FORMAT:
         raise RunError(
-            f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again"
+            f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run"
+            " it again"
         )
     return without_checksum(manifest, file)
 
@@ -94,7 +97,9 @@ def run_key(manifest: Mapping[str, Any]) -> str:
 
 
 def unmatched(manifest: Mapping[str, Any]) -> int:
-    """Return how many healthy loops of a run are left out because they could not be matched with sticky ones."""
+    """Return how many healthy loops of a run are left out because they could not be matched with
+    sticky ones.
+    """
     planned, done = manifest.get("scenarios"), manifest.get("counts", {}).get("scenarios")
     adaptive = manifest.get("until_width") is not None
     return planned - done if manifest.get("complete") and planned and done and not adaptive else 0
@@ -112,7 +117,9 @@ def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
 
 @cache
 def code_hash() -> str:
-    """Return 16 hex digits of all sources that decide what a run's tables hold, as they were when first asked."""
+    """Return 16 hex digits of all sources that decide what a run's tables hold, as they were when
+    first asked.
+    """
     import detectors
     import scenarios
     import simbench
@@ -154,7 +161,10 @@ def _difference(key: str, old: Any, new: Any) -> str:
 def _changed(name: str, old: Any, new: Any) -> str:
     """Say what changed of one entry: a nested one is named, not printed."""
     if isinstance(old, dict) and isinstance(new, dict):
-        return f"{name} has another {' and '.join(k for k in {**old, **new} if old.get(k) != new.get(k))}"
+        return (
+            f"{name} has another"
+            f" {' and '.join(k for k in {**old, **new} if old.get(k) != new.get(k))}"
+        )
     return f"{name} was {old}, is {new}"
 
 

@@ -42,7 +42,9 @@ class Place:
             f.write(content)
 
     def names(self, sub: str = "") -> list[str]:
-        """Return the names in a folder, sorted, those that begin with a dot left out; none when there is no folder."""
+        """Return the names in a folder, sorted, those that begin with a dot left out; none when
+        there is no folder.
+        """
         folder = self._folder / sub
         return (
             sorted(f.name for f in folder.iterdir() if not f.name.startswith("."))
@@ -51,7 +53,9 @@ class Place:
         )
 
     def refuse_unkept(self) -> None:
-        """Raise FileError where what is written cannot be listed and read back; a folder of this machine can."""
+        """Raise FileError where what is written cannot be listed and read back; a folder of this
+        machine can.
+        """
 
     def remove(self, sub: str) -> None:
         """Remove a folder and all in it, if it is there."""
@@ -59,7 +63,9 @@ class Place:
 
 
 class _RemotePlace(Place):
-    """A folder behind a URL, in memory, a bucket or elsewhere; FileError when nobody reads and writes its scheme."""
+    """A folder behind a URL, in memory, a bucket or elsewhere; FileError when nobody reads and
+    writes its scheme.
+    """
 
     def __init__(self, scheme: str, path: str) -> None:
         import fsspec
@@ -68,7 +74,8 @@ class _RemotePlace(Place):
         self.url = f"{scheme}://{path.rstrip('/')}"
         if scheme not in available_protocols():
             raise FileError(
-                f"{self} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}"
+                f"{self} cannot be written: scheme {scheme!r} is unknown:"
+                f" {nearest(scheme, available_protocols())}"
             )
         try:
             self._files, self._root = fsspec.core.url_to_fs(self.url)
@@ -127,7 +134,9 @@ class _RemotePlace(Place):
         return sorted(n for n in names if not n.startswith("."))
 
     def refuse_unkept(self) -> None:
-        """Raise FileError where what is written cannot be listed, read back and removed, before anything is simulated."""
+        """Raise FileError where what is written cannot be listed, read back and removed, before
+        anything is simulated.
+        """
         try:
             self.write("trial/whole", b"whole")
             kept = self.names("trial") == ["whole"] and self.read("trial/whole") == b"whole"

@@ -44,7 +44,9 @@ def parts(
     columns: Sequence[str] | None = None,
     manifest: Mapping[str, Any] | None = None,
 ) -> Iterator[pa.Table]:
-    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory."""
+    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than
+    one in memory.
+    """
     place = place_of(folder)
     if manifest is None:
         manifest = read_manifest(place)
@@ -64,11 +66,13 @@ def read_table(
     columns: Sequence[str] | None = None,
     only: pc.Expression | None = None,
 ) -> pa.Table:
-    """Return the rows of a table of a run or baseline for which an expression is true; parameters and errors as `parts`."""
+    """Return the rows of a table of a run or baseline for which an expression is true; parameters
+    and errors as `parts`.
+    """
     found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
     schema = {"scenarios": SCENARIOS, "verdicts": VERDICT_SCHEMA}[kind]
     empty = schema.empty_table().select(list(columns or schema.names))
-    return pa.concat_tables([t.replace_schema_metadata() for t in (found or [empty])])
+    return pa.concat_tables([t.replace_schema_metadata() for t in found or [empty]])
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
@@ -94,7 +98,8 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     )
     if scenario.id != scenario_id:
         raise RunError(
-            f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is {scenario.id!r})"
+            f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is"
+            f" {scenario.id!r})"
         )
     return scenario
 
@@ -110,26 +115,33 @@ class RunArrays:
     axes: dict[
         str, np.ndarray
     ]  # (n,) grid axes and other tags: numbers (NaN where there is none) or words
-    # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words
+    # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the
+    # four words
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray  # (n,) what the common front end said
     groups: (
         np.ndarray
     )  # (n,) cell and repeat: the loops of one group are alike in what the cell sets
-    design: np.ndarray  # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names it
+    # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names
+    # it
+    design: np.ndarray
     methods: tuple[str, ...]  # method ids
-    # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front end
+    # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front
+    # end
     verdict: np.ndarray
     verdict_raw: np.ndarray
-    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where it found no oscillation
+    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where it found no
+    # oscillation
     score: np.ndarray
     score_raw: np.ndarray
-    applicable: np.ndarray  # (m, n) whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell
+    # (m, n) whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell
+    applicable: np.ndarray
     failed: np.ndarray  # (m, n) whether the detector raised an error
     runtime: np.ndarray  # (m, n) seconds
     # (n, 2) mapped S and J of the valve (% of travel); NaN in baselines that kept none
     friction: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
-    # (k,) every S and J that a method gave, with the numbers of loop and method; the ends of an interval, or twice a number
+    # (k,) every S and J that a method gave, with the numbers of loop and method; the ends of an
+    # interval, or twice a number
     levels: np.ndarray = field(default_factory=lambda: np.empty(0, LEVELS))
 
     @classmethod
@@ -258,7 +270,9 @@ def _sliced(
     n: int,
     each: int = 1,
 ) -> Iterator[tuple[slice, pa.Table]]:
-    """Yield a table's parts, each with the scenarios it holds; raise RunError unless all n of them come."""
+    """Yield a table's parts, each with the scenarios it holds; raise RunError unless all n of them
+    come.
+    """
     start = 0
     for part in parts(place, kind, columns, manifest):
         size, odd = divmod(part.num_rows, each)
@@ -270,7 +284,8 @@ def _sliced(
         if start == n:
             return
     raise RunError(
-        f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios; run it again"
+        f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios;"
+        " run it again"
     )
 
 
@@ -313,7 +328,9 @@ def _ids(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
-    """The different values of a column, "" for null at their end, and which of them stands where."""
+    """The different values of a column, "" for null at their end, and which of them stands
+    where.
+    """
     coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
     coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
     names = [*coded.dictionary.to_pylist(), ""]

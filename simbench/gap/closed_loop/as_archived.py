@@ -1,4 +1,6 @@
-"""A simulated record as this record's archive would have kept it: means, digits, a late OP; none of them is an effect."""
+"""A simulated record as this record's archive would have kept it: means, digits, a late OP; none of
+them is an effect.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def _digits_of(s: Situation) -> tuple[float, float]:
 
 
 def _digits(x: np.ndarray, other: np.ndarray) -> float:
-    """Return the step a column is written in, a transmitter's counts that were rounded once more to decimals included."""
+    """Return the step a column is written in, a transmitter's counts that were rounded once more to
+    decimals included.
+    """
     digits = written(x, other).digits
     counts = lattice(x, resolution(x) / 3.0)  # its levels lie up to half a decimal off
     return counts if counts > digits and hides_nothing(counts, x) else digits
@@ -42,7 +46,9 @@ def _rounded(x: np.ndarray, unit: float) -> np.ndarray:
 
 
 def _mean_like(real: np.ndarray, seen: np.ndarray, pv: np.ndarray) -> np.ndarray:
-    """Return PV as the mean, over this sample and its neighbours, that turns what the controller saw into the record."""
+    """Return PV as the mean, over this sample and its neighbours, that turns what the controller
+    saw into the record.
+    """
 
     def near(x: np.ndarray) -> np.ndarray:
         return np.column_stack([np.append(x[0], x[:-1]), x, np.append(x[1:], x[-1])])

@@ -1,4 +1,6 @@
-"""How far the gap shrinks: whole closed loops simulated on the held-out part of the record, before and after."""
+"""How far the gap shrinks: whole closed loops simulated on the held-out part of the record, before
+and after.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,16 @@ from simbench.loop.simulate import simulate
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
 _SEEDS = 8
 _RESOLVABLE = 1.5  # gap before over floor from which there is something to close
-_WIDER = 1.6  # times the interval that seeds alone give: the simulated load is not quite the plant's (116 records, seed 303)
+# times the interval that seeds alone give: the simulated load is not quite the plant's (116
+# records, seed 303)
+_WIDER = 1.6
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """One loop, simulated with several seeds: features of the held-out part, and one run to draw."""
+    """One loop, simulated with several seeds: features of the held-out part, and one run to
+    draw.
+    """
 
     loop: Loop
     features: np.ndarray
@@ -44,7 +50,8 @@ def simulate_runs(
     seeds: int = _SEEDS,
     part: slice | None = None,
 ) -> Runs | None:
-    """Simulate the record's whole length with several seeds and keep the features of a part, the held-out one if not said.
+    """Simulate the record's whole length with several seeds and keep the features of a part, the
+    held-out one if not said.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
     """
@@ -74,7 +81,9 @@ def held_out(situation: Situation) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Shrinkage:
-    """Distances of three sets of runs from the record, their floor, and the share of the gap that closes, with an interval."""
+    """Distances of three sets of runs from the record, their floor, and the share of the gap that
+    closes, with an interval.
+    """
 
     before: float
     recalibrated: float

@@ -1,4 +1,6 @@
-"""What of a record its simulation lacks, in words, and whether it stays along the record or comes and goes as a load does."""
+"""What of a record its simulation lacks, in words, and whether it stays along the record or comes
+and goes as a load does.
+"""
 
 from __future__ import annotations
 
@@ -27,22 +29,26 @@ _SHARE, _BEGINS = (
 _SAID = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 _WORDS = {
-    "size": ("swings more", "swings less"), "change": ("moves more from sample to sample", "moves less from sample to sample"),
+    "size": ("swings more", "swings less"),
+    "change": ("moves more from sample to sample", "moves less from sample to sample"),
     "at rest": ("stands still more often", "stands still less often"),
     "straight": ("runs on straight lines more often", "runs on straight lines less often"),
     "at limit": ("stands at an end more often", "stands at an end less often"),
     "sharpness": ("oscillates more sharply", "oscillates less sharply"),
     "wander": ("wanders more", "wanders less"),
-    "memory": ("remembers longer", "remembers less"), "band": ("moves more", "moves less"),
-}  # fmt: skip
+    "memory": ("remembers longer", "remembers less"),
+    "band": ("moves more", "moves less"),
+}
 _LINKS = {"op after pv": "OP follows PV otherwise", "pv after op": "PV follows OP otherwise"}
 
 
 @dataclass(frozen=True)
 class Lacking:
-    """Features in which a record differs from its simulation, each as (words, seed-to-seed standard deviations, block).
+    """Features in which a record differs from its simulation, each as (words, seed-to-seed standard
+    deviations, block).
 
-    `least` is the smallest distance of any stretch of the record, in floors: small where the difference comes and goes.
+    `least` is the smallest distance of any stretch of the record, in floors: small where the
+    difference comes and goes.
     """
 
     least: float
@@ -50,7 +56,9 @@ class Lacking:
 
     @property
     def block(self) -> str:
-        """The block in which the plainest feature, the first, arises; a load where many blocks could make it."""
+        """The block in which the plainest feature, the first, arises; a load where many blocks
+        could make it.
+        """
         return self.features[0][2] if self.features else "disturbance"
 
     @property
@@ -63,7 +71,9 @@ class Lacking:
 
 
 def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
-    """Return what a record has and runs of a loop have not; None where the loop cannot be simulated."""
+    """Return what a record has and runs of a loop have not; None where the loop cannot be
+    simulated.
+    """
     n, runs = situation.record.n, []
     for i in range(_RUNS):
         try:
@@ -94,7 +104,9 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
 
 
 def _told(found: Features) -> Features:
-    """Return features without the tails: a baseline says nothing of the kind of its noise, nor of ordinary loads."""
+    """Return features without the tails: a baseline says nothing of the kind of its noise, nor of
+    ordinary loads.
+    """
     return {name: x for name, x in found.items() if not name.endswith("kurtosis")}
 
 
@@ -108,7 +120,10 @@ def _said(name: str, z: float, s: Situation, length: int) -> str:
     if kind == "band":
         edges = np.geomspace(2, length // 2 + 1, 7) if length > 4 else np.ones(7)
         i = min(int(number), 6)
-        words += f" at periods of {length * s.record.Ts / edges[i]:.3g} to {length * s.record.Ts / edges[i - 1]:.3g} s"
+        words += (
+            f" at periods of {length * s.record.Ts / edges[i]:.3g} to"
+            f" {length * s.record.Ts / edges[i - 1]:.3g} s"
+        )
     elif kind == "memory":
         words += f" over {int(number) * s.record.Ts:.3g} s"
     return f"{signal.upper()} {words}"

@@ -1,4 +1,6 @@
-"""The operating point of a corrected loop, moved until its simulations have the record's mean OP and PV."""
+"""The operating point of a corrected loop, moved until its simulations have the record's mean OP
+and PV.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ _WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
 
 
 def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
-    """Return the loop with the operating point at which the means of its runs are the record's; the nearest one tried."""
+    """Return the loop with the operating point at which the means of its runs are the record's; the
+    nearest one tried.
+    """
     op, pv = situation.op, np.asarray(situation.record.pv)
     wide = max(float(op.std()), 1e-9), max(float(pv.std()), 1e-9)
     bias_only = loop.controller.Ti is None and not loop.plant.integrating

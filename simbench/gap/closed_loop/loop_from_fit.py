@@ -1,4 +1,6 @@
-"""From a fit back to a loop file: the baseline with the effect, the identified load and the record's set point in it."""
+"""From a fit back to a loop file: the baseline with the effect, the identified load and the
+record's set point in it.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,8 @@ def fixed_loop(
     if not situation.trusted:
         table["noise"] = {"std": fit.theta["noise_std"]}
     source = load or fit
-    # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
+    # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the
+    # same in every arm
     K = abs(input_gain(source, d))
     table["disturbance"] = [
         {
@@ -97,7 +100,9 @@ def fixed_loop(
 
 
 def _load(fit: Fit) -> dict[str, float]:
-    """Return a fit's parameters with jumps that fade as more of the same load, but for their rarity."""
+    """Return a fit's parameters with jumps that fade as more of the same load, but for their
+    rarity.
+    """
     theta = dict(fit.theta)
     if fit.spec.jumps and not fit.spec.lasting:
         # each is two of that std, at neighbouring samples
@@ -108,7 +113,9 @@ def _load(fit: Fit) -> dict[str, float]:
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
-    """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second time constant (samples)."""
+    """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second
+    time constant (samples).
+    """
     std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
     if lag == kernels.PINK_LOAD:
         return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
@@ -124,7 +131,8 @@ def _rest(situation: Situation, fit: Fit) -> float:
     v = valve_of(fit.spec, fit.theta, d.u)
     gain = fit.K if fit.K != 0 else d.K
     ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)
-    # a valve with memory moves as far as OP on average; its regression on OP over a cycle tells the lag between them
+    # a valve with memory moves as far as OP on average; its regression on OP over a cycle tells the
+    # lag between them
     maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None
     slope = float(np.polyfit(v, situation.op, 1)[0]) if maps and np.ptp(v) > 0 else 1.0
     return _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)

@@ -27,7 +27,9 @@ class ClosedLoops:
         self.levelled: dict[tuple[str, ...], Loop] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
-        """Return the baseline with some effects in it, under their own fit's load or another one."""
+        """Return the baseline with some effects in it, under their own fit's load or another
+        one.
+        """
         f = self.found
         fit = self.fit_of(effects)
         own = {e: f.parameters[e] for e in effects if e in f.parameters}
@@ -91,14 +93,18 @@ class ClosedLoops:
 
     @cached_property
     def lacking(self) -> Lacking | None:
-        """What the record has and the recalibrated loop has not; None where that cannot be simulated."""
+        """What the record has and the recalibrated loop has not; None where that cannot be
+        simulated.
+        """
         f = self.found
         return lacking(
             f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed
         )
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
-        """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
+        """Return what other effects close under the load of the named ones; None where that loop
+        cannot be simulated.
+        """
         self.shrink(named)
         before, again, _ = self.kept[tuple(named)]
         after = self._after(effects, self.fit_of(named))

@@ -1,4 +1,6 @@
-"""What a record looks like, in numbers that do not depend on its phase: two runs of one loop agree but for the seed."""
+"""What a record looks like, in numbers that do not depend on its phase: two runs of one loop agree
+but for the seed.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drow
 
 
 def distance(real: np.ndarray, sims: np.ndarray, spread: np.ndarray) -> float:
-    """Return the mean over features of |real - mean(sims)| in seed-to-seed standard deviations, capped."""
+    """Return the mean over features of |real - mean(sims)| in seed-to-seed standard deviations,
+    capped.
+    """
     return float(np.minimum(np.abs(real - sims.mean(axis=0)) / spread, CAP).mean())
 
 
@@ -73,7 +77,9 @@ def floor_of(sims: np.ndarray, spread: np.ndarray) -> float:
 
 
 def chance_of(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Return by how much each seed's distance from the others is off the floor: what another record of the loop might do."""
+    """Return by how much each seed's distance from the others is off the floor: what another record
+    of the loop might do.
+    """
     alone = _apart(sims, spread).mean(axis=1)
     return alone - alone.mean()
 

@@ -1,4 +1,6 @@
-"""The controller block: does the law that a loop is said to have turn the recorded error into the recorded OP?"""
+"""The controller block: does the law that a loop is said to have turn the recorded error into the
+recorded OP?
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The controller block: does the PI law turn the recorded error into the recorded OP, and if not, what stands between?"""
+"""The controller block: does the PI law turn the recorded error into the recorded OP, and if not,
+what stands between?
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ _BLURRED = (
     0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
 )
 _HALF = 0.5  # ... unless that is half of all that OP does
-_RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
+# share of samples in which a fine OP stands still, from which it is not the mean of a moving PV
+# that hides
+_RESTING = 0.05
 _STANDS = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
@@ -56,12 +60,14 @@ _THINNED = (
 class Law:
     """What the controller regression found.
 
-    `residual` is the robust size of what the best law leaves of dOP, relative to dOP (`baseline_residual`: of the baseline's).
-    Between error and OP may stand: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP rests (full
-    width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV the
-    controller must have seen (None when it cannot be recovered). `reason` says why the block cannot be judged, `foreign` why it
-    is no PI at all, `late` by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
-    digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
+    `residual` is the robust size of what the best law leaves of dOP, relative to dOP
+    (`baseline_residual`: of the baseline's). Between error and OP may stand: `limits` of OP tighter
+    than its range (lo, hi), a `gap` of the error in which OP rests (full width), a lattice of OP
+    (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV
+    the controller must have seen (None when it cannot be recovered). `reason` says why the block
+    cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
+    `averaged` that the archive's PV is a mean, `blur` what the digits leave uncertain of the
+    recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
     """
 
     residual: float
@@ -87,14 +93,21 @@ class Law:
 
 
 def examine_law(
-    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool = True,
+    op: np.ndarray,
+    pv: np.ndarray,
+    sp: np.ndarray | None,
+    Ts: float,
+    Kc: float,
+    Ti: float | None,
+    trusted: bool = True,
     noise: float = 0.0,
-) -> Law:  # fmt: skip
+) -> Law:
     """Judge the controller from SP, PV and OP."""
     law = _examine(op, pv, sp, Ts, Kc, Ti, trusted, noise)
     if law.known and not law.averaged:
         return law
-    # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a sample off
+    # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a
+    # sample off
     late = np.append(pv[0], pv[:-1])
     tries = [law]
     for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
@@ -110,12 +123,14 @@ def examine_law(
     most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
-        # a mean explains much: it is believed where no alignment needs one, or only under another tuning
+        # a mean explains much: it is believed where no alignment needs one, or only under another
+        # tuning
         return min(known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size))
     foreign = [t for t in tries if t.foreign]
     if foreign:
         return min(foreign, key=lambda t: t.residual)
-    # no law is exact: the archive's PV then lies nearest to the PV recovered under the right alignment
+    # no law is exact: the archive's PV then lies nearest to the PV recovered under the right
+    # alignment
     recovered = [t for t in tries if t.recovered_pv is not None]
     return min(recovered, key=lambda t: float(np.std(pv - t.recovered_pv))) if recovered else law
 
@@ -130,7 +145,9 @@ def _examine(
     trusted: bool,
     noise: float,
 ) -> Law:
-    """Judge the controller under one alignment of the signals: where is OP free, what stands still, which law, is it one?"""
+    """Judge the controller under one alignment of the signals: where is OP free, what stands still,
+    which law, is it one?
+    """
     e = (pv.mean() if sp is None else sp) - pv
     asked = _Asked(
         op,
@@ -152,10 +169,15 @@ def _examine(
     fitted = _fitted(asked, free, shown)
     limits = (free.limits.get("lo", 0.0), free.limits.get("hi", 100.0)) if free.limits else None
     law = Law(
-        fitted.fit.residual, fitted.fit.base, *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
-        limits=limits, gap=fitted.gap, step=asked.op_is.step if fitted.coarse else 0.0, strays=fitted.fit.strays,
+        fitted.fit.residual,
+        fitted.fit.base,
+        *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
+        limits=limits,
+        gap=fitted.gap,
+        step=asked.op_is.step if fitted.coarse else 0.0,
+        strays=fitted.fit.strays,
         blur=free.rounding / abs(Kc),
-    )  # fmt: skip
+    )
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
         return replace(
@@ -175,7 +197,9 @@ def _examine(
 
 
 class _Asked(NamedTuple):
-    """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time), how OP and PV are written."""
+    """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time),
+    how OP and PV are written.
+    """
 
     op: np.ndarray
     pv: np.ndarray
@@ -193,7 +217,8 @@ class _Asked(NamedTuple):
 class _Free(NamedTuple):
     """Where OP is off its limits: `inside` by sample, `rows` by change; how large its changes are.
 
-    `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of OP.
+    `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of
+    OP.
     """
 
     inside: np.ndarray
@@ -204,7 +229,9 @@ class _Free(NamedTuple):
 
 
 class _Shown(NamedTuple):
-    """What the archive shows of PV: its lattice, samples on straight lines, samples it kept exactly, whether it is rough."""
+    """What the archive shows of PV: its lattice, samples on straight lines, samples it kept
+    exactly, whether it is rough.
+    """
 
     grid: float
     line: np.ndarray
@@ -213,7 +240,9 @@ class _Shown(NamedTuple):
 
 
 class _Fitted(NamedTuple):
-    """The best law: of which error, by which changes of OP of which size; through a gap or a coarse OP; is it exact?"""
+    """The best law: of which error, by which changes of OP of which size; through a gap or a coarse
+    OP; is it exact?
+    """
 
     fit: LawFit
     e: np.ndarray
@@ -274,7 +303,8 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     if coarse:
         bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
         off = du - bare.a * e[1:] - bare.b * e[:-1]
-        # a law that meets OP's moves far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
+        # a law that meets OP's moves far within its lattice leaves nothing for rounding: the
+        # lattice is PV's, handed on
         off = off[rows & (du != 0.0)] - np.median(off[rows])
         coarse = (
             float(np.quantile(np.abs(off), 0.9)) > _FINER * asked.op_is.step if off.size else True
@@ -311,7 +341,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
 
 
 def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
-    """Return the law that explains OP: the baseline's or another tuning, and which PV it was shown."""
+    """Return the law that explains OP: the baseline's or another tuning, and which PV it was
+    shown.
+    """
     fit, Ti = fitted.fit, asked.Ti
     if fitted.plain:
         seen = recover_pv(asked.op, fitted.e, asked.pv, free.inside, fit.a, fit.b, Ti is None)
@@ -335,14 +367,18 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
 
 
 def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted) -> Law:
-    """Return a law that the recorded PV does not show: another controller, or another PV than the archive's."""
+    """Return a law that the recorded PV does not show: another controller, or another PV than the
+    archive's.
+    """
     op, e, Kc, Ki, Ti = asked.op, fitted.e, asked.Kc, asked.Ki, asked.Ti
     mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
     if mean is not None:
         return mean
     law = replace(
         law,
-        reason="the recorded PV is not the PV the controller saw, or it was archived at another rate",
+        reason=(
+            "the recorded PV is not the PV the controller saw, or it was archived at another rate"
+        ),
     )
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
     if third < law.residual / 3 and third < 0.15:
@@ -352,7 +388,10 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     if fitted.collapsed and not fitted.gap:
         return replace(
             law,
-            foreign="OP stands still in most samples: the controller skips scans, or a dead-band holds it",
+            foreign=(
+                "OP stands still in most samples: the controller skips scans, or a dead-band"
+                " holds it"
+            ),
         )
     if not fitted.plain:
         return law
@@ -381,7 +420,9 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
 
 
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
-    """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
+    """Return the law, under the baseline's tuning or another, whose PV the archive took the mean
+    of; None where none is.
+    """
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
     if asked.op_is.step == 0.0 and (
@@ -422,7 +463,9 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
 
 
 def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:
-    """Return the factors of a tuning that differs from the baseline's, None when it hardly does or no tuning could."""
+    """Return the factors of a tuning that differs from the baseline's, None when it hardly does or
+    no tuning could.
+    """
     Kc_factor = law.Kc / asked.Kc
     Ti_factor = law.Ti / asked.Ti if asked.Ti and np.isfinite(law.Ti) else 1.0
     bounds = TUNING["Kc_factor"]
@@ -433,7 +476,9 @@ def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:
 
 
 def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, float]:
-    """Return a and b by the samples at which OP is surely at no limit; the baseline's where no law is exact."""
+    """Return a and b by the samples at which OP is surely at no limit; the baseline's where no law
+    is exact.
+    """
     op, Kc, Ki = asked.op, asked.Kc, asked.Ki
     held = np.isin(op, (op.min(), op.max()))
     rows = ~(held[1:] | held[:-1])
@@ -445,7 +490,8 @@ def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, flo
 
 
 def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
-    """Return Kc and Ti of the execution order that is nearest to the baseline; of the backward one when none is near.
+    """Return Kc and Ti of the execution order that is nearest to the baseline; of the backward one
+    when none is near.
 
     Under backward integration, which the simulation runs, the two numbers reproduce this very OP.
     """

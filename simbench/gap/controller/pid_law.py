@@ -1,4 +1,6 @@
-"""The controller block under a PID baseline: do its settings turn the recorded error into the recorded OP?"""
+"""The controller block under a PID baseline: do its settings turn the recorded error into the
+recorded OP?
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def examine_pid(
     settings: Controller,
     pv0: float,
 ) -> Law:
-    """Judge a PID from SP, PV and OP: positional and velocity form move OP alike between its limits."""
+    """Judge a PID from SP, PV and OP: positional and velocity form move OP alike between its
+    limits.
+    """
     Ti = settings.Ti or np.inf
     p = pid_numbers(settings, settings.sign * settings.Kc, Ti, Ts, pv0, -np.inf, np.inf)
     r = (np.full(pv.size, pv.mean()) if sp is None else sp) - p.pv0

@@ -1,4 +1,6 @@
-"""The error the controller acted on, recovered from OP: OP is written exactly even where the archive of PV is not."""
+"""The error the controller acted on, recovered from OP: OP is written exactly even where the
+archive of PV is not.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,12 @@ import scipy
 
 from detectors.signal.filters import lfilter
 
-FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
-ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
+# misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
+# believed
+FAITHFUL = 0.2
+# rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives
+# 0.29
+ROUNDED = 0.35
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
 _SUM, _LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
 _BLURRED = 0.2  # of PV's moves, that such a mean may leave
@@ -19,7 +25,8 @@ GRID = 60  # integral times tried, from a twentieth to twenty times the baseline
 
 @dataclass(frozen=True, eq=False)
 class _Hidden:
-    """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms misfit to the recorded error.
+    """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
+    misfit to the recorded error.
 
     `base` is the rms misfit of the baseline's tuning.
     """
@@ -63,7 +70,9 @@ def recover_pv(
 
 
 def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
-    """Return what is left of an archive's PV beside a mean of what the controller saw, over a sample or within one."""
+    """Return what is left of an archive's PV beside a mean of what the controller saw, over a
+    sample or within one.
+    """
     weights, mean = _mean(pv, seen)
     left = (pv - mean)[2:-2]
     size = 1.4826 * float(np.median(np.abs(left)))
@@ -73,7 +82,9 @@ def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
 
 
 def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what the controller saw, over a sample or within one, that is nearest to the archive's PV."""
+    """Return the mean of what the controller saw, over a sample or within one, that is nearest to
+    the archive's PV.
+    """
     return _mean(pv, seen)[1]
 
 
@@ -92,9 +103,11 @@ def hidden_law(
     exact: np.ndarray,
     over: tuple[int, ...] = (0,),
 ) -> _Hidden:
-    """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
+    """Fit the law by the error it implies, compared with the recorded one only where the archive
+    kept it.
 
-    A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.
+    A regression of OP on the recorded error would be biased by the archive's own error; here the
+    error is the output.
     """
     y, many = e[exact], len(over)
 

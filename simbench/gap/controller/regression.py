@@ -1,4 +1,6 @@
-"""Regressions behind the controller's law: OP by its changes, by its sums, and with a derivative."""
+"""Regressions behind the controller's law: OP by its changes, by its sums, and with a
+derivative.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, 
 
 
 class LawFit(NamedTuple):
-    """dOP = a e_k + b e_{k-1}, what it and the baseline leave of dOP, and the samples an exact law does not explain."""
+    """dOP = a e_k + b e_{k-1}, what it and the baseline leave of dOP, and the samples an exact law
+    does not explain.
+    """
 
     a: float
     b: float
@@ -39,7 +43,9 @@ def by_steps(
     size: float,
     with_sp_offset: bool,
 ) -> LawFit:
-    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; the baseline's residual is that of its best form."""
+    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; the baseline's residual is that of its best
+    form.
+    """
     X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
     y = du[rows]
     bases = [y - X[:, :2] @ np.array([Kc + s * Ki, (1.0 - s) * Ki - Kc]) for s in FORMS]
@@ -70,8 +76,8 @@ def by_sums(
 ) -> LawFit:
     """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
 
-    After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up as well, to a line over
-    `_ADDED` samples, which is taken off.
+    After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up
+    as well, to a line over `_ADDED` samples, which is taken off.
     """
     stay = np.cumsum(~inside)
     since = np.arange(op.size) - np.maximum.accumulate(np.where(inside, 0, np.arange(op.size)))
@@ -104,9 +110,11 @@ def by_sums(
 def leak(
     op: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float
 ) -> float:
-    """Return the nats that OP itself adds to the law of its changes, of the stated law and the fitted one the lesser.
+    """Return the nats that OP itself adds to the law of its changes, of the stated law and the
+    fitted one the lesser.
 
-    A wrong tuning leans on OP under the stated law, the digits of a coarse error under the fitted one; a leak under both.
+    A wrong tuning leans on OP under the stated law, the digits of a coarse error under the fitted
+    one; a leak under both.
     """
     k = np.flatnonzero(rows[1:]) + 2
     du, now, before, level = op[k] - op[k - 1], e[k], e[k - 1], op[k - 2] - op.mean()

@@ -1,4 +1,6 @@
-"""Why OP stands exactly still: at a limit, in a dead-band of the error, or because the controller missed its turn."""
+"""Why OP stands exactly still: at a limit, in a dead-band of the error, or because the controller
+missed its turn.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,14 @@ _LEANT = (
 _RESTS = (
     6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
 )
-_OFTEN = 0.01  # share of samples in which OP stands still off its extremes, from which it does so at them by chance too
-_SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
-_TOLD = 0.4  # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no chance does
+# share of samples in which OP stands still off its extremes, from which it does so at them by
+# chance too
+_OFTEN = 0.01
+# of the error's range, within which a loop without noise has settled and OP rests for that
+_SETTLED = 1e-3
+# share of the rarer kind of samples, standing or moving, that a band must tell from the other: no
+# chance does
+_TOLD = 0.4
 _STILL = (
     0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 )
@@ -40,11 +47,13 @@ def limits_of(
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
         pushed = at & (sign * (want - edge) > margin)
-        # standing twice at the very same extreme does not happen to an unlimited OP, unless it often stands
+        # standing twice at the very same extreme does not happen to an unlimited OP, unless it
+        # often stands
         repeated = at[1:] & at[:-1]
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
-        # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere else
+        # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere
+        # else
         rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
         if (
             (plain and pushed.sum() >= 0.7 * at.sum())
@@ -56,7 +65,9 @@ def limits_of(
 
 
 def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
-    """Return the most that the controller asked for, summed up, during one stay: a coarse OP stays for less than a step."""
+    """Return the most that the controller asked for, summed up, during one stay: a coarse OP stays
+    for less than a step.
+    """
     begins = np.flatnonzero(at & ~np.append(False, at[:-1]))
     ends = np.flatnonzero(at & ~np.append(at[1:], False)) + 1
     return max(
@@ -66,7 +77,9 @@ def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
 
 
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
-    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is none."""
+    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is
+    none.
+    """
     still = np.abs(np.diff(op)) <= 1e-9 * max(float(np.abs(op).max()), 1.0)
     if still[rows].sum() < max(_STILL * rows.sum(), 8.0):
         return 0.0
@@ -89,7 +102,9 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
 def skips_scans(
     op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float
 ) -> bool:
-    """Return whether OP stands exactly still in scans of its own choice and obeys a PI law from one move to the next."""
+    """Return whether OP stands exactly still in scans of its own choice and obeys a PI law from one
+    move to the next.
+    """
     still = np.diff(op) == 0.0
     free = inside[1:] & inside[:-1]
     by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself

@@ -1,4 +1,6 @@
-"""Which effect: all candidates scored on one record, block by block, and the residual tests that lead to "unknown"."""
+"""Which effect: all candidates scored on one record, block by block, and the residual tests that
+lead to "unknown".
+"""
 
 from __future__ import annotations
 
@@ -38,12 +40,14 @@ _FAINT = -5.0  # nats alone, below which an effect is not tried on top of anothe
 class Assessment(Fitted):
     """Scores of one record.
 
-    `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
-    and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
-    makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
-    judged together with this one; `stiction` the probability of it beside an identified baseline, None where it cannot be
-    said; `asked` the tests of the menu that were run; `tested` how many were judged with it; `beside_load` the candidates
-    before the plant was allowed a higher order; `by_lab` the nats of lab samples in `log_likelihood_gains`.
+    `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen`
+    stands before `none` and `unknown` are weighed; `tests` are the residual statistics of `final`;
+    `mv_unexplained` whether MV strays as no map makes it; `valve_seen` whether MV was recorded,
+    here or in a test; `beside` the assessments of the loop's other records, judged together with
+    this one; `stiction` the probability of it beside an identified baseline, None where it cannot
+    be said; `asked` the tests of the menu that were run; `tested` how many were judged with it;
+    `beside_load` the candidates before the plant was allowed a higher order; `by_lab` the nats of
+    lab samples in `log_likelihood_gains`.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -59,7 +63,9 @@ class Assessment(Fitted):
     by_lab: dict[str, float] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
-        """Whether single samples, the controller's law, MV or lab samples show an effect, and no likelihood of PV is needed."""
+        """Whether single samples, the controller's law, MV or lab samples show an effect, and no
+        likelihood of PV is needed.
+        """
         seen = self.valve_seen and recogniser(effect).by_mv is not None
         return seen or effect in self.situation.proven or self.by_lab.get(effect, 0.0) > LEAST_NATS
 
@@ -122,7 +128,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
                 parameters[runner] = recogniser(runner).numbers(final, situation)
-    # the limits are those of one record, and what a plant of higher order leaves behind adds up over several
+    # the limits are those of one record, and what a plant of higher order leaves behind adds up
+    # over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
     lag = situation.valve_lag / record.record.Ts
     alone = {
@@ -148,9 +155,11 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
 def _fitted(
     s: Situation, tests: Sequence[ModelledTest]
 ) -> tuple[Situation, tuple[Maps, bool], Engine, Fit, dict[str, Candidate]]:
-    """Return the situation with the engine's data, what MV says, the engine, its base and every effect fitted on top.
+    """Return the situation with the engine's data, what MV says, the engine, its base and every
+    effect fitted on top.
 
-    A lag of MV is the baseline's own, in its dead time, unless PV answers later as no other effect explains it so well.
+    A lag of MV is the baseline's own, in its dead time, unless PV answers later as no other effect
+    explains it so well.
     """
     maps = valve_maps(s, tests)
     within = with_own_lag(s, maps[0])
@@ -171,7 +180,9 @@ def _fitted(
 def _by_maps(
     s: Situation, tests: Sequence[ModelledTest], maps: Maps
 ) -> tuple[Situation, Engine, Fit, dict[str, Candidate]]:
-    """Return the situation with the engine's data, the engine, its base and every effect on top, under one reading of MV."""
+    """Return the situation with the engine's data, the engine, its base and every effect on top,
+    under one reading of MV.
+    """
     engine = joint_engine(s, tests, maps) if tests else Engine(s.data, load_memory(s))
     shown = {e: p for t in tests for e, p in t.proven.items()}
     s = replace(s, data=engine.data, proven={**shown, **s.proven})
@@ -183,7 +194,9 @@ def _by_maps(
 def _scores(
     s: Situation, base: Fit, alone: Fit, candidates: dict[str, Candidate], maps: Maps
 ) -> tuple[dict[str, float], dict[str, Parameters]]:
-    """Return every effect's gain (nats) and parameters; `alone` is the base as the record alone has it."""
+    """Return every effect's gain (nats) and parameters; `alone` is the base as the record alone has
+    it.
+    """
     gains = {e: float(c.log_likelihood_gain) for e, c in candidates.items()}
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
     for effect in EFFECTS:
@@ -201,7 +214,9 @@ def _scores(
 
 
 def _asked_beside(first: str, s: Situation, effect: str) -> float:
-    """Return the nats asked of a second effect: those of a first one where OP alone proves the other and PV is whole."""
+    """Return the nats asked of a second effect: those of a first one where OP alone proves the
+    other and PV is whole.
+    """
     by_op = first in s.proven and block_of(first) == "controller"
     return LEAST_NATS if by_op and block_of(effect) != "sensor" else _SECOND
 
@@ -214,7 +229,9 @@ def _gains_on_top(
     gains: dict[str, float],
     candidates: dict[str, Candidate],
 ) -> dict[str, float]:
-    """Return what further effects bring on top of the first; what the engine does not see stands by itself."""
+    """Return what further effects bring on top of the first; what the engine does not see stands by
+    itself.
+    """
     tried = [
         e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None
     ]
@@ -224,9 +241,12 @@ def _gains_on_top(
     }
 
 
-LEAST_NATS = 5.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and half of it
-# what the residual tests of whole models do not exceed (98 to 99 % of development records), and the block that fails beyond;
-# a direction that no effect owns must bring three nats more than an effect must
+# nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and
+# half of it
+LEAST_NATS = 5.0
+# what the residual tests of whole models do not exceed (98 to 99 % of development records), and the
+# block that fails beyond; a direction that no effect owns must bring three nats more than an effect
+# must
 RESIDUAL_LIMITS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
@@ -236,7 +256,8 @@ RESIDUAL_LIMITS = {
     "aging nats": (8.0, "process"),
     "level nats": (8.0, "process"),
 }
-# factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
+# factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is
+# not the plant's
 _LENIENT = 4.0
 _PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
@@ -269,22 +290,29 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     rough = not situation.archive.faithful or situation.law.gap > 0.0
     traces = any(recogniser(e).leaves_traces for e in found.chosen)
     jumps = bool(found.final.spec.jumps)
-    # of a valve that MV showed in a test alone the record's own slips are guessed, and one missed spoils all that follow
+    # of a valve that MV showed in a test alone the record's own slips are guessed, and one missed
+    # spoils all that follow
     rough |= traces and found.valve_seen and situation.record.mv is None
     for name, (limit, block) in RESIDUAL_LIMITS.items():
-        # spikes, and friction that is no two-parameter map, leave traces of their own; a load that jumps between samples too
+        # spikes, and friction that is no two-parameter map, leave traces of their own; a load that
+        # jumps between samples too
         loose = (
             rough
             or (traces and name in ("bursts", "memory"))
             or (jumps and name in ("bursts", "memory", "input"))
         )
         limit *= _LENIENT if loose else 1.0
-        said = f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"
+        said = (
+            f"the best model leaves something behind ({name.removesuffix(' nats')}:"
+            f" {found.tests[name]:.0f}, limit {limit:.0f})"
+        )
         out.append((max(found.tests[name], 0.0) / limit, block, said))
     return out
 
 
 def capped(gains: Mapping[str, float]) -> dict[str, float]:
-    """Return gains below SURE, as no likelihood outranks what single samples prove; those near the best keep their distance."""
+    """Return gains below SURE, as no likelihood outranks what single samples prove; those near the
+    best keep their distance.
+    """
     over = max(max(gains.values(), default=0.0) - 0.9 * SURE, 0.0)
     return {e: min(gain, max(gain - over, 0.5 * SURE)) for e, gain in gains.items()}

@@ -1,4 +1,6 @@
-"""What tests add to a record: one engine over all, the valve by every MV, the sensor by lab samples."""
+"""What tests add to a record: one engine over all, the valve by every MV, the sensor by lab
+samples.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,23 @@ from simbench.loop.effects import EFFECTS
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
 
-_BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
+# nats that a valve found by MV must bring, before OP of the other records is sent through it
+_BY_MV = 10.0
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
-_ANOTHER = 25.0  # nats by which a plant of its own must explain a test better than any explanation of the record ...
+# nats by which a plant of its own must explain a test better than any explanation of the record ...
+_ANOTHER = 25.0
 _APART = 1.5  # ... and the factor in gain or time by which it is another
 
 Maps = dict[str, tuple[float, Parameters]]
 
 
 def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]:
-    """Return what MV, wherever recorded, says of every valve effect, and whether it strays as none of them makes it."""
+    """Return what MV, wherever recorded, says of every valve effect, and whether it strays as none
+    of them makes it.
+    """
     seen = [] if s.record.mv is None else [(s.op, np.asarray(s.record.mv), s.record.Ts)]
     seen += [(t.op, t.mv, t.Ts) for t in tests if t.mv is not None and np.ptp(t.op) > _MOVES]
     total: Maps = {}
@@ -53,7 +59,8 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
 
 
 def with_own_lag(s: Situation, maps: Maps) -> Situation:
-    """Return the record with a lag of MV taken out of its baseline's dead time, where that can hold it.
+    """Return the record with a lag of MV taken out of its baseline's dead time, where that can hold
+    it.
 
     Every actuator lags, and a plant identified from OP has that in its dead time.
     """
@@ -65,7 +72,9 @@ def with_own_lag(s: Situation, maps: Maps) -> Situation:
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:
-    """Return the engine over the record and its tests; where MV was recorded once, the valve is known in all."""
+    """Return the engine over the record and its tests; where MV was recorded once, the valve is
+    known in all.
+    """
     parts = [JointPart(_by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps))]
     parts += [JointPart(_by_stem(s, t.data, t.op, t.Ts, t.mv, maps), t.pace) for t in tests]
     return JointEngine(parts, load_memory(s))
@@ -74,7 +83,9 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
 def _by_stem(
     s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps
 ) -> Data:
-    """Return a record's data with MV for OP: as the valve found makes it, or as logged where that differs beyond its digits."""
+    """Return a record's data with MV for OP: as the valve found makes it, or as logged where that
+    differs beyond its digits.
+    """
     winner = max(maps, key=lambda e: maps[e][0], default="")
     if not winner:
         return data
@@ -116,7 +127,8 @@ def lab_gains(
     parameters: Mapping[str, Parameters],
     gains: Mapping[str, float],
 ) -> dict[str, float]:
-    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted.
+    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as
+    they were fitted.
 
     A smaller effect than the fitted one loses of the `gains` that PV speaks for it.
     """
@@ -145,7 +157,9 @@ def scaled(p: Parameters, share: float) -> Parameters:
 
 
 def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
-    """Return of each test in words the plant behind it, where it is another than under the likeliest fits of the record."""
+    """Return of each test in words the plant behind it, where it is another than under the
+    likeliest fits of the record.
+    """
     lag = s.valve_lag / s.record.Ts
     s = replace(s, data=replace(s.data, Td=s.data.Td - lag))
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
@@ -158,7 +172,8 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [
         later(plain, -lag)
     ]
-    # a controller that answers nothing but the load shows load and plant in one, and any plant with its load
+    # a controller that answers nothing but the load shows load and plant in one, and any plant with
+    # its load
     return [
         _other_plant(engine.engines[i], engine, i, bare) if t.moved else ""
         for i, t in enumerate(tests, start=1)
@@ -190,4 +205,7 @@ def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) 
     )
     if all(1.0 / _APART < x < _APART for x in (gain, time)):
         return ""
-    return f"PV answers OP with {gain:.2g} times the gain and {time:.2g} times as slowly as in the record"
+    return (
+        f"PV answers OP with {gain:.2g} times the gain and {time:.2g} times as slowly as in the"
+        " record"
+    )

@@ -1,4 +1,6 @@
-"""From log-likelihood gains to probabilities of every effect, of none and of unknown: a softmax and a logistic curve."""
+"""From log-likelihood gains to probabilities of every effect, of none and of unknown: a softmax and
+a logistic curve.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ class Classified:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Summed probability of what lies in each block, none left out; all 0 where none is the answer."""
+        """Summed probability of what lies in each block, none left out; all 0 where none is the
+        answer.
+        """
         p = self.probability
         if max(p, key=lambda e: p[e]) == NONE:
             return dict.fromkeys(BLOCKS, 0.0)
@@ -39,7 +43,9 @@ class Classified:
         return {b: v / whole for b, v in sums.items()}
 
     def refuted(self, effect: str, block: str = "") -> Classified:
-        """Return the same with the probability of an effect, or of none, given to `unknown`, in a block or the effect's own."""
+        """Return the same with the probability of an effect, or of none, given to `unknown`, in a
+        block or the effect's own.
+        """
         p = dict(self.probability)
         p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
         return Classified(p, block or block_of(effect))
@@ -54,15 +60,17 @@ def classify(found: Assessment) -> Classified:
 
     Notes
     -----
-    `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to the residual test which
-    the best model fails by most, a half where it just fails. `TEMPERATURE` is where probability and frequency of right
-    answers meet best on 1456 development loops of three independent simulators, `_SHARPNESS` the likeliest on 792 of them;
-    where effects are rarer or subtler, the probabilities are too high.
+    `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to
+    the residual test which the best model fails by most, a half where it just fails. `TEMPERATURE`
+    is where probability and frequency of right answers meet best on 1456 development loops of three
+    independent simulators, `_SHARPNESS` the likeliest on 792 of them; where effects are rarer or
+    subtler, the probabilities are too high.
     """
     gains = {e: found.log_likelihood_gains[e] for e in EFFECTS}
     if found.chosen:
         first = found.chosen[0]
-        # evidence that comes on top of the first effect's, which gains over no effect at all do not show
+        # evidence that comes on top of the first effect's, which gains over no effect at all do not
+        # show
         on_top = found.log_likelihood_gains_on_top or gains
         others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
         most = max(PLAIN_SECOND_NATS, *others.values())
@@ -72,7 +80,8 @@ def classify(found: Assessment) -> Classified:
     ratio, block = found.worst_test
     q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
     if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):
-        # while no test fails, or beside what is there without doubt, "unknown" is never the first answer
+        # while no test fails, or beside what is there without doubt, "unknown" is never the first
+        # answer
         q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))
     p = {**dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known))), UNKNOWN: q}
     if found.stiction is not None and not found.situation.trusted:
@@ -81,7 +90,9 @@ def classify(found: Assessment) -> Classified:
 
 
 def _beside_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
-    """Return probabilities in which friction has the one it has in every verb; the others share the rest as before."""
+    """Return probabilities in which friction has the one it has in every verb; the others share the
+    rest as before.
+    """
     bands = {e for e in EFFECTS if recogniser(e).band is not None}
     friction = sum(p[e] for e in bands)
     return {

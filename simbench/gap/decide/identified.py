@@ -1,4 +1,6 @@
-"""What can be said of a record whose baseline was identified from it: only what the record alone can carry."""
+"""What can be said of a record whose baseline was identified from it: only what the record alone
+can carry.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from simbench.loop.effects import EFFECTS, block_of
 def plausible(found: Assessment, sticky: bool | None = True) -> Assessment:
     """Keep of an assessment without trusted baseline what the record alone can carry.
 
-    Effects that compare with a plant are dropped, and with a tuning, unless that was given; friction is chosen only where the
-    valve is `sticky`, and not weighed where that cannot be told (None). Notes say what the samples show.
+    Effects that compare with a plant are dropped, and with a tuning, unless that was given;
+    friction is chosen only where the valve is `sticky`, and not weighed where that cannot be told
+    (None). Notes say what the samples show.
     """
     s = found.situation
     kept = meaningful(s.record.mv is not None, s.tuned)
@@ -34,7 +37,9 @@ def plausible(found: Assessment, sticky: bool | None = True) -> Assessment:
 
 
 def remarks(situation: Situation) -> list[str]:
-    """Return, as "name: evidence", what record and samples show beside the effects: plant type assumed, lattices, outliers."""
+    """Return, as "name: evidence", what record and samples show beside the effects: plant type
+    assumed, lattices, outliers.
+    """
     out = []
     if situation.record.process is None:
         kind = "integrating" if situation.integrating else "self-regulating"

@@ -1,1 +1,3 @@
-"""What has no name described by an empirical law: where, in which form, with what certificate, and how far the gap shrinks."""
+"""What has no name described by an empirical law: where, in which form, with what certificate, and
+how far the gap shrinks.
+"""

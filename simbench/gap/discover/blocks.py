@@ -1,4 +1,6 @@
-"""Which block, where no law is certain: the best explanation of each, known effects, laws and freedoms side by side."""
+"""Which block, where no law is certain: the best explanation of each, known effects, laws and
+freedoms side by side.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 _NOISE = 6.0  # nats that any block may bring by chance, added to all
-_LEAST = 0.4  # share of the evidence from which a block is said: it was right in 19 of 38 between that and a half
+# share of the evidence from which a block is said: it was right in 19 of 38 between that and a half
+_LEAST = 0.4
 _STEPS = 4  # in which all other numbers are fitted again beside a freedom
 _FINER, _PERIODS = (
     16,
@@ -28,7 +31,8 @@ _EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an inn
 
 
 class Located(NamedTuple):
-    """The likeliest block and every block's share of the evidence; `doubt` says why it cannot be told all the same.
+    """The likeliest block and every block's share of the evidence; `doubt` says why it cannot be
+    told all the same.
 
     `nearest` is the known effect that explains most in each block, where one explains anything.
     """
@@ -55,10 +59,12 @@ class Located(NamedTuple):
 def located(
     found: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = ""
 ) -> Located:
-    """Return the block of what a record shows; `forms` are block and nats of laws tried, `certain` needs no statistics.
+    """Return the block of what a record shows; `forms` are block and nats of laws tried, `certain`
+    needs no statistics.
 
-    Every block stands by its best explanation, however many were tried. As no model of a left-out effect is quite true, nats
-    count as they are and not as exponents: shares so were right about as often as they say (seeds 7401 and 7402, 216 records).
+    Every block stands by its best explanation, however many were tried. As no model of a left-out
+    effect is quite true, nats count as they are and not as exponents: shares so were right about as
+    often as they say (seeds 7401 and 7402, 216 records).
     """
     gains = found.log_likelihood_gains
     nearest = {block_of(e): e for e in sorted(EFFECTS, key=gains.__getitem__) if gains[e] > 0.0}
@@ -78,12 +84,17 @@ def located(
     if best[first] < 0.0:
         doubt = f"no explanation stands out of the noise (best {best[first]:.1f} nats)"
     elif shares[first] < _LEAST:
-        doubt = f"cannot tell the block: of the evidence {first} has {shares[first]:.2f}, {second} {shares[second]:.2f}"
+        doubt = (
+            f"cannot tell the block: of the evidence {first} has {shares[first]:.2f}, {second}"
+            f" {shares[second]:.2f}"
+        )
     return Located(first, shares, doubt, nearest)
 
 
 def _freed(s: Situation, base: Fit) -> list[tuple[str, float]]:
-    """Return block and nats of each freedom beside the fit without effect, all else fitted again and its numbers paid for."""
+    """Return block and nats of each freedom beside the fit without effect, all else fitted again
+    and its numbers paid for.
+    """
     engine, out = Engine(s.data, load_memory(s)), []
     walk = 0.1 * float(np.std(s.data.y)) / np.sqrt(s.data.n)
     for block, spec, count in _freedoms(s, base):
@@ -96,7 +107,9 @@ def _freed(s: Situation, base: Fit) -> list[tuple[str, float]]:
 
 
 def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
-    """Yield block, freedom and numbers: another plant or valve, any noise, a period, drift and events of load or reading."""
+    """Yield block, freedom and numbers: another plant or valve, any noise, a period, drift and
+    events of load or reading.
+    """
     d, x = s.data, np.asarray(base.residual)
     at, T = np.arange(d.n), base.theta["T"] if d.T > 0 else 0.0
     for name, channels in directions(base, d).items():

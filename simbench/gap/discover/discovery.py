@@ -1,4 +1,6 @@
-"""discover(): one record beside one loop file, from where it differs to a law that can be simulated."""
+"""discover(): one record beside one loop file, from where it differs to a law that can be
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +27,16 @@ from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
 _MORE = 0.1  # share of the evidence that another block may have more, for a law to stand
-_SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
+# share by which the evidence above a middle must outweigh that below it, to be called a regime
+_SIDED = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
     """What a record shows beside its simulation: a law with its certificate, or why there is none.
 
-    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which the law acts;
-    `probability` that of the block, if anything is lacking.
+    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the
+    samples in which the law acts; `probability` that of the block, if anything is lacking.
     """
 
     situation: Situation
@@ -99,7 +102,8 @@ class Discovery:
         if law is None or g is None:
             place = (
                 [
-                    f"where: {self.block} (probability {self.probability:.2f}, if anything is lacking)"
+                    f"where: {self.block} (probability {self.probability:.2f}, if anything is"
+                    " lacking)"
                 ]
                 if self.block
                 else []
@@ -111,21 +115,31 @@ class Discovery:
             if share > 0.99
             else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         )
-        return "\n".join([
-            self.sentence(),
-            f"where: {spells}{f', {self.regime}' if self.regime else ''}",
-            f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
-            f" (p <= {chance(law.nats):.2g} if none of the forms held)",
-            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f},"
-            f" floor {g.floor:.2f}",
-            f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}",
-        ])  # fmt: skip
+        return "\n".join(
+            [
+                self.sentence(),
+                f"where: {spells}{f', {self.regime}' if self.regime else ''}",
+                (
+                    f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
+                    f" (p <= {chance(law.nats):.2g} if none of the forms held)"
+                ),
+                (
+                    f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the"
+                    f" law {g.after:.2f}, floor {g.floor:.2f}"
+                ),
+                (
+                    "nearest known effect:"
+                    f" {self.nearest.replace('_', ' ') if self.nearest else 'none'}"
+                ),
+            ]
+        )
 
 
 def discover(
     record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False
 ) -> Discovery:
-    """Say where a record differs from its simulation, and describe how by a law that pays on samples it was not fitted to.
+    """Say where a record differs from its simulation, and describe how by a law that pays on
+    samples it was not fitted to.
 
     Examples
     --------
@@ -149,10 +163,11 @@ def discover(
 def described(
     s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0
 ) -> Discovery:
-    """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
+    """Return a law beside where it acts, what it resembles and how far it closes the gap; else the
+    block of all evidence.
 
-    A law stands unless another block has plainly more of the evidence, or it does not narrow the gap; `known` assesses the
-    effects of the library.
+    A law stands unless another block has plainly more of the evidence, or it does not narrow the
+    gap; `known` assesses the effects of the library.
     """
     if found.law is not None and found.law.late:
         s = replace(s, law=replace(s.law, late=found.law.late))
@@ -162,7 +177,10 @@ def described(
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
         if seen.shares[seen.block] > seen.shares[law.block] + _MORE:
-            why = f"the likeliest law ({law.text}) lies in another block ({law.block} {seen.shares[law.block]:.2f})"
+            why = (
+                f"the likeliest law ({law.text}) lies in another block ({law.block}"
+                f" {seen.shares[law.block]:.2f})"
+            )
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
         elif gap.resolvable and gap.after > gap.before:
@@ -185,7 +203,9 @@ def described(
 def _simulated(
     s: Situation, found: Found, law: FoundLaw, seed: int
 ) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
-    """Return the gap before, recalibrated and with the law, on the part of the record on which nothing was fitted."""
+    """Return the gap before, recalibrated and with the law, on the part of the record on which
+    nothing was fitted.
+    """
     fit, null = found.fit, found.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
     tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
@@ -203,7 +223,9 @@ def _simulated(
 
 
 def _regime(s: Situation, law: FoundLaw) -> str:
-    """Return where in OP, PV or the error's size the evidence lies, if plainly on one side of a middle."""
+    """Return where in OP, PV or the error's size the evidence lies, if plainly on one side of a
+    middle.
+    """
     if law.evidence is None:
         return ""
     weight = np.maximum(np.asarray(law.evidence)[-s.record.n :], 0.0)

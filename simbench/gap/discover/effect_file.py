@@ -1,4 +1,6 @@
-"""A law written as an effect of the contract: a file that the simulator runs and the diagnosis knows."""
+"""A law written as an effect of the contract: a file that the simulator runs and the diagnosis
+knows.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ def refuse_effect_file(path: str | Path) -> None:
     stem = Path(path).stem
     if Path(path).suffix != ".py" or not stem.isidentifier() or stem != stem.lower():
         raise ParameterError(
-            f"--write-effect {path}: a Python file of small letters, digits and _ is needed, like my_law.py"
+            f"--write-effect {path}: a Python file of small letters, digits and _ is needed, like"
+            " my_law.py"
         )
     if stem in PLUGINS.names() or stem in PLUGINS.reserved:
         raise ParameterError(
@@ -58,7 +61,9 @@ def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> No
 
 @contextmanager
 def lent_effect(law: FoundLaw, name: str = "law_of_this_record") -> Iterator[str]:
-    """Make a law known as an effect while the block lasts, by the very file that would be written; yield its id."""
+    """Make a law known as an effect while the block lasts, by the very file that would be written;
+    yield its id.
+    """
     with TemporaryDirectory() as place:
         file = Path(place) / f"{name}.py"
         write_effect(law, file, "", "fitted")

@@ -1,4 +1,6 @@
-"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and first guesses."""
+"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and
+first guesses.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,11 @@ Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats
 
 @dataclass(frozen=True)
 class Family:
-    """A family: its form, `numbers` (the law's in units of the loop file, of the engine's own), and where the search begins.
+    """A family: its form, `numbers` (the law's in units of the loop file, of the engine's own), and
+    where the search begins.
 
-    Either the engine's `spec` with guesses of its own numbers, or the `search` of a valve map, which finds both.
+    Either the engine's `spec` with guesses of its own numbers, or the `search` of a valve map,
+    which finds both.
     """
 
     form: str
@@ -45,7 +49,9 @@ class Family:
 
 
 class Tried(NamedTuple):
-    """The likeliest law of a family on top of a null: its fit, its own part of the spec and its own numbers."""
+    """The likeliest law of a family on top of a null: its fit, its own part of the spec and its own
+    numbers.
+    """
 
     family: Family
     fit: Fit
@@ -97,7 +103,9 @@ def gain_of(law: Tried, engine: Engine, level: float) -> float:
 
 
 def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
-    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its nats above the nulls."""
+    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its
+    nats above the nulls.
+    """
     own, loads = law.own, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
     if law.spec.free:
         # another gain, lag or dead time is told of the baseline's
@@ -126,7 +134,9 @@ def worth(null: tuple[Fit, float]) -> float:
 
 
 def nulls_of(engine: Engine) -> Nulls:
-    """Return the fits without a law, each with its price (nats): an ordinary load, and where it is worth it one that jumps."""
+    """Return the fits without a law, each with its price (nats): an ordinary load, and where it is
+    worth it one that jumps.
+    """
     plain = engine.of_higher_order(engine.base())
     jumping, count = load_steps.fit(engine, plain)
     price = size_penalty(engine.data.n, count)
@@ -142,7 +152,9 @@ def _free(name: str, low: float, high: float, log: bool = False) -> Free:
 
 
 def families(s: Situation, first: int) -> Iterator[Family]:
-    """Yield the families whose law this record may show; numbers of a valve are not asked for where MV was recorded."""
+    """Yield the families whose law this record may show; numbers of a valve are not asked for where
+    MV was recorded.
+    """
     Ts, d = s.record.Ts, s.data
     pace = d.T + d.Td + 1.0
     if s.record.mv is None:
@@ -155,11 +167,19 @@ def families(s: Situation, first: int) -> Iterator[Family]:
                 Spec(free=frozenset({name})),
             )
     yield Family(
-        "zero", lambda own: {"lead": own["lead"] * Ts, "lag": own["lag"] * Ts},
-        _moves(lambda u, p: _led(u, p["lead"], p["lag"]), _free("lead", -5 * pace, 5 * pace),
-               _free("lag", 0.2, 10 * pace, True)),
-        [{"lead": a * pace, "lag": g * pace} for a in (-1.0, -0.3, 0.0, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
-    )  # fmt: skip
+        "zero",
+        lambda own: {"lead": own["lead"] * Ts, "lag": own["lag"] * Ts},
+        _moves(
+            lambda u, p: _led(u, p["lead"], p["lag"]),
+            _free("lead", -5 * pace, 5 * pace),
+            _free("lag", 0.2, 10 * pace, True),
+        ),
+        [
+            {"lead": a * pace, "lag": g * pace}
+            for a in (-1.0, -0.3, 0.0, 0.5, 1.5)
+            for g in (0.1, 0.3, 1.0)
+        ],
+    )
 
 
 def _valve(s: Situation, first: int) -> Iterator[Family]:
@@ -174,26 +194,39 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
 
     slopes = ("k1", "k2", "k3")
     yield Family(
-        "curve", lambda own: {"q1": q1, "q2": q2, "q3": q3, **own}, _moves(bent, *(_free(k, -0.98, 5.0) for k in slopes)),
+        "curve",
+        lambda own: {"q1": q1, "q2": q2, "q3": q3, **own},
+        _moves(bent, *(_free(k, -0.98, 5.0) for k in slopes)),
         [{one: k * (one == bend) for one in slopes} for bend in slopes for k in (0.5, -0.4)],
-    )  # fmt: skip
+    )
     yield Family(
-        "curve", lambda own: {"q1": own["c"] - own["D"] / 2, "q2": own["c"] + own["D"] / 2, "k1": -1.0, "k2": 1.0},
+        "curve",
+        lambda own: {
+            "q1": own["c"] - own["D"] / 2,
+            "q2": own["c"] + own["D"] / 2,
+            "k1": -1.0,
+            "k2": 1.0,
+        },
         search=deadzone.fit,
-    )  # fmt: skip
+    )
     if s.baseline.valve.name == "ideal":
         yield Family(
             "memory", lambda own: {"S": own["S"], "J": own.get("J", 0.0)}, search=stiction.fit
         )
     yield Family(
-        "rate", lambda own: {"slowness": Ts / own["rate"]},
-        _moves(lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)),
+        "rate",
+        lambda own: {"slowness": Ts / own["rate"]},
+        _moves(
+            lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)
+        ),
         [{"rate": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
-    )  # fmt: skip
+    )
 
 
 def _resized(size: str, value: float, s: Situation) -> _Numbers:
-    """Return a gain, a time constant or a dead time of the engine's as the law states it beside the baseline's."""
+    """Return a gain, a time constant or a dead time of the engine's as the law states it beside the
+    baseline's.
+    """
     d = s.data
     return {
         size: {

@@ -1,4 +1,6 @@
-"""What the likelihood of an open loop leaves uncertain, fitted by the features of the closed one (McFadden 1989)."""
+"""What the likelihood of an open loop leaves uncertain, fitted by the features of the closed one
+(McFadden 1989).
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ _PLAINLY = 0.8  # times the distance, below which other numbers than the likelie
 def runs_with(
     s: Situation, fit: Fit, law: FoundLaw, name: str, seed: int, **more: Any
 ) -> Runs | None:
-    """Simulate the loop with a law that is lent under a name; None where it cannot be simulated or runs away."""
+    """Simulate the loop with a law that is lent under a name; None where it cannot be simulated or
+    runs away.
+    """
     # a law of another gain or time is told of the baseline's
     plant = "baseline" if law.form == "size" else "fitted"
     try:
@@ -46,9 +50,11 @@ def runs_with(
 
 
 def matched(s: Situation, found: Found, seed: int) -> Found:
-    """Return a finding with the load, and law, with which the simulated loop is nearest to the part that both were fitted to.
+    """Return a finding with the load, and law, with which the simulated loop is nearest to the part
+    that both were fitted to.
 
-    The load's size and memory are searched; the numbers of a law that the likelihood found too, where that pays plainly.
+    The load's size and memory are searched; the numbers of a law that the likelihood found too,
+    where that pays plainly.
     """
     law, first = found.law, held_out(s)
     if law is None:

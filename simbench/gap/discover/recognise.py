@@ -1,4 +1,6 @@
-"""Effects from files known to the diagnosis: one that states a law's form is recognised as that law is found."""
+"""Effects from files known to the diagnosis: one that states a law's form is recognised as that law
+is found.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ _MOST = 900.0  # nats that stand for a law which nothing else explains
 
 @contextmanager
 def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
-    """Make the effects of files known while the block lasts; yield their ids. They run in this process, as the user asked."""
+    """Make the effects of files known while the block lasts; yield their ids. They run in this
+    process, as the user asked.
+    """
     with ExitStack() as stack:
         names = []
         for file in files:
@@ -39,7 +43,9 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
 
 
 def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None:
-    """Return nats and numbers of a form of law in a whole record; None where it shows nothing of it."""
+    """Return nats and numbers of a form of law in a whole record; None where it shows nothing of
+    it.
+    """
     first = held_out(s)
     exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(
         LAW_FORMS[form].block

@@ -1,4 +1,6 @@
-"""Which law: block by block, fitted to the first part of a record, and kept only if it pays on the rest."""
+"""Which law: block by block, fitted to the first part of a record, and kept only if it pays on the
+rest.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +48,8 @@ _PRICE = 6.0  # nats of a change from on to off
 class Found(NamedTuple):
     """The law, its fit to the first part and the fit without it; None where no law pays, then why.
 
-    `block` is set where single samples, the controller's law or MV show it; `forms` are block and nats (on the first part) of
-    what was tried by likelihood.
+    `block` is set where single samples, the controller's law or MV show it; `forms` are block and
+    nats (on the first part) of what was tried by likelihood.
     """
 
     law: FoundLaw | None
@@ -61,14 +63,16 @@ class Found(NamedTuple):
 def chance(nats: float) -> float:
     """Return the chance of so many nats on unseen samples by one of the forms where none holds.
 
-    With its numbers held, a law's likelihood ratio on samples that it was not fitted to exceeds 1/p with a chance of at most p
-    (Wasserman, Ramdas & Balakrishnan 2020); the forms share it equally.
+    With its numbers held, a law's likelihood ratio on samples that it was not fitted to exceeds 1/p
+    with a chance of at most p (Wasserman, Ramdas & Balakrishnan 2020); the forms share it equally.
     """
     return float(min(1.0, _TRIED * np.exp(-min(nats, 700.0))))
 
 
 def search(s: Situation, first: int, progress: bool = False) -> Found:
-    """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
+    """Return the law of a record, learnt on samples before `first` and judged by those from there
+    on.
+    """
     with Progress(total=16, desc="laws", disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
         nulls = nulls_of(learn)
@@ -95,7 +99,9 @@ def _part(d: Data, begin: int, end: int) -> Data:
 
 
 def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: Progress) -> Found:
-    """Return the law between OP and PV that pays, beside the nulls or in the place of the load's jumps."""
+    """Return the law between OP and PV that pays, beside the nulls or in the place of the load's
+    jumps.
+    """
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)
     null, other = max(nulls, key=worth)[0], max(others, key=worth)[0]
@@ -116,7 +122,8 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
         there, held = judged(law, rest, others)
         nats = held - float(np.log(2.0))
         if nats <= _LEAST_NATS:
-            # the other way round too, and the mean of both ratios (Wasserman, Ramdas & Balakrishnan 2020, cross-fit)
+            # the other way round too, and the mean of both ratios (Wasserman, Ramdas & Balakrishnan
+            # 2020, cross-fit)
             back = [
                 one
                 for base, _ in others
@@ -145,7 +152,10 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
         if loud[0].nats > _LEAST_NATS:
             found.append((2.0 * loud[0].nats, *loud))
     if not found:
-        why = f"no form pays on samples that it was not fitted to (best {most:.1f}, needed {_LEAST_NATS:.0f} nats)"
+        why = (
+            f"no form pays on samples that it was not fitted to (best {most:.1f}, needed"
+            f" {_LEAST_NATS:.0f} nats)"
+        )
         return Found(None, null, null, why, forms=forms)
     _, best, fit = max(found, key=lambda t: t[0])
     return Found(best, null, fit, forms=forms)
@@ -173,13 +183,17 @@ def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
 
 
 def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
-    """Return by how much each sample speaks for a fit beside its null; what is no square is shared by all."""
+    """Return by how much each sample speaks for a fit beside its null; what is no square is shared
+    by all.
+    """
     squares = 0.5 * (np.asarray(null.residual) ** 2 - np.asarray(fit.residual) ** 2)
     return squares + (gain - float(squares.sum())) / squares.size
 
 
 def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fit] | None:
-    """Return the law of a load, or of noise, that is strong in spells, by two sizes of the innovations, and the quiet fit."""
+    """Return the law of a load, or of noise, that is strong in spells, by two sizes of the
+    innovations, and the quiet fit.
+    """
     r = np.concatenate([np.asarray(null.residual), np.asarray(other.residual)])
     r = np.clip(r, -8.0, 8.0)
     learn = r[:first]
@@ -209,13 +223,16 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fi
         }
         law = FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
         return law, replace(null, theta={**theta, "load": quiet * theta["load"]})
-    return FoundLaw(
-        "rough",
-        {"std": more / quiet * theta["noise_std"]} | numbers,
-        nats,
-        evidence=evidence,
-        on=on,
-    ), null
+    return (
+        FoundLaw(
+            "rough",
+            {"std": more / quiet * theta["noise_std"]} | numbers,
+            nats,
+            evidence=evidence,
+            on=on,
+        ),
+        null,
+    )
 
 
 def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
@@ -224,7 +241,9 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
 
 
 def where(law: FoundLaw) -> np.ndarray:
-    """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for it and the others against."""
+    """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for
+    it and the others against.
+    """
     if law.on is not None:
         return law.on
     evidence = np.asarray(law.evidence)

@@ -1,4 +1,6 @@
-"""The law from OP to MV, where MV was recorded: fitted to the first part of the record, judged on the rest."""
+"""The law from OP to MV, where MV was recorded: fitted to the first part of the record, judged on
+the rest.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ _Numbers = dict[str, float]
 
 
 def valve_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's valve does."""
+    """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's
+    valve does.
+    """
     if s.record.mv is None:
         return None
     op, mv, Ts = s.op, np.asarray(s.record.mv), s.record.Ts

@@ -22,7 +22,9 @@ _lent: dict[str, Recogniser] = {}
 
 @contextmanager
 def left_out(*effects: str) -> Iterator[None]:
-    """Take effects out of the library while the block lasts: nobody recognises them, as if their files had gone."""
+    """Take effects out of the library while the block lasts: nobody recognises them, as if their
+    files had gone.
+    """
     before = set(_left_out)
     _left_out.update(effects)
     try:
@@ -43,7 +45,9 @@ def lent(effect: str, how: Recogniser) -> Iterator[None]:
 
 
 def recogniser(effect: str) -> Recogniser:
-    """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised."""
+    """Return how an effect is recognised; one that is only simulated, because nobody said how, is
+    never recognised.
+    """
     return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
 
 

@@ -1,4 +1,6 @@
-"""From x in 0..1 to an effect's parameters: barely to grossly present, in proportion to the loop it acts in."""
+"""From x in 0..1 to an effect's parameters: barely to grossly present, in proportion to the loop it
+acts in.
+"""
 
 from __future__ import annotations
 

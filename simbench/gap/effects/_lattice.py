@@ -8,7 +8,9 @@ from detectors.signal.lattice import lattice, root_lattice, written_unit
 
 
 def levels_of(x: np.ndarray, other: np.ndarray) -> str:
-    """Return on how many levels a signal stands, and how far apart; "" where it stands on none. `other`: of the same file."""
+    """Return on how many levels a signal stands, and how far apart; "" where it stands on none.
+    `other`: of the same file.
+    """
     step = lattice(x, written_unit(x, other)) or root_lattice(x)
     if step == 0.0:
         return ""

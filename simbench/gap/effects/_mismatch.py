@@ -14,7 +14,9 @@ from simbench.gap.likelihood.search import idle
 def released(
     name: str, trials: Callable[[Engine], list[float]]
 ) -> Callable[[Engine, Fit], tuple[Fit, float]]:
-    """Return the fit in which one number of the plant is released, begun from several values of it."""
+    """Return the fit in which one number of the plant is released, begun from several values of
+    it.
+    """
 
     def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(free=frozenset({name})))
@@ -29,9 +31,10 @@ def released(
             for t in tries[:3]
         ]
         tries.sort(key=lambda f: -f.loglik)
-        return max(
-            (engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik
-        ), 1.0
+        return (
+            max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik),
+            1.0,
+        )
 
     return fit
 

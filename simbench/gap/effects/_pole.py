@@ -21,7 +21,8 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         lags = np.geomspace(0.3, max(1.5 * engine.longest_load, 3.0 * d.T), 10)
         theta = dict(base.theta)
         if where == "sensor" and d.noise > 0:
-            # what the base took for quiet, coloured noise is the filter's work, but for what the noise remembers by itself
+            # what the base took for quiet, coloured noise is the filter's work, but for what the
+            # noise remembers by itself
             theta |= {"noise_std": d.noise, "colour": 0.2}
         shortest = engine.bounds(spec, "Td")[0]
         # without the pole the base has lengthened Td and T in its stead

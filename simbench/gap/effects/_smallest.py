@@ -10,7 +10,8 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
-_NATS = 9.0  # what an effect of the stated size would bring: the price of a number and a clear lead over "none"
+# what an effect of the stated size would bring: the price of a number and a clear lead over "none"
+_NATS = 9.0
 _STEPS = np.geomspace(0.02, 2.0, 14)  # from barely there to gross
 
 
@@ -27,7 +28,9 @@ class Probe:
         numbers: Callable[[float], dict[str, float]],
         size: Callable[[float], float],
     ) -> float:
-        """Return the size of the first step that costs `_NATS` in likelihood, all else held; infinite where none does."""
+        """Return the size of the first step that costs `_NATS` in likelihood, all else held;
+        infinite where none does.
+        """
         joined = self.base.spec.join(spec)
         for step in _STEPS:
             if (
@@ -60,6 +63,8 @@ class Probe:
         """Return the smallest factor of a number of the model."""
         theta = self.base.theta
         found = self.first(
-            Spec(free=frozenset({name})), lambda x: {name: theta[name] * (1.0 + x)}, lambda x: 1.0 + x
-        )  # fmt: skip
+            Spec(free=frozenset({name})),
+            lambda x: {name: theta[name] * (1.0 + x)},
+            lambda x: 1.0 + x,
+        )
         return found, ""

@@ -19,7 +19,9 @@ def smallest(probe: Probe) -> tuple[float, str]:
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw whether it is shorter or longer; what the archive's late OP hides of it cannot be taken away."""
+    """Draw whether it is shorter or longer; what the archive's late OP hides of it cannot be taken
+    away.
+    """
     if y.Td >= 2 * y.record.Ts and rng.random() < 0.25:
         return lambda x: {"extra": -between(x, 0.1, 1.0) * y.Td}
     return lambda x: {"extra": between(x, 0.03, 4.0) * y.lag}

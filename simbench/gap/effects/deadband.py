@@ -1,4 +1,6 @@
-"""Dead-band recognised: one number of a valve map, and where in its band the valve stood when the record began."""
+"""Dead-band recognised: one number of a valve map, and where in its band the valve stood when the
+record began.
+"""
 
 from __future__ import annotations
 

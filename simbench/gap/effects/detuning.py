@@ -1,4 +1,6 @@
-"""Detuning recognised: a PI law explains OP exactly, but with another tuning than the baseline's."""
+"""Detuning recognised: a PI law explains OP exactly, but with another tuning than the
+baseline's.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _WAYS = (
 
 
 def smallest(probe: Probe) -> tuple[float, str] | None:
-    """Return the factor from which the tuning counts as another one; only where the law is known."""
+    """Return the factor from which the tuning counts as another one; only where the law is
+    known.
+    """
     return (1.14, "factor") if probe.situation.law.known else None
 
 

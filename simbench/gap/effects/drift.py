@@ -17,7 +17,9 @@ _SURE_WITHIN = 0.2  # of its rate, that a ramp is known to from PV
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the measurement walk, with a ramp on top; an integrating plant's balance is a ramp already."""
+    """Let the measurement walk, with a ramp on top; an integrating plant's balance is a ramp
+    already.
+    """
     n, T = engine.data.n, engine.data.T
     line = np.linspace(0.0, 1.0, n)
     spec = base.spec.join(Spec(walk=True, channels=(line,) if T > 0 else ()))
@@ -55,7 +57,9 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 def by_lab(
     p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float
 ) -> float:
-    """Return the log-likelihood of errors that ramp, as PV did, and walk beside their noise, from an unknown offset."""
+    """Return the log-likelihood of errors that ramp, as PV did, and walk beside their noise, from
+    an unknown offset.
+    """
     rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)
     ramps, walks = (
         (_SURE_WITHIN * rate) ** 2 * np.outer(times, times),

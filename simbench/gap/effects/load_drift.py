@@ -1,4 +1,6 @@
-"""Load drift recognised: the load walks without end beside its ordinary self, with a ramp on top."""
+"""Load drift recognised: the load walks without end beside its ordinary self, with a ramp on
+top.
+"""
 
 from __future__ import annotations
 

@@ -21,11 +21,14 @@ _ROUNDS = 8
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 _SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
-_BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
+# share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
+_BESIDE = 0.25
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
+    """Let the load jump wherever that explains the innovations well; the heights have one std, and
+    all last or all fade.
+    """
     n = engine.data.n
     tries = [
         _jumping(engine, base, lasting, share) for lasting in (True, False) for share in _SHARES
@@ -36,13 +39,17 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 
 def _price(fit: Fit, n: int) -> float:
-    """Return the nats that its jumps must bring: in so many ways they could have been placed; no height is fitted."""
+    """Return the nats that its jumps must bring: in so many ways they could have been placed; no
+    height is fitted.
+    """
     m = len(fit.spec.jumps)
     return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
 def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
-    """Return the fit with jumps added as long as they are worth their price; the load begins at a share of the last one's."""
+    """Return the fit with jumps added as long as they are worth their price; the load begins at a
+    share of the last one's.
+    """
     n, best = engine.data.n, base
     for _ in range(_ROUNDS):
         found, height = _jumps(engine, best)
@@ -66,7 +73,9 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
 
 
 def _pruned(engine: Engine, fit: Fit) -> Fit:
-    """Return the fit without jumps that are not worth their own price, once the others are there."""
+    """Return the fit without jumps that are not worth their own price, once the others are
+    there.
+    """
     jumps, n = fit.spec.jumps, engine.data.n
     without = [replace(fit.spec, jumps=tuple(j for j in jumps if j != k)) for k in jumps]
     worth = [fit.loglik - engine.evaluate(spec, fit.theta)[0] for spec in without]
@@ -78,13 +87,24 @@ def _pruned(engine: Engine, fit: Fit) -> Fit:
 
 
 def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
-    """Return samples at which a jump of the load explains the innovations, the clearest first, and the std of their heights."""
+    """Return samples at which a jump of the load explains the innovations, the clearest first, and
+    the std of their heights.
+    """
     d, th, n = engine.data, fit.theta, engine.data.n
     response = _step_response(fit, d)
     white = kernels.whiten(
-        response[None, :], th["T"] if d.T > 0 else 0.0, 0.0, th["load_time"], lag_of(th), th["load"], 0.0, 0.0,
-        th["noise_std"], th["colour"], engine.spread,
-    )[0][0]  # fmt: skip
+        response[None, :],
+        th["T"] if d.T > 0 else 0.0,
+        0.0,
+        th["load_time"],
+        lag_of(th),
+        th["load"],
+        0.0,
+        0.0,
+        th["noise_std"],
+        th["colour"],
+        engine.spread,
+    )[0][0]
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]
@@ -116,13 +136,16 @@ def _step_response(fit: Fit, d: Data) -> np.ndarray:
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return jumps per second and the std of the levels between them (%)."""
-    # a jump is two parts, and between independent levels it spreads by the square root of two more than they
+    # a jump is two parts, and between independent levels it spreads by the square root of two more
+    # than they
     size = fit.theta["load_jump"] / abs(input_gain(fit, s.data))
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
 def ordinary(fit: Fit, base: Fit) -> bool:
-    """Return whether the jumps may be all that an ordinary load does: small, fading, or with nothing beside them."""
+    """Return whether the jumps may be all that an ordinary load does: small, fading, or with
+    nothing beside them.
+    """
     alone = fit.theta["load"] < _BESIDE * base.theta["load"]
     # a jump is two parts
     small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]

@@ -15,7 +15,9 @@ _LOWEST = 12  # bins of a spectrum four times as fine as the record's: three who
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Find the sharpest peak of the innovations' periodogram, refine its frequency, add the sine."""
+    """Find the sharpest peak of the innovations' periodogram, refine its frequency, add the
+    sine.
+    """
     n = engine.data.n
     white = np.asarray(base.residual) - np.mean(base.residual)
     power = np.abs(np.fft.rfft(white, 4 * n)) ** 2

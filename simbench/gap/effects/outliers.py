@@ -1,4 +1,6 @@
-"""Outliers recognised: samples that stand off the line through their neighbours, or innovations that no Gaussian gives."""
+"""Outliers recognised: samples that stand off the line through their neighbours, or innovations
+that no Gaussian gives.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
 
 _FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
-_GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
+# of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
+_GONE = 0.75
 _TAILS = (6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
 _SCALES = np.linspace(0.4, 1.0, 13)  # ... and its scales, in standard deviations
 _ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
@@ -62,7 +65,9 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
 
 
 def _by_tails(x: np.ndarray) -> float:
-    """Return the log-likelihood of noise without spikes, up to a constant: Gaussian, or Student's t with heavy tails."""
+    """Return the log-likelihood of noise without spikes, up to a constant: Gaussian, or Student's t
+    with heavy tails.
+    """
     std = float(np.std(x))
     best = float(np.sum(-0.5 * (x / std) ** 2 - np.log(std)))
     for nu in _TAILS:
@@ -74,7 +79,9 @@ def _by_tails(x: np.ndarray) -> float:
 
 
 def _gone_again(pv: np.ndarray, k: int) -> bool:
-    """Return whether PV stands off both its neighbours at sample k by about as much as it jumped there."""
+    """Return whether PV stands off both its neighbours at sample k by about as much as it jumped
+    there.
+    """
     if not 1 <= k < pv.size - 1:
         return False
     return bool(abs(pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])) > _GONE * abs(pv[k] - pv[k - 1]))

@@ -1,4 +1,6 @@
-"""Slew limit recognised: one number of how fast MV may follow OP, scanned from far below OP's own moves to beyond them."""
+"""Slew limit recognised: one number of how fast MV may follow OP, scanned from far below OP's own
+moves to beyond them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Stiction recognised: two numbers of a valve map, narrow peaks of the likelihood that only a fine scan meets."""
+"""Stiction recognised: two numbers of a valve map, narrow peaks of the likelihood that only a fine
+scan meets.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ _MODELS = (kernels.STICK, kernels.CREEP)
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Scan S and J/S under two valve models: peaks are a percent or two wide, a local search misses them."""
+    """Scan S and J/S under two valve models: peaks are a percent or two wide, a local search misses
+    them.
+    """
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
     tries = [search_map(engine, base, kind, coarse, few=True) for kind in _MODELS]
     return max(tries, key=lambda f: f.loglik), 2.5

@@ -1,4 +1,6 @@
-"""Valve lag recognised: one more series pole in front of the plant, or MV that follows OP slowly."""
+"""Valve lag recognised: one more series pole in front of the plant, or MV that follows OP
+slowly.
+"""
 
 from __future__ import annotations
 

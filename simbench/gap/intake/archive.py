@@ -1,4 +1,6 @@
-"""What stands between the PV on record and the PV that the controller saw: rounding, compression, means and spikes."""
+"""What stands between the PV on record and the PV that the controller saw: rounding, compression,
+means and spikes.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
-_STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
+# share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
+# fewer
+_STRAIGHT = 0.17
 _SPECKS = (
     0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
 )
@@ -22,7 +26,9 @@ _STRAYS = 3  # samples in which an exact law fails, from which something else mo
 
 
 class _Archived(NamedTuple):
-    """What the archive did, the PV the controller saw, the unit that rounds it, and why no PI law turns the error into OP."""
+    """What the archive did, the PV the controller saw, the unit that rounds it, and why no PI law
+    turns the error into OP.
+    """
 
     archive: Archive
     plant_pv: np.ndarray
@@ -46,14 +52,18 @@ def _resolution(archive: Archive, samples: Samples) -> float:
 
 
 def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
-    """Return why no PI law turns the recorded error into OP; nothing where what stands between is known."""
+    """Return why no PI law turns the recorded error into OP; nothing where what stands between is
+    known.
+    """
     if not archive.faithful or it.law.gap > 0.0:
         return mismatch
     return mismatch or it.law.foreign or it.law.reason or _astray(it)
 
 
 def _astray(it: Observed) -> str:
-    """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends and samples not archived."""
+    """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends
+    and samples not archived.
+    """
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
     marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(
@@ -69,7 +79,9 @@ def _astray(it: Observed) -> str:
 
 
 def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
-    """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
+    """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV
+    makes it move.
+    """
     law, samples = it.law, it.samples
     pv, seen = np.asarray(it.record.pv), law.recovered_pv
     place, band, step = "record" if it.apart else "loop", 0.0, 0.0
@@ -86,7 +98,8 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
         )
     elif not hides_nothing(samples.digits, pv, it.noise):
         step = samples.digits
-    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
+    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect:
+    # the controller saw PV
     blurred = seen is not None and (law.averaged or _lines_where_apart(it))
     plant_pv = np.asarray(seen) if blurred or (it.apart and (step or band)) else pv
     spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
@@ -96,7 +109,9 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
 def _spikes(
     it: Observed, plant_pv: np.ndarray, thinned: bool
 ) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
-    """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP moves as no PV makes it."""
+    """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP
+    moves as no PV makes it.
+    """
     law, samples = it.law, it.samples
     pv, seen, mismatch = np.asarray(it.record.pv), law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
@@ -110,7 +125,8 @@ def _spikes(
             specks = _SPECKS * float(np.var(np.diff(pv)))
             near = bool(np.var(pv - seen) < specks)
             if near or np.var(np.diff(pv - seen)) < specks:
-                # an archive that drops the samples least missed; a PV recovered a little off drifts away from it
+                # an archive that drops the samples least missed; a PV recovered a little off drifts
+                # away from it
                 return None, np.asarray(seen) if near else plant_pv, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
@@ -125,7 +141,9 @@ def _spikes(
 
 
 def _lines_where_apart(it: Observed) -> bool:
-    """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
+    """Return whether PV lies on straight lines wherever it is not what the controller saw: an
+    archive thinned a little.
+    """
     pv, seen, digits = np.asarray(it.record.pv), it.law.recovered_pv, it.samples.digits
     apart = np.abs(pv - seen) > max(3.0 * digits, 5.0 * it.law.blur, 1e-3 * float(np.std(pv)))
     # at a decimal's distance a line through two samples kept is not quite straight
@@ -142,7 +160,9 @@ def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:
 
 
 def stands_out(pv: np.ndarray, places: np.ndarray, heights: np.ndarray) -> bool:
-    """Return whether spikes that the controller did not see stand out of their neighbours in PV by just their height."""
+    """Return whether spikes that the controller did not see stand out of their neighbours in PV by
+    just their height.
+    """
     inner = (places > 0) & (places < pv.size - 1)
     k, h = places[inner], heights[inner]
     if k.size < 2:

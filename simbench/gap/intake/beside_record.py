@@ -1,4 +1,6 @@
-"""Test records beside the record they were made for: what the fits need of them, and what in them contradicts it."""
+"""Test records beside the record they were made for: what the fits need of them, and what in them
+contradicts it.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +57,18 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= _LAW_ROWS:
             law = _law(test, rows, s)
     return ModelledTest(
-        test.name, r.Ts, 1.0 if plain else pace, data, op, None if r.mv is None else np.asarray(r.mv, dtype=float),
-        test.lab, float(test.settings.get("test", {}).get("lab_std", 0.0)), law, proven,
+        test.name,
+        r.Ts,
+        1.0 if plain else pace,
+        data,
+        op,
+        None if r.mv is None else np.asarray(r.mv, dtype=float),
+        test.lab,
+        float(test.settings.get("test", {}).get("lab_std", 0.0)),
+        law,
+        proven,
         any(x is not None and x.size and np.ptp(x) > 0.0 for x in (r.sp, op[test.manual])),
-    )  # fmt: skip
+    )
 
 
 def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
@@ -71,14 +81,19 @@ def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
 
 
 def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
-    """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks against it."""
+    """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks
+    against it.
+    """
     law = found.law
     said = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(test, s)
     if said or law is None or not (s.tuned and s.law.known):
         return said
     if not law.known:
         # what stands between error and OP in a foreign controller need not show in every record
-        why = f"in automatic OP does not follow the record's controller ({law.reason}); the loop behind {test.name} is another"
+        why = (
+            f"in automatic OP does not follow the record's controller ({law.reason}); the loop"
+            f" behind {test.name} is another"
+        )
         bare = (
             s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
         )
@@ -91,8 +106,9 @@ def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
     if law.Kc * Kc > 0 and max(map(abs, off)) < _RETUNED:
         return ""
     return (
-        f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the stated settings "
-        f"Kc = {Kc:.3g} and Ti = {Ti:.3g} s; the tuning is not the one stated, or the loop behind {test.name} is another"
+        f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the"
+        f" stated settings Kc = {Kc:.3g} and Ti = {Ti:.3g} s; the tuning is not the one stated, or"
+        f" the loop behind {test.name} is another"
     )
 
 
@@ -102,14 +118,19 @@ def _elsewhere(test: RecordedTest, s: Situation) -> str:
     far = _ELSEWHERE * float(np.ptp(own))
     if pv.max() > own.min() - far and pv.min() < own.max() + far:
         return ""
-    runs = f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {own.min():.4g} to {own.max():.4g}"
+    runs = (
+        f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {own.min():.4g} to"
+        f" {own.max():.4g}"
+    )
     return f"{runs}; the loop behind {test.name} is another"
 
 
 def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
-    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an operator's where it says AUTO.
+    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an
+    operator's where it says AUTO.
 
-    `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at most.
+    `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at
+    most.
     """
     manual = test.manual
     if not manual.any():
@@ -122,7 +143,10 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
         x = moves[rows]
         for place, side in (("first", x[1:]), ("last", x[::-1])):
             if _length(side) > edge or side[:_BRISK].sum() >= _OFTEN + late:
-                return f"{said} still moves like a controller's in the {place} samples that are called MAN"
+                return (
+                    f"{said} still moves like a controller's in the {place} samples that are"
+                    " called MAN"
+                )
     for rows in _runs(~manual):
         x = ~moves[rows]
         for place, side, shown in (

@@ -1,4 +1,6 @@
-"""The check stage: is the record fit, does the baseline belong to it, and what can be judged at all?"""
+"""The check stage: is the record fit, does the baseline belong to it, and what can be judged at
+all?
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,19 @@ def check(
     refuse_unusable(it)
     archive, plant_pv, resolution, unexplained = archived(it)
     situation = Situation(
-        it.record, it.baseline, it.trusted, it.tuned, it.op, it.sp, it.law, it.samples, archive, plant_pv,
-        it.data(plant_pv, resolution), it.notes,
+        it.record,
+        it.baseline,
+        it.trusted,
+        it.tuned,
+        it.op,
+        it.sp,
+        it.law,
+        it.samples,
+        archive,
+        plant_pv,
+        it.data(plant_pv, resolution),
+        it.notes,
         frozen=it.frozen and archive.rounding is None and archive.band == 0.0,
         unexplained_law=unexplained if it.tuned else "",
-    )  # fmt: skip
+    )
     return replace(situation, proven=proven(situation))

@@ -1,4 +1,6 @@
-"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood; what then can be said."""
+"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood;
+what then can be said.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ def identify(
     it = _Unidentified(record)
     noise, law = 0.0, it.law(1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:
-        # friction and feedback turn the sign of a plant; what OP does about PV shows the controller's direction
+        # friction and feedback turn the sign of a plant; what OP does about PV shows the
+        # controller's direction
         shown = float(np.sign(law.Kc)) if law.residual < _HALF and np.isfinite(law.Kc) else 0.0
         plant, noise = it.plant(shown if controller is None else controller.sign)
     if controller is None:
@@ -46,7 +49,9 @@ def identify(
 
 
 def exact_controller(record: LoopRecord) -> Controller | None:
-    """Return the controller whose law turns the recorded error into OP; None where no PI law does."""
+    """Return the controller whose law turns the recorded error into OP; None where no PI law
+    does.
+    """
     it = _Unidentified(record)
     law = it.law(1.0)
     return (
@@ -92,7 +97,9 @@ class _Unidentified:
         return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
     def plant(self, sign: float) -> tuple[Plant, float]:
-        """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the noise."""
+        """Return the plant, its gain of a sign where that is not 0, and the standard deviation of
+        the noise.
+        """
         r, samples = self.record, inspect_samples(self.record.pv, self.record.op)
         u = np.ascontiguousarray(self.op if r.mv is None else r.mv, dtype=float)
         integrating, fit = self._fit(
@@ -112,7 +119,9 @@ class _Unidentified:
     def _fit(
         self, u: np.ndarray, pv: np.ndarray, resolution: float, sign: float
     ) -> tuple[bool, Fit]:
-        """Return whether the plant integrates, and its fit; of an unknown process the likelier, friction allowed to both."""
+        """Return whether the plant integrates, and its fit; of an unknown process the likelier,
+        friction allowed to both.
+        """
         r = self.record
         if r.process is not None:
             integrating = r.process == "integrating"
@@ -140,7 +149,9 @@ class _Unidentified:
 def fit_plant(
     op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0
 ) -> Fit:
-    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint fit of its best point."""
+    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint
+    fit of its best point.
+    """
     n = op.size
     gain = float(np.std(pv)) / (float(np.std(op)) or 1.0)
     slow = (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0)

@@ -1,4 +1,6 @@
-"""A record beside its baseline as it came: what its signals, the controller's law and single samples show by themselves."""
+"""A record beside its baseline as it came: what its signals, the controller's law and single
+samples show by themselves.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ _STUCK = 0.01  # share of samples in standstills that no chance brings
 class Observed:
     """A record and its baseline; each of what they show is looked at once, when first asked for.
 
-    `trusted`: the baseline's plant is its author's, not identified from this record; `tuned`: its controller is.
+    `trusted`: the baseline's plant is its author's, not identified from this record; `tuned`: its
+    controller is.
     """
 
     record: LoopRecord
@@ -49,8 +52,8 @@ class Observed:
             return np.asarray(r.op_percent)
         if self.trusted or self.tuned:
             raise RecordError(
-                f"{self.where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel; "
-                "give --op-span, the values that mean 0 and 100 %"
+                f"{self.where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of"
+                " travel; give --op-span, the values that mean 0 and 100 %"
             )
         return np.asarray(r.op)
 
@@ -67,7 +70,9 @@ class Observed:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of PV's noise as the baseline states it; 0 where that is not its author's."""
+        """Standard deviation of PV's noise as the baseline states it; 0 where that is not its
+        author's.
+        """
         return self.baseline.noise.std if self.trusted else 0.0
 
     @cached_property
@@ -100,13 +105,17 @@ class Observed:
 
     @property
     def frozen(self) -> bool:
-        """Whether PV rests while OP moves; without noise it stands still for the dead time alone."""
+        """Whether PV rests while OP moves; without noise it stands still for the dead time
+        alone.
+        """
         stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
         return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
 
     @property
     def notes(self) -> list[str]:
-        """What the reader must know: data quality, the set point, a controller that cannot be told."""
+        """What the reader must know: data quality, the set point, a controller that cannot be
+        told.
+        """
         said = [
             f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(self.record).values()
         ]
@@ -118,7 +127,9 @@ class Observed:
         return said if known else [*said, f"controller: cannot tell, {self.law.reason}"]
 
     def data(self, plant_pv: np.ndarray, resolution: float) -> Data:
-        """Return the engine's input, with the PV that the plant gave the controller and the unit that rounds it."""
+        """Return the engine's input, with the PV that the plant gave the controller and the unit
+        that rounds it.
+        """
         r, plant = self.record, first_order_like(self.baseline.plant)
         integrating = plant.integrating
         u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
@@ -146,7 +157,9 @@ def longest_run(x: np.ndarray) -> slice:
 
 
 def _held(pv: np.ndarray, op: np.ndarray) -> int:
-    """Return the most moves of OP within one run of equal samples of PV: a loop without noise comes to rest as a whole."""
+    """Return the most moves of OP within one run of equal samples of PV: a loop without noise comes
+    to rest as a whole.
+    """
     lengths = holds(pv)
     moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
     return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moves).max())
@@ -158,5 +171,6 @@ def _moves_of(sp: np.ndarray) -> list[str]:
     if not 0 < count < _STEPS * sp.size:
         return []
     return [
-        f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"
+        f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest"
+        f" {float(moves.max()):.3g}"
     ]

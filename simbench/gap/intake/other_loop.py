@@ -1,4 +1,6 @@
-"""The baseline of another loop: what cannot be compared because neither controller nor plant is the record's."""
+"""The baseline of another loop: what cannot be compared because neither controller nor plant is the
+record's.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, wh
 _FAILS = (
     0.3  # share of OP's changes left over, below which the baseline's own law still explains them
 )
-_APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
+# factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
+# when it is not
+_APART = 1.5
 _PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
 
 
@@ -36,16 +40,17 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
         ratio = law.Kc / Kc
         if ratio < 1.0 / _OTHER_LOOP or ratio > _OTHER_LOOP:
             raise RecordError(
-                f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g} (signs included); "
-                "this is the baseline of another loop"
+                f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g}"
+                " (signs included); this is the baseline of another loop"
             )
 
 
 def refuse_other_plant(s: Situation) -> None:
     """Refuse a baseline that neither the controller nor the plant of the record agrees with.
 
-    Other tuning is an effect, and so is another gain, or other friction. Where the tuning is another one, another plant, in
-    gain and in time, must explain PV better than every single effect on the baseline's plant before the loop is called another.
+    Other tuning is an effect, and so is another gain, or other friction. Where the tuning is
+    another one, another plant, in gain and in time, must explain PV better than every single effect
+    on the baseline's plant before the loop is called another.
     """
     data, law, Ts, control = s.data, s.law, s.record.Ts, s.baseline.controller
     if (
@@ -61,7 +66,8 @@ def refuse_other_plant(s: Situation) -> None:
     pace, known = lag + wait, data.T + data.Td
     if data.T > 0 and not (_apart(gain / data.K) and _apart(pace / known)):
         return
-    # an integrating plant has a slope and a dead time; one that settles late in the record may well be one
+    # an integrating plant has a slope and a dead time; one that settles late in the record may well
+    # be one
     if data.T == 0 and not (
         lag < data.n / 30
         and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
@@ -80,10 +86,10 @@ def refuse_other_plant(s: Situation) -> None:
         ):
             return
     raise RecordError(
-        f"{s.where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "
-        f"{gain:.3g} after {pace * Ts:.3g} s, the baseline's "
-        f"Kc = {control.sign * control.Kc:.3g}, Ti = {control.Ti or np.inf:.3g} s, "
-        f"K = {data.K:.3g} and {known * Ts:.3g} s; this is the baseline of another loop"
+        f"{s.where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers"
+        f" OP with a gain of {gain:.3g} after {pace * Ts:.3g} s, the baseline's Kc ="
+        f" {control.sign * control.Kc:.3g}, Ti = {control.Ti or np.inf:.3g} s, K = {data.K:.3g} and"
+        f" {known * Ts:.3g} s; this is the baseline of another loop"
     )
 
 
@@ -92,7 +98,9 @@ def _apart(ratio: float) -> bool:
 
 
 def _own_plant(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
-    """Return the record's own plant, gain, time constant and dead time free, and the engine that found it."""
+    """Return the record's own plant, gain, time constant and dead time free, and the engine that
+    found it.
+    """
     tries = []
     for lag in (law.Ti / Ts if np.isfinite(law.Ti) else 20.0, max(data.T, 5.0), 8.0):
         own = replace(

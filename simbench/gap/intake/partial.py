@@ -1,4 +1,6 @@
-"""A loop file that leaves plant, controller or sampling to the record: what it says, what is identified, what stays open."""
+"""A loop file that leaves plant, controller or sampling to the record: what it says, what is
+identified, what stays open.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ class Partial:
     """A baseline that is not whole."""
 
     loop: Loop  # placeholders stand for what is missing
-    # sections, of plant, controller and sampling, that the record must give; never both plant and controller
+    # sections, of plant, controller and sampling, that the record must give; never both plant and
+    # controller
     missing: frozenset[str]
 
 
@@ -73,14 +76,17 @@ def completed(
         laws = ((baseline.plant.type, PLANT_TYPES), (baseline.controller.type, CONTROLLER_TYPES))
         for law in (law for law, known in laws if law not in known):
             raise SpecError(
-                f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed: {', '.join(PLANT_TYPES)}"
+                f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed:"
+                f" {', '.join(PLANT_TYPES)}"
             )
         # an inner loop is judged by its own record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing
     found = identify(
-        record, None if "plant" in missing else known.plant, None if "controller" in missing else known.controller
-    )  # fmt: skip
+        record,
+        None if "plant" in missing else known.plant,
+        None if "controller" in missing else known.controller,
+    )
     taken = {name: getattr(found, name) for name in missing}
     if "plant" in missing and "noise" not in known.model_fields_set:
         taken["noise"] = found.noise

@@ -1,4 +1,6 @@
-"""Test records: a loop in other operation, with what its own columns and the tables beside it say; unfit ones are refused."""
+"""Test records: a loop in other operation, with what its own columns and the tables beside it say;
+unfit ones are refused.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ _FEWEST_LAB = 8
 
 @dataclass(frozen=True, eq=False)
 class RecordedTest:
-    """A test as it was recorded: where OP was the operator's, lab samples (NaN between), and its settings by table.
+    """A test as it was recorded: where OP was the operator's, lab samples (NaN between), and its
+    settings by table.
 
     `loop` is the baseline with the settings in it.
     """
@@ -51,7 +54,9 @@ class RecordedTest:
 
 
 def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
-    """Read RECORD[:SETTINGS.toml]; a TOML of the record's name beside it holds the settings where none is named."""
+    """Read RECORD[:SETTINGS.toml]; a TOML of the record's name beside it holds the settings where
+    none is named.
+    """
     file, more = files_of(given)
     beside = Path(file).with_suffix(".toml")
     table = read_toml(more) if more else read_toml(beside) if beside.is_file() else {}
@@ -145,17 +150,20 @@ def _number(x: Any) -> bool:
 def _loop(
     baseline: Loop, settings: dict[str, dict[str, Any]], record: LoopRecord, where: str
 ) -> Loop:
-    """Return the baseline with a test's settings in it; its Ts is that of the time column, which a stated one must meet."""
+    """Return the baseline with a test's settings in it; its Ts is that of the time column, which a
+    stated one must meet.
+    """
     control, Ts = settings.get("controller", {}), settings.get("sampling", {}).get("Ts")
     if Ts is not None and abs(record.Ts / Ts - 1.0) > 0.01:
         raise RecordError(
-            f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s; they must agree within 1 %"
+            f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s;"
+            " they must agree within 1 %"
         )
     period = baseline.sampling.Ts
     if Ts is None and abs(record.Ts / period - 1.0) > 0.01:
         raise RecordError(
-            f"{where}: Ts = {record.Ts:g} s by its time column, the baseline's is {period:g} s; a log of another pace is "
-            "declared by Ts of [sampling] in the test's settings"
+            f"{where}: Ts = {record.Ts:g} s by its time column, the baseline's is {period:g} s; a"
+            " log of another pace is declared by Ts of [sampling] in the test's settings"
         )
     table = baseline.to_table()
     own = table["controller"]
@@ -180,11 +188,13 @@ def _refuse(test: RecordedTest) -> None:
         )
     if still(r.op) and not test.manual.any():
         raise RecordError(
-            f"{where}: OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is needed"
+            f"{where}: OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is"
+            " needed"
         )
     if r.op_percent is None:
         raise RecordError(
-            f"{where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel; give --op-span"
+            f"{where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel;"
+            " give --op-span"
         )
     if test.id == "mv" and r.mv is None:
         raise RecordError(f"{where}: declared as test 'mv', but it has no column mv")

@@ -1,4 +1,6 @@
-"""What cannot be compared: signals in other units, and the baseline of another loop; each refusal says what it rests on."""
+"""What cannot be compared: signals in other units, and the baseline of another loop; each refusal
+says what it rests on.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, 
 
 
 def refuse_unusable(it: Observed) -> None:
-    """Refuse a record that is too short or still, sampled at another pace, in other units, or of another controller."""
+    """Refuse a record that is too short or still, sampled at another pace, in other units, or of
+    another controller.
+    """
     op, r, control = it.op, it.record, it.baseline.controller
     refuse_unfit(r, it.where)
     _refuse_other_pace(it)
@@ -38,15 +42,17 @@ def _refuse_other_pace(it: Observed) -> None:
     found, Ts = it.record.Ts, it.baseline.sampling.Ts
     if abs(found / Ts - 1.0) > SAME_TS:
         raise RecordError(
-            f"{it.where}: Ts = {found:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %"
+            f"{it.where}: Ts = {found:g} s by its time column, but the baseline says Ts = {Ts:g} s;"
+            " they must agree within 1 %"
         )
 
 
 def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
     """Refuse MV that is OP on another scale.
 
-    A valve of any characteristic runs through (0, 0) and (100, 100): where its level is low its slope is not, and no valve
-    moves against OP. One factor in both is a unit, but near (0, 0), where every valve is a factor.
+    A valve of any characteristic runs through (0, 0) and (100, 100): where its level is low its
+    slope is not, and no valve moves against OP. One factor in both is a unit, but near (0, 0),
+    where every valve is a factor.
     """
     low, high = float(mv.min()), float(mv.max())
     span = f"MV runs from {low:g} to {high:g}"
@@ -80,7 +86,9 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 
 
 def _is_factor(slope: float, level: float, op: float) -> bool:
-    """Return whether MV's slope agrees with its level, and better than with the characteristic that has this level at OP."""
+    """Return whether MV's slope agrees with its level, and better than with the characteristic that
+    has this level at OP.
+    """
     x, r = op / 100.0, np.log(_RATIOS)
     bent = (r * np.exp(r * x) / np.expm1(r))[
         int(np.argmin(np.abs(np.expm1(r * x) / np.expm1(r) - level * x)))
@@ -89,7 +97,9 @@ def _is_factor(slope: float, level: float, op: float) -> bool:
 
 
 def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
-    """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom does."""
+    """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom
+    does.
+    """
     du, dv = np.diff(op), np.diff(mv)
     least = 0.3 * float(np.std(du))
     # a slip is one step; between two steps of one direction the valve slides with OP
@@ -105,7 +115,9 @@ def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
 
 
 def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
-    """Return whether a straight line far from MV = OP fits and no characteristic does nearly as well."""
+    """Return whether a straight line far from MV = OP fits and no characteristic does nearly as
+    well.
+    """
     gain, offset = np.polyfit(op, mv, 1)
     left = float(np.std(mv - gain * op - offset))
     if 0.8 < gain < 1.25:
@@ -118,14 +130,17 @@ def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
 
 
 def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where: str) -> None:
-    """Refuse OP on another scale: the law is the baseline's but for the scale's factor, and OP lies within the scale."""
+    """Refuse OP on another scale: the law is the baseline's but for the scale's factor, and OP lies
+    within the scale.
+    """
     if not law.known or (Ti and abs(law.Ti / Ti - 1.0) > 0.05):
         return
     for factor, (low, high, unit) in _SCALES.items():
         if low <= op.min() and op.max() <= high and abs(law.Kc / Kc / factor - 1.0) < 0.03:
             raise RecordError(
-                f"{where}: OP runs from {op.min():g} to {op.max():g} and answers PV with {factor:g} times the baseline's Kc: "
-                f"it is in {unit}; give --op-span, the values that mean 0 and 100 %"
+                f"{where}: OP runs from {op.min():g} to {op.max():g} and answers PV with {factor:g}"
+                f" times the baseline's Kc: it is in {unit}; give --op-span, the values that mean 0"
+                " and 100 %"
             )
 
 
@@ -135,7 +150,8 @@ def refuse_unfit(record: LoopRecord, where: str) -> None:
         raise RecordError(f"{where}: {record.n} samples; a gap needs at least {_FEWEST} to show")
     if record.n > _LONGEST_RECORD:
         raise RecordError(
-            f"{where}: {record.n} samples; a gap is sought in at most {_LONGEST_RECORD}, cut some out with --window FROM TO"
+            f"{where}: {record.n} samples; a gap is sought in at most {_LONGEST_RECORD}, cut some"
+            " out with --window FROM TO"
         )
     for name, x in (("OP", record.op), ("PV", record.pv)):
         if still(x):

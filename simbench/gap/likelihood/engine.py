@@ -1,8 +1,9 @@
-"""One engine for all effects between OP and PV: the innovations' likelihood, nuisances fitted, effects switchable.
+"""One engine for all effects between OP and PV: the innovations' likelihood, nuisances fitted,
+effects switchable.
 
-PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are linear in the innovations and
-solved by least squares; only T, Td, the load's colour and level, the noise level and the effect's own numbers are searched.
-Time unit is one sample, PV in its own units.
+PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are
+linear in the innovations and solved by least squares; only T, Td, the load's colour and level, the
+noise level and the effect's own numbers are searched. Time unit is one sample, PV in its own units.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ _REDDEST = 0.8  # noise of more memory than this has passed a filter
 _QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 _QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # of a parameter or its logarithm, for derivatives
-_WHITE = 0.02  # the same about a noise correlation of 0, below half of which the filter takes noise for white
+# the same about a noise correlation of 0, below half of which the filter takes noise for white
+_WHITE = 0.02
 _LONGEST = 1.5  # of a parameter or its logarithm in one step
 _IDLE = 1e-3  # curvature added to every parameter
 _LAST_STEP_NATS = 0.01  # nats below which a step is the last
@@ -46,7 +48,9 @@ _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sa
 
 
 class Engine:
-    """Evaluates and maximises the likelihood for one record; `behind`: nats from which an effect is not fitted twice."""
+    """Evaluates and maximises the likelihood for one record; `behind`: nats from which an effect is
+    not fitted twice.
+    """
 
     behind = np.inf
 
@@ -101,7 +105,9 @@ class Engine:
         return max([best, *tries], key=lambda f: f.loglik)
 
     def of_higher_order(self, base: Fit) -> Fit:
-        """Return the fit with a lag in place of some dead time where that is plainly likelier: dead times stand for lags."""
+        """Return the fit with a lag in place of some dead time where that is plainly likelier: dead
+        times stand for lags.
+        """
         if not self.data.trusted or self.data.Td == 0.0 or base.spec.pole:
             return base
         spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
@@ -155,8 +161,8 @@ class Engine:
     ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
         """Return what the likelihood is made of: -log-likelihood = |left|^2 / 2 + level.
 
-        `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
-        the whitened and the raw channels (PV first).
+        `left` holds the innovations, then the priors' residuals; `level` the log variances; further
+        the linear coefficients, the whitened and the raw channels (PV first).
         """
         channels = self._channels(spec, theta)
         white, level = self._whiten(spec, theta, channels)
@@ -167,7 +173,9 @@ class Engine:
         return left, level, beta, white, channels
 
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
-        """Return PV as deviation from its start, the plant's answer to MV, and every other signal that enters linearly."""
+        """Return PV as deviation from its start, the plant's answer to MV, and every other signal
+        that enters linearly.
+        """
         d = self.data
         T = theta["T"] if d.T > 0 else 0.0
         y, tau = d.y, theta.get("tau", 0.0) if spec.pole else 0.0
@@ -191,21 +199,33 @@ class Engine:
     def _whiten(
         self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
     ) -> tuple[np.ndarray, float]:
-        """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
+        """Return the channels' innovations over their standard deviation, and the part of
+        -log-likelihood that is no square.
+        """
         d = self.data
         tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
-            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in _POLES_OF_LOAD else 0.0, theta["load_time"],
+            channels,
+            theta["T"] if d.T > 0 else 0.0,
+            tau if spec.pole in _POLES_OF_LOAD else 0.0,
+            theta["load_time"],
             lag_of(theta),
-            theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
-            theta["noise_std"], theta["colour"], self.spread, *jumps_of(spec, theta),
-        )  # fmt: skip
+            theta["load"],
+            theta["load_walk"] if spec.load_walk else 0.0,
+            theta["walk"] if spec.walk else 0.0,
+            theta["noise_std"],
+            theta["colour"],
+            self.spread,
+            *jumps_of(spec, theta),
+        )
         count = d.n - kernels.SKIP
         jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
         return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the linear coefficients and how far, in standard deviations, the gain lies outside its prior."""
+        """Return the linear coefficients and how far, in standard deviations, the gain lies outside
+        its prior.
+        """
         A, b = N[1:, 1:].copy(), N[1:, 0].copy()
         # a channel that does nothing (no step yet, a zone never met) must not make it singular
         A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
@@ -227,7 +247,8 @@ class Engine:
         d = self.data
         out = [theta["colour"] / _COLOURED]
         if d.trusted:
-            # what moves much quicker than the loop never gets through the plant: such a "load" is something else
+            # what moves much quicker than the loop never gets through the plant: such a "load" is
+            # something else
             memory = theta["load_time"] + theta.get("load_lag", 0.0)
             out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
@@ -251,12 +272,14 @@ class Engine:
         search: tuple[str, ...] | None = None,
         steps: int = 10,
     ) -> Fit:
-        """Maximise over the smooth parameters named in `search` (all of the spec's when None), from `start`.
+        """Maximise over the smooth parameters named in `search` (all of the spec's when None), from
+        `start`.
 
-        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own derivatives give the curvature, so
-        a handful of steps does what a general optimiser needs dozens for.
+        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own
+        derivatives give the curvature, so a handful of steps does what a general optimiser needs
+        dozens for.
         """
-        wanted = [m for m in (search or spec.names) if m in spec.names]
+        wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
         theta = {m: start[m] for m in spec.names if m in start or m in names}
         box = np.array([self.bounds(spec, m) for m in names])
@@ -315,7 +338,9 @@ class Engine:
         unpack: Callable,
         now: tuple,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients held."""
+        """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients
+        held.
+        """
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J, slope = np.empty((left.size, x.size)), np.empty(x.size)
@@ -339,7 +364,9 @@ class Engine:
         return J, slope
 
     def _beside_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
-        """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub & Pereyra 1973)."""
+        """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub
+        & Pereyra 1973).
+        """
         left, _, _, white, _ = now
         X = np.zeros((left.size, white.shape[0] - 1))
         count = white.shape[1] - kernels.SKIP
@@ -356,7 +383,8 @@ class Engine:
         return Fit(spec, loglik, dict(theta), beta, residual)
 
     def scattered(self, fit: Fit, count: int, scale: float, rng: np.random.Generator) -> list[Fit]:
-        """Draw fits about the likeliest by the likelihood's curvature there (Laplace), standard deviations times `scale`.
+        """Draw fits about the likeliest by the likelihood's curvature there (Laplace), standard
+        deviations times `scale`.
 
         What the priors or bounds hold stays within them.
         """
@@ -404,7 +432,9 @@ class Engine:
     def scan(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
     ) -> np.ndarray:
-        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little."""
+        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a
+        fine grid costs little.
+        """
         gy, gg = self._scanned(spec, theta, kind, points)
         d = self.data
         trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - _NOMINAL, 1 + _NOMINAL)
@@ -433,7 +463,9 @@ class Engine:
         return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, *jumps)
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers an effect's own signals are fitted by beyond those of one record."""
+        """Return how many numbers an effect's own signals are fitted by beyond those of one
+        record.
+        """
         return 0.0
 
     def main(self, fit: Fit) -> Fit:
@@ -443,7 +475,9 @@ class Engine:
     def grid(
         self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1
     ) -> list[Fit]:
-        """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""
+        """Return the best of some points, each with two levels of the load: the one "none" needed
+        may hide a narrow peak.
+        """
         trials = [
             {**theta, **point, "load": theta["load"] * share}
             for share in (1.0, 0.3)

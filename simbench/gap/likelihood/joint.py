@@ -1,4 +1,6 @@
-"""One model over several records of a loop: plant, effect and noise shared, loads and operating points each their own."""
+"""One model over several records of a loop: plant, effect and noise shared, loads and operating
+points each their own.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ class JointPart:
 
 
 class JointEngine(Engine):
-    """The likelihood of several records as one: what the first record's engine is for one, in units of its samples."""
+    """The likelihood of several records as one: what the first record's engine is for one, in units
+    of its samples.
+    """
 
     behind = 40.0
 
@@ -59,7 +63,9 @@ class JointEngine(Engine):
         return spec, own
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers an effect's own signals are fitted by beyond those of one record."""
+        """Return how many numbers an effect's own signals are fitted by beyond those of one
+        record.
+        """
         return float((len(self.parts) - 1) * (len(spec.channels) - len(base.channels)))
 
     def main(self, fit: Fit) -> Fit:
@@ -72,7 +78,8 @@ class JointEngine(Engine):
         return own
 
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
-        # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the first record's at the end
+        # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the
+        # first record's at the end
         whole, blocks, effects = np.zeros((2, self.data.n)), [], []
         count = len(spec.channels)
         for i, engine in enumerate(self.engines):

@@ -1,6 +1,8 @@
-"""Compiled kernels of the diagnosis: valve maps, plant response, and the Kalman filter that whitens every channel at once.
+"""Compiled kernels of the diagnosis: valve maps, plant response, and the Kalman filter that whitens
+every channel at once.
 
-Self-contained, because numba's disk cache only watches this file. Time unit is one sample throughout.
+Self-contained, because numba's disk cache only watches this file. Time unit is one sample
+throughout.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ _CACHED_SAMPLES = (
     5000  # ... of records up to this many samples many, which the processor's cache holds
 )
 SKIP = 4  # first samples, which only settle the filter's unknown start
-_REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
+# samples after a jump of the load, over which the filter's gain follows it, or until its variance
+# is ...
+_REACH = 300
 _SETTLED = 1e-6  # ... as constant as that from sample to sample
 _NEAR = (
     20  # samples after a jump, within which another one finds the filter still unsure of the first
@@ -33,8 +37,8 @@ _NEAR = (
 def valve(u, kind, p0, p1, p2):
     """Return MV (n,) for OP `u` (n,) through one valve map.
 
-    Parameters: PLAY S, start; ZONE D, c; STICK (Choudhury) and CREEP (He) S, J, start; CURVE R. `start` is the offset of
-    MV from OP before the first sample.
+    Parameters: PLAY S, start; ZONE D, c; STICK (Choudhury) and CREEP (He) S, J, start; CURVE R.
+    `start` is the offset of MV from OP before the first sample.
     """
     n = u.size
     v = np.empty(n)
@@ -101,7 +105,9 @@ def slewed(u, rate):
 
 @njit_cached
 def _respond(v, T, Td, out, weight):
-    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v` less its start, held."""
+    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v`
+    less its start, held.
+    """
     delay = math.floor(Td + 1e-9)
     late = max(Td - delay, 0.0)
     if T > 0.0:
@@ -143,7 +149,9 @@ def _respond(v, T, Td, out, weight):
 
 @njit_cached
 def _plants(v, T, Td, tau):
-    """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start (`tau` > 0: one more pole)."""
+    """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start
+    (`tau` > 0: one more pole).
+    """
     out = np.zeros(v.shape)
     if tau <= 1e-3:
         _respond(v, T, Td, out, 1.0)
@@ -166,7 +174,9 @@ def plant(v, T, Td, tau):
 
 @njit_cached
 def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
-    """Take one step of the covariance `P` and write the filter's gain; return the innovation's variance."""
+    """Take one step of the covariance `P` and write the filter's gain; return the innovation's
+    variance.
+    """
     s, S = h.size, r
     for i in range(s):
         Ph[i] = 0.0
@@ -196,7 +206,9 @@ def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
 
 @njit_cached
 def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances):
-    """Write gain, innovation variance and covariance of the samples from a jump on; return the last that differs."""
+    """Write gain, innovation variance and covariance of the samples from a jump on; return the last
+    that differs.
+    """
     for i in range(_REACH):
         if i < 2:
             P[level, level] += jump * jump
@@ -226,15 +238,18 @@ def whiten(
     jump=0.0,
     lasting=True,
 ):
-    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
+    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
+    variances.
 
-    The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
-    (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `tau`);
-    a random walk of `walk` per sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
-    With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`, a fifth and a 25th of it
-    (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start. At each of the
-    samples `jumps`, in order, and the one after it the load jumps by unknown heights of std `jump` (steady effect on PV). A
-    `lasting` jump stays, any other is the load's own and fades as the load does.
+    The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first
+    order) with steady effect `load` (std of its first stage, PV units), plus a random walk of
+    `load_walk` per sample, both through the plant's pole (and `tau`); a random walk of `walk` per
+    sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
+    With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`,
+    a fifth and a 25th of it (van der Ziel 1950). One steady-state gain serves all channels.
+    `spread` is the std of PV's unknown start. At each of the samples `jumps`, in order, and the one
+    after it the load jumps by unknown heights of std `jump` (steady effect on PV). A `lasting` jump
+    stays, any other is the load's own and fades as the load does.
     """
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
@@ -370,7 +385,8 @@ def whiten(
             out[0, k] = alone * scale
             x, x_new = x_new, x
             continue
-        # numbers that a loop over channels needs stand before it: only then is it compiled to vectors
+        # numbers that a loop over channels needs stand before it: only then is it compiled to
+        # vectors
         for c in range(m):
             nu[c] = channels[c, k]
         for q in range(shown):
@@ -397,10 +413,12 @@ def scan(
     u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis,
     jumps=None, jump=0.0, lasting=True,
 ):  # fmt: skip
-    """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and times itself, whitened.
+    """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and
+    times itself, whitened.
 
-    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
-    in the first SKIP samples; only the plant's answer is filtered anew for each point.
+    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less
+    its part along them, both 0 in the first SKIP samples; only the plant's answer is filtered anew
+    for each point.
     """
     total, n = points.shape[0], u.size
     out = np.empty((2, total))

@@ -23,10 +23,11 @@ INNER = "inner"  # a pole that every plant may have in place of some of its dead
 class Data:
     """What the engine needs of a record and its baseline.
 
-    `u`, `y` (n,): input of the plant (OP or MV, %) and PV; `K`, `T`, `Td` of the baseline in samples (T = 0: integrating, K
-    per sample); `noise`: stated std (PV units), 0 where none is; `resolution`: smallest step PV is written in; `late`: samples
-    by which OP answers PV late in the archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline
-    of higher order, the filter of unit gain between its input and that of the first-order plant.
+    `u`, `y` (n,): input of the plant (OP or MV, %) and PV; `K`, `T`, `Td` of the baseline in
+    samples (T = 0: integrating, K per sample); `noise`: stated std (PV units), 0 where none is;
+    `resolution`: smallest step PV is written in; `late`: samples by which OP answers PV late in the
+    archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline of
+    higher order, the filter of unit gain between its input and that of the first-order plant.
     """
 
     u: np.ndarray
@@ -75,7 +76,9 @@ class Data:
 
 @dataclass(frozen=True)
 class Free:
-    """A number of an effect that is searched, by its logarithm or not; `shapes`: it changes more than the noise model."""
+    """A number of an effect that is searched, by its logarithm or not; `shapes`: it changes more
+    than the noise model.
+    """
 
     name: str
     low: Callable[[Data], float]
@@ -112,7 +115,9 @@ _MAPS = {
 
 @dataclass(frozen=True)
 class Moves:
-    """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a compiled map, and as general."""
+    """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a
+    compiled map, and as general.
+    """
 
     mv: Callable[[np.ndarray, Mapping[str, float]], np.ndarray]
     free: tuple[Free, ...]
@@ -120,8 +125,8 @@ class Moves:
 
 @dataclass(frozen=True)
 class Spec:
-    """Which effects are switched on in the engine; `jumps` are the samples at which the load jumps, to stay
-    or to fade as the load does.
+    """Which effects are switched on in the engine; `jumps` are the samples at which the load jumps,
+    to stay or to fade as the load does.
     """
 
     free: frozenset[str] = frozenset()
@@ -175,8 +180,8 @@ class Spec:
 class Fit:
     """One candidate, fitted.
 
-    `loglik` holds the prior's penalties; `theta` the nonlinear parameters, `beta` the linear ones (plant gain first);
-    `residual` the standardised innovations.
+    `loglik` holds the prior's penalties; `theta` the nonlinear parameters, `beta` the linear ones
+    (plant gain first); `residual` the standardised innovations.
     """
 
     spec: Spec
@@ -211,7 +216,9 @@ def lag_of(theta: Mapping[str, float]) -> float:
 
 
 def jumps_of(spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, bool] | tuple[()]:
-    """Return where the load jumps, the std of the jumps and whether they last; nothing where it does not jump."""
+    """Return where the load jumps, the std of the jumps and whether they last; nothing where it
+    does not jump.
+    """
     return (np.array(spec.jumps), theta["load_jump"], spec.lasting) if spec.jumps else ()
 
 

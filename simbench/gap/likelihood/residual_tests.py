@@ -1,4 +1,6 @@
-"""What the best model leaves behind: tests of its innovations, on which the answer "unknown" rests."""
+"""What the best model leaves behind: tests of its innovations, on which the answer "unknown"
+rests.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty, valve_of
 from simbench.gap.likelihood.valve_map import lagged
 
-_NOTHING = 1e-4  # of PV's standard deviation: innovations below it are a simulation's, and nothing can be left behind in them
+# of PV's standard deviation: innovations below it are a simulation's, and nothing can be left
+# behind in them
+_NOTHING = 1e-4
 
 
 def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
@@ -30,10 +34,12 @@ def innovation_std(fit: Fit) -> float:
 
 
 def of_load(x: np.ndarray, at: np.ndarray, fit: Fit) -> bool:
-    """Return whether large innovations `at` some samples are shocks of the load, by the share that the next one keeps.
+    """Return whether large innovations `at` some samples are shocks of the load, by the share that
+    the next one keeps.
 
-    A load of memory `a` in noise is an ARMA(1, 1) whose moving average `b` is `a` times the noise's share of the innovations'
-    variance: after a shock of the load the next innovation keeps the share b, after one of the reading b - a.
+    A load of memory `a` in noise is an ARMA(1, 1) whose moving average `b` is `a` times the noise's
+    share of the innovations' variance: after a shock of the load the next innovation keeps the
+    share b, after one of the reading b - a.
     """
     at = at[at < x.size - 1]
     a = float(np.exp(-1.0 / fit.theta["load_time"]))
@@ -42,7 +48,9 @@ def of_load(x: np.ndarray, at: np.ndarray, fit: Fit) -> bool:
 
 
 def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
-    """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit."""
+    """Return nats that generic directions, which no effect of the vocabulary owns, would still
+    bring to a fit.
+    """
     out = {}
     for name, channels in directions(fit, engine.data).items():
         gain = engine.evaluate(fit.spec.join(Spec(channels=channels)), fit.theta)[0] - fit.loglik
@@ -53,8 +61,8 @@ def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
 def directions(fit: Fit, d: Data) -> dict[str, tuple[np.ndarray, ...]]:
     """Return signals by what would add them to PV.
 
-    `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the
-    record; `level`: a gain that changes with PV.
+    `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain
+    that changes along the record; `level`: a gain that changes with PV.
     """
     T, Td = (fit.theta["T"] if d.T > 0 else 0.0), fit.theta["Td"]
     v = valve_of(fit.spec, fit.theta, d.u)
@@ -79,10 +87,11 @@ def directions(fit: Fit, d: Data) -> dict[str, tuple[np.ndarray, ...]]:
 
 
 def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
-    """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when the model is whole.
+    """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when
+    the model is whole.
 
-    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that changes along the record,
-    other than with the flow, as turbulence makes it.
+    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that
+    changes along the record, other than with the flow, as turbulence makes it.
     """
     x = np.asarray(fit.residual)[kernels.SKIP :]
     x = np.clip(x, -6.0, 6.0) - np.mean(x)
@@ -104,7 +113,9 @@ def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
 
 
 def _bursts(x: np.ndarray) -> float:
-    """Return by how many standard deviations the variances of ten parts differ more than white noise lets them."""
+    """Return by how many standard deviations the variances of ten parts differ more than white
+    noise lets them.
+    """
     parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / (
         float(np.mean(x**2)) or 1.0
     )

@@ -1,4 +1,6 @@
-"""The search for a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, narrow down."""
+"""The search for a valve map's numbers, in which the likelihood is rough: scan, let the nuisances
+settle, narrow down.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ _HOPELESS = 4.0  # nats below the base from which a grid's best point is not wor
 
 
 def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
-    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down."""
+    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle,
+    scan again, narrow down.
+    """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
     own, nominal, *others = plants(engine, base)
@@ -79,7 +83,9 @@ def better(one: Fit | None, other: Fit) -> Fit:
 def scanned(
     engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray
 ) -> Fit:
-    """Return the fit at the best point of a valve map, looked for around the best of a coarse set."""
+    """Return the fit at the best point of a valve map, looked for around the best of a coarse
+    set.
+    """
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
     for i in np.argsort(-values):
@@ -101,9 +107,11 @@ def scanned(
 def followed(
     scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
-    """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many different ones.
+    """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many
+    different ones.
 
-    The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than broad hills elsewhere.
+    The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than
+    broad hills elsewhere.
     """
     rng = np.random.default_rng(0)
     for turn, spread in enumerate(_SPREADS):
@@ -128,7 +136,9 @@ def followed(
 
 
 def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
-    """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets peaks apart."""
+    """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets
+    peaks apart.
+    """
     cells = (
         np.column_stack([np.log(points[:, 0]) / _APART, points[:, 1] / points[:, 0] / _UNLIKE])
         // share
@@ -139,7 +149,9 @@ def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]
 
 
 def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
-    """Return points about one of a valve map: sizes within a share of it, the other number, and starts within the band."""
+    """Return points about one of a valve map: sizes within a share of it, the other number, and
+    starts within the band.
+    """
     a, b, _ = point
     sizes = a * (1 + share * np.linspace(-1.0, 1.0, 5))
     if kind == kernels.ZONE:
@@ -204,13 +216,17 @@ def promising(fit: Fit, base: Fit) -> bool:
 
 
 def band_sizes(data: Data, count: int) -> np.ndarray:
-    """Return widths to try, from next to none, lest a sound valve be none of the family, to beyond OP's range."""
+    """Return widths to try, from next to none, lest a sound valve be none of the family, to beyond
+    OP's range.
+    """
     span = float(np.quantile(data.u, 0.995) - np.quantile(data.u, 0.005)) or 1.0
     return span * np.concatenate([np.geomspace(0.001, 0.017, TINY), np.geomspace(0.02, 1.2, count)])
 
 
 def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
-    """Return the plants from which an effect is looked for: the base's, which has bent itself around it, and the baseline's."""
+    """Return the plants from which an effect is looked for: the base's, which has bent itself
+    around it, and the baseline's.
+    """
     d = engine.data
     out = [{"T": base.theta.get("T", 0.0), "Td": base.theta["Td"]}, {"T": d.T, "Td": d.Td}]
     # an identified plant has bent itself around the effect as well

@@ -1,4 +1,6 @@
-"""The valve judged by MV given OP alone: which map, with which numbers, turns one into the other."""
+"""The valve judged by MV given OP alone: which map, with which numbers, turns one into the
+other.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ Found = tuple[float, dict[str, float | str]]
 
 
 class MapSearch:
-    """Looks for the map from OP to MV; its answers are nats over the baseline's valve, numbers paid for, and parameters.
+    """Looks for the map from OP to MV; its answers are nats over the baseline's valve, numbers paid
+    for, and parameters.
 
     Parameters
     ----------
@@ -57,16 +60,19 @@ class MapSearch:
         self.healthy = min(self.level(expected), self.level(self.moved(kernels.PLAY, band, 0.0)))
 
     def level(self, v: np.ndarray) -> float:
-        """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's valve is known."""
+        """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's
+        valve is known.
+        """
         fine = (1e-3 * self.span) ** 2
         v = lagged(v, self.lag, self.mv[0])
         return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
         """Return the answer for a model of that level with `count` fitted numbers."""
-        return max(
-            float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS
-        ), parameters
+        return (
+            max(float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS),
+            parameters,
+        )
 
     def best(
         self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float
@@ -87,7 +93,9 @@ class MapSearch:
     def zoom(
         self, kind: int, names: tuple[str, ...], grid: list[tuple[float, float]], count: float
     ) -> Found:
-        """Return the answer for a compiled map: a grid over its one or two numbers, its best points followed down."""
+        """Return the answer for a compiled map: a grid over its one or two numbers, its best points
+        followed down.
+        """
         return self.best(self.peaks(kind, grid), names, count)
 
     def slipping(
@@ -95,8 +103,8 @@ class MapSearch:
     ) -> Found:
         """Return the answer for a compiled map with a jump, J tried as shares of S.
 
-        One slip missed spoils all that follow, and the longer a record the narrower are its peaks: they are looked for in a
-        short stretch as well.
+        One slip missed spoils all that follow, and the longer a record the narrower are its peaks:
+        they are looked for in a short stretch as well.
         """
         part = self.stretch()
 
@@ -123,7 +131,9 @@ class MapSearch:
         return MapSearch(self.op[here], self.mv[here], self.Ts, self.op[here], lag=self.lag)
 
     def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
-        """Return level and numbers at the bottoms below the best few points of a grid: peaks are narrow, of several depths."""
+        """Return level and numbers at the bottoms below the best few points of a grid: peaks are
+        narrow, of several depths.
+        """
 
         def tried(points: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
             return sorted((self.level(self.moved(kind, a, b)), a, b) for a, b in points)
@@ -142,7 +152,9 @@ class MapSearch:
 
 
 def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
-    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest; itself behind none."""
+    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest;
+    itself behind none.
+    """
     if tau <= 0.0:
         return op
     a, start = np.exp(-1.0 / tau), op[0] if first is None else first

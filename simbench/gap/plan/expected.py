@@ -1,4 +1,6 @@
-"""What a test may be expected to tell: today's explanations simulated under it, and judged by one another."""
+"""What a test may be expected to tell: today's explanations simulated under it, and judged by one
+another.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +29,21 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 _TESTS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "fast", "lab")
 _LIKELY = 0.02  # probability from which an explanation is simulated
-_SETTLED = 0.9  # probability from which nothing is asked: such answers are right, and another record can only unsettle them
+# probability from which nothing is asked: such answers are right, and another record can only
+# unsettle them
+_SETTLED = 0.9
 _LOOK_ALIKE = 0.05  # of the likeliest's probability, that what gives the same signals has at least
-_CERTAIN = 10.0  # times a limit, from which "unknown" rests on single samples, the law or MV, and not on statistics
-_KNOWN = 0.34  # of another "unknown" that one test takes away, whichever it is (median of 69 development tests) ...
-_REFUTED = 0.75  # ... and that is some known effect's where a simulation that failed stands behind it (4 records of 4)
-_NOTHING = 0.02  # gain in the probability of a right answer, and information in nats, up to which a test tells nothing
+# times a limit, from which "unknown" rests on single samples, the law or MV, and not on statistics
+_CERTAIN = 10.0
+# of another "unknown" that one test takes away, whichever it is (median of 69 development tests)
+# ...
+_KNOWN = 0.34
+# ... and that is some known effect's where a simulation that failed stands behind it (4 records of
+# 4)
+_REFUTED = 0.75
+# gain in the probability of a right answer, and information in nats, up to which a test tells
+# nothing
+_NOTHING = 0.02
 _MV_NOISE = 0.1  # % that a stem's position is known to
 _NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 _APART = 3.0  # nats, tempered, from which two explanations count as separated
@@ -42,8 +53,8 @@ _APART = 3.0  # nats, tempered, from which two explanations count as separated
 class Expected:
     """A test and what it may be expected to tell.
 
-    `nats` (runs, explanations, explanations): log-likelihood of what each explanation (second axis) makes of the test under
-    each (third).
+    `nats` (runs, explanations, explanations): log-likelihood of what each explanation (second axis)
+    makes of the test under each (third).
     """
 
     trial: Trial
@@ -56,7 +67,9 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 class PlannedTests:
-    """Tests by what they may be expected to tell, best first; the best pair; or why none would tell anything."""
+    """Tests by what they may be expected to tell, best first; the best pair; or why none would tell
+    anything.
+    """
 
     effects: tuple[str, ...]
     probability: np.ndarray
@@ -78,19 +91,27 @@ class PlannedTests:
         if one is None:
             return None
         return {
-            "test": one.trial.id, "size": one.trial.size, "hold_s": one.trial.hold_s, "separates": self.separated(one),
-            "p_right_after": one.p_right, "says": one.trial.says,
-        }  # fmt: skip
+            "test": one.trial.id,
+            "size": one.trial.size,
+            "hold_s": one.trial.hold_s,
+            "separates": self.separated(one),
+            "p_right_after": one.p_right,
+            "says": one.trial.says,
+        }
 
     def as_json(self) -> dict[str, Any]:
         """Return the plan as the contract has it."""
         tests = [
             {
-                "id": x.trial.id, "settings": x.trial.settings, "information": x.information, "p_right": x.p_right,
-                "minutes": x.trial.minutes, "pv_excursion": x.pv_excursion,
+                "id": x.trial.id,
+                "settings": x.trial.settings,
+                "information": x.information,
+                "p_right": x.p_right,
+                "minutes": x.trial.minutes,
+                "pv_excursion": x.pv_excursion,
             }
             for x in self.tests
-        ]  # fmt: skip
+        ]
         return {"tests": tests, "pair": list(self.pair), "why": self.sentence()}
 
     def sentence(self) -> str:
@@ -112,7 +133,8 @@ class PlannedTests:
         if self.tests:
             lines += ["", "p_right  information  minutes  PV excursion  test"]
         lines += [
-            f"{x.p_right:7.2f}  {x.information:11.2f}  {x.trial.minutes:7.0f}  {x.pv_excursion:12.3g}  {x.trial.says}"
+            f"{x.p_right:7.2f}  {x.information:11.2f}  {x.trial.minutes:7.0f} "
+            f" {x.pv_excursion:12.3g}  {x.trial.says}"
             for x in self.tests
         ]
         return "\n".join(lines + [f"left out: {why}" for why in self.left_out])
@@ -125,10 +147,17 @@ class PlannedTests:
 
 
 def plan(
-    found: Assessment, probability: Mapping[str, float], loops: ClosedLoops, limits: Limits | None = None, most: int = 6,
-    runs: int = 2, tests: Sequence[str] = _TESTS,
-) -> PlannedTests:  # fmt: skip
-    """Simulate every test of the menu under the likeliest explanations and say what each would tell."""
+    found: Assessment,
+    probability: Mapping[str, float],
+    loops: ClosedLoops,
+    limits: Limits | None = None,
+    most: int = 6,
+    runs: int = 2,
+    tests: Sequence[str] = _TESTS,
+) -> PlannedTests:
+    """Simulate every test of the menu under the likeliest explanations and say what each would
+    tell.
+    """
     s, limits = found.situation, limits or Limits()
     first = _open_beside(found, probability)
     probability = _second(found) if first else probability
@@ -201,7 +230,9 @@ def plan(
 def _believed(
     found: Assessment, probability: Mapping[str, float]
 ) -> tuple[dict[str, float], float]:
-    """Return probabilities of the known explanations as a test finds them, and that of "unknown" which it leaves."""
+    """Return probabilities of the known explanations as a test finds them, and that of "unknown"
+    which it leaves.
+    """
     p = {e: float(x) for e, x in probability.items() if e != UNKNOWN}
     unknown = float(probability.get(UNKNOWN, 0.0))
     first = max(probability, key=lambda e: probability[e])
@@ -219,7 +250,9 @@ def _believed(
 
 
 def _open_beside(found: Assessment, probability: Mapping[str, float]) -> list[str]:
-    """Return the effect that OP alone proves, if a second is named beside it by likelihood only; none otherwise."""
+    """Return the effect that OP alone proves, if a second is named beside it by likelihood only;
+    none otherwise.
+    """
     first, second = found.chosen[:1], found.chosen[1:]
     by_op = [
         e
@@ -257,7 +290,10 @@ def _no_need(found: Assessment, probability: Mapping[str, float], effects: Seque
         _seen_by("lab", e) for e in _look_alikes(found, first)
     )
     if probability[first] >= _SETTLED and not unsettled:
-        return f"{first} has a probability of {probability[first]:.2f}; another record would sooner unsettle it than tell more"
+        return (
+            f"{first} has a probability of {probability[first]:.2f}; another record would sooner"
+            " unsettle it than tell more"
+        )
     if first == UNKNOWN and found.worst_test[0] >= _CERTAIN:
         said = found.unexplained[found.worst_test[1]]
         return f"no known effect explains it ({said}), which no test on the menu would change"
@@ -267,7 +303,9 @@ def _no_need(found: Assessment, probability: Mapping[str, float], effects: Seque
 
 
 def _seen_by(id_: str, effect: str) -> bool:
-    """Return whether a test observes an effect by itself: MV a valve's, lab samples a sensor's, a long one the load again."""
+    """Return whether a test observes an effect by itself: MV a valve's, lab samples a sensor's, a
+    long one the load again.
+    """
     if effect == NONE:
         return False
     if id_ == "sp_steps":
@@ -276,7 +314,9 @@ def _seen_by(id_: str, effect: str) -> bool:
 
 
 def _told(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float, float]:
-    """Return expected information (nats) and probability of a right answer after a test; what is not simulated stays open."""
+    """Return expected information (nats) and probability of a right answer after a test; what is
+    not simulated stays open.
+    """
     share = p / p.sum()
     log = np.log(np.maximum(share, 1e-12))
     after = softmax(log + TEMPERATURE * nats, axis=2)
@@ -298,7 +338,8 @@ def _nats(
             for b, effect in enumerate(effects):
                 apart = _seen_by(trial.id, effect) != _seen_by(trial.id, made_by)
                 out[i, a, b] = _level(trial, record, found, effect) - apart * _APART / TEMPERATURE
-    # on average nothing explains a test better than what made it (Gibbs); a fit that does was merely found sooner
+    # on average nothing explains a test better than what made it (Gibbs); a fit that does was
+    # merely found sooner
     mean = out.mean(axis=0)
     return out - np.maximum(mean - np.diag(mean)[:, None], 0.0)
 
@@ -326,7 +367,9 @@ def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str) -> 
 
 
 def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -> float:
-    """Return the log-likelihood of a test under a fit: its plant held as a baseline is, its effect as fitted, loads free."""
+    """Return the log-likelihood of a test under a fit: its plant held as a baseline is, its effect
+    as fitted, loads free.
+    """
     spec = replace(fit.spec, channels=(), jumps=(), free=frozenset(), start=0.0)
     if by_mv:
         spec = replace(

@@ -1,4 +1,6 @@
-"""The menu of tests, sized for one loop and kept within limits; each simulated on a loop file as a person would do it."""
+"""The menu of tests, sized for one loop and kept within limits; each simulated on a loop file as a
+person would do it.
+"""
 
 from __future__ import annotations
 
@@ -35,14 +37,18 @@ _SAYS = {
     "stairs": "in manual, move OP in small stairs of {size:.3g} %: up, down, up, {hold:.0f} s each",
     "still": "in manual, leave OP where it is for {minutes:.0f} min",
     "fast": "log the same loop four times as fast for {minutes:.0f} min",
-    "lab": "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab",
+    "lab": (
+        "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab"
+    ),
 }
 ACTIVE = ("sp_steps", "bump", "stairs")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a test may do to the plant: ranges of PV and OP, how far PV and OP may leave where they stand, how long it lasts."""
+    """What a test may do to the plant: ranges of PV and OP, how far PV and OP may leave where they
+    stand, how long it lasts.
+    """
 
     pv: tuple[float, float] = (-np.inf, np.inf)
     op: tuple[float, float] = (0.0, 100.0)
@@ -52,7 +58,9 @@ class Limits:
 
 
 def read_limits(path: str | Path) -> Limits:
-    """Read limits: `pv` and `op` as [lo, hi] or as tables of lo, hi and excursion or travel; `minutes`."""
+    """Read limits: `pv` and `op` as [lo, hi] or as tables of lo, hi and excursion or travel;
+    `minutes`.
+    """
     plain, out = Limits(), {}
     for name, value in _flat(read_toml(path)).items():
         if name not in Limits.__dataclass_fields__:
@@ -71,7 +79,8 @@ def read_limits(path: str | Path) -> Limits:
             )
         if not (numbers[0] < numbers[-1] if pair else numbers[0] > 0):
             raise ParameterError(
-                f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is needed"
+                f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is"
+                " needed"
             )
         out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
     return Limits(**out)
@@ -93,7 +102,9 @@ def _flat(table: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in automatic)."""
+    """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in
+    automatic).
+    """
 
     id: str
     size: float
@@ -161,9 +172,11 @@ class Trial:
 def sized(
     id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
 ) -> tuple[Trial | None, str, float]:
-    """Return a test within limits, or None and why there is none, and PV's largest excursion on the explanations' loops.
+    """Return a test within limits, or None and why there is none, and PV's largest excursion on the
+    explanations' loops.
 
-    `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it can stick.
+    `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
+    can stick.
     """
     d, Ts = s.data, s.record.Ts
     gain = abs(d.K)
@@ -237,7 +250,9 @@ def _trial(id_: str, size: float, pace: float, integrating: bool, Ts: float, n: 
 def _excursion(
     trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Limits
 ) -> tuple[float, bool]:
-    """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay within limits."""
+    """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay
+    within limits.
+    """
     if trial.id in ("mv", "fast", "lab"):
         # as operated: what PV does anyway
         return float(np.abs(s.record.pv - s.sp).max()), True

@@ -1,4 +1,6 @@
-"""The page of a discovery: where the record differs, the law that describes it, and the simulation with the law in it."""
+"""The page of a discovery: where the record differs, the law that describes it, and the simulation
+with the law in it.
+"""
 
 from __future__ import annotations
 
@@ -32,15 +34,20 @@ def write_law_page(found: Discovery, path: str | Path) -> None:
         sections.append({"id": "look", "title": "Record and simulation", "body": _beside(found)})
     tag = found.situation.record.tag
     text = _render(
-        "page.html", title=f"{tag or 'Record'} beside its simulation", subtitle="A law for what has no name", sections=sections,
+        "page.html",
+        title=f"{tag or 'Record'} beside its simulation",
+        subtitle="A law for what has no name",
+        sections=sections,
         footer=f"simbench {version('stiction-simbench')}",
-    )  # fmt: skip
+    )
     with whole_file(path) as f:
         f.write(text)
 
 
 def law_section(found: Discovery) -> Markup:
-    """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and its certificate."""
+    """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and
+    its certificate.
+    """
     law, g = found.law, found.gap
     if law is None or g is None:
         return _render(
@@ -50,7 +57,10 @@ def law_section(found: Discovery) -> Markup:
         (law.block, "block"),
         (
             f"{law.nats:.0f}",
-            f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no form held)",
+            (
+                f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no"
+                " form held)"
+            ),
         ),
         (
             f"{g.recalibrated:.2f} to {g.after:.2f}",
@@ -61,12 +71,16 @@ def law_section(found: Discovery) -> Markup:
     rules = LAW_FORMS[law.form].numbers
     rows = [
         {
-            "number": name, "value": f"{value:.4g}", "unit": rules[name].unit,
-            "interval": "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else "",
+            "number": name,
+            "value": f"{value:.4g}",
+            "unit": rules[name].unit,
+            "interval": (
+                "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else ""
+            ),
             "what it is": rules[name].says,
         }
         for name, value in law.numbers.items()
-    ]  # fmt: skip
+    ]
     where = inline_svg(
         law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"
     )

@@ -1,4 +1,6 @@
-"""Pictures of a law: where in the record it acts, the law in its coordinates with an interval, what is lacking."""
+"""Pictures of a law: where in the record it acts, the law in its coordinates with an interval, what
+is lacking.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,9 @@ def draw_law(found: Discovery) -> Figure:
 
 @styled
 def draw_lacking(lacks: Lacking) -> Figure:
-    """Draw the features in which the record differs from its simulation in every stretch of it, as bars."""
+    """Draw the features in which the record differs from its simulation in every stretch of it, as
+    bars.
+    """
     rows = lacks.features[:8][::-1]
     figure, grid = panels(1, 1, _WIDTH, 0.9 + 0.34 * len(rows))
     axes: Axes = grid[0, 0]
@@ -85,8 +89,8 @@ def draw_lacking(lacks: Lacking) -> Figure:
 
 
 def law_curve(found: Discovery, numbers: dict[str, float] | None = None) -> _Curve | None:
-    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law in the loop; None where
-    the law has no curve.
+    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a
+    law in the loop; None where the law has no curve.
     """
     s, law = found.situation, found.law
     assert law is not None

@@ -1,4 +1,6 @@
-"""The page of a diagnosis: one HTML file that asks for nothing, from the answer in one sentence to what to do next."""
+"""The page of a diagnosis: one HTML file that asks for nothing, from the answer in one sentence to
+what to do next.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ _MEANING = {
 def write_page(
     report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None
 ) -> None:
-    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone; `told`: its story."""
+    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone;
+    `told`: its story.
+    """
     tag = report.behind.found.situation.record.tag
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),
@@ -151,7 +155,9 @@ def _look(report: GapReport) -> Markup:
 
 
 def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
-    """Return the sections of an unknown effect: what it looks like, and what of the record the simulation lacks."""
+    """Return the sections of an unknown effect: what it looks like, and what of the record the
+    simulation lacks.
+    """
     if report.looks_like is None:
         return []
     lacks = report.behind.loops.lacking

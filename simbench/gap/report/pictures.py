@@ -1,4 +1,6 @@
-"""Pictures of a diagnosis: the loop as blocks, traces, PV over OP, spectra, probabilities, and the gap as bars."""
+"""Pictures of a diagnosis: the loop as blocks, traces, PV over OP, spectra, probabilities, and the
+gap as bars.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,13 @@ from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 _WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
 LOOK = {
-    RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-"),
+    RECORD: (BLACK, "-"),
+    BASELINE: (BLUE, "--"),
+    TUNED: (GREEN, "-."),
+    FIXED: (RED, "-"),
+    NEAREST: (ORANGE, "-"),
     "with the law": (RED, "-"),
-}  # fmt: skip
+}
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
 _BOXES = {
@@ -42,10 +48,16 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
     y, low = 1.05 + _HIGH / 2, 0.12 + _HIGH / 2
     first, second = 0.44, 3.1
     lines: list[Sequence[tuple[float, float]]] = [
-        ((0.02, y), (first - 0.09, y)), ((first + 0.09, y), (0.72, y)), ((1.64, y), (2.0, y)), ((2.72, y), (second - 0.09, y)),
-        ((second + 0.09, y), (3.35, y)), ((4.17, y), (4.58, y)), ((second, 1.95), (second, y + 0.09)),
-        ((4.37, y), (4.37, low), (2.94, low)), ((2.12, low), (first, low), (first, y - 0.09)),
-    ]  # fmt: skip
+        ((0.02, y), (first - 0.09, y)),
+        ((first + 0.09, y), (0.72, y)),
+        ((1.64, y), (2.0, y)),
+        ((2.72, y), (second - 0.09, y)),
+        ((second + 0.09, y), (3.35, y)),
+        ((4.17, y), (4.58, y)),
+        ((second, 1.95), (second, y + 0.09)),
+        ((4.37, y), (4.37, low), (2.94, low)),
+        ((2.12, low), (first, low), (first, y - 0.09)),
+    ]
     for points in lines:
         _arrow(axes, points)
     for x in (first, second):
@@ -80,7 +92,9 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
 def draw_traces(
     signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
 ) -> Figure:
-    """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes."""
+    """Draw one signal over time: the record on top, a panel per simulation below, all on the same
+    axes.
+    """
     every = {RECORD: record, **runs}
     figure, grid = panels(len(every), 1, _WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
     fill_traces(list(grid[:, 0]), signal, every, start, stop)
@@ -107,7 +121,9 @@ def fill_traces(
 def draw_loops(
     across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
 ) -> Figure:
-    """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes."""
+    """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same
+    axes.
+    """
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
     figure, grid = panels(rows, 2, _WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
@@ -134,7 +150,9 @@ def draw_loops(
 
 @styled
 def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
-    """Draw the power spectra of PV and OP over the whole length, record and simulations in one panel each."""
+    """Draw the power spectra of PV and OP over the whole length, record and simulations in one
+    panel each.
+    """
     figure, grid = panels(2, 1, _WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
         for name, trace in {**runs, RECORD: record}.items():
@@ -156,7 +174,9 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
 
 
 def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (1/s) and power density by Welch's averages of at least seven half-overlapping pieces."""
+    """Return frequencies (1/s) and power density by Welch's averages of at least seven
+    half-overlapping pieces.
+    """
     f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
@@ -179,7 +199,9 @@ def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float
 
 @styled
 def draw_gap(sizes: Mapping[str, float]) -> Figure:
-    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone gives."""
+    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone
+    gives.
+    """
     figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(grid[0, 0], sizes)
     return figure

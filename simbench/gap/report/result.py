@@ -33,7 +33,9 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Gap:
-    """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard deviations."""
+    """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard
+    deviations.
+    """
 
     before: float
     recalibrated: float
@@ -46,8 +48,8 @@ class Gap:
 class DiagnosisDetails:
     """What stands behind an answer, for text, page and loop file.
 
-    `detectable` holds, per effect, the smallest size that would have shown, with its unit; `after_tests`, per test, the
-    probability that the first answer is right after it.
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit;
+    `after_tests`, per test, the probability that the first answer is right after it.
     """
 
     found: Assessment
@@ -64,7 +66,8 @@ class GapReport:
     Parameters
     ----------
     block : str
-        Block of the first effect; "none", or for "unknown" the block whose teacher-forced residual fails.
+        Block of the first effect; "none", or for "unknown" the block whose teacher-forced residual
+        fails.
     effect : str
         Effect id, "none" or "unknown".
     effects : tuple of dict
@@ -79,11 +82,12 @@ class GapReport:
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
     next_test : dict or None
-        The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its reason in the notes, where
-        nothing on the menu would help.
+        The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its
+        reason in the notes, where nothing on the menu would help.
     notes : tuple of str
     conclusion : Conclusion
-        Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over the records.
+        Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
+        the records.
     behind : Behind
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
@@ -137,7 +141,8 @@ class GapReport:
         Returns
         -------
         DataFrame
-            effect, block, probability, gap_before, gap_after, and the parameters as text; most probable first.
+            effect, block, probability, gap_before, gap_after, and the parameters as text; most
+            probable first.
         """
         import pandas as pd
 
@@ -177,7 +182,8 @@ class GapReport:
         return [e["effect"] for e in self.effects if e["effect"] not in (NONE, UNKNOWN)]
 
     def fixed_loop(self) -> Loop:
-        """Return the baseline with the named effects, the identified load and the record's set point in it.
+        """Return the baseline with the named effects, the identified load and the record's set
+        point in it.
 
         Where no known effect is named, the loop is recalibrated and nothing is added.
 
@@ -197,14 +203,21 @@ class GapReport:
         if self.effect == NONE:
             if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
                 return (
-                    f"No known effect is called for, but the simulation still differs from the record: gap "
-                    f"{self.gap.recalibrated:.2f} against a floor of {self.gap.floor:.2f}."
+                    "No known effect is called for, but the simulation still differs from the"
+                    f" record: gap {self.gap.recalibrated:.2f} against a floor of"
+                    f" {self.gap.floor:.2f}."
                 )
-            return "No unmodelled effect is needed: the simulation explains the record within its seed-to-seed spread."
+            return (
+                "No unmodelled effect is needed: the simulation explains the record within its"
+                " seed-to-seed spread."
+            )
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
             near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
-            said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
+            said = (
+                f"Something is missing in the {self.block} block that no known effect explains"
+                f" (probability {p:.2f})"
+            )
             return f"{said}; closest: {words(near)}."
         found = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
         names = " and ".join(
@@ -245,8 +258,8 @@ class GapReport:
             )
         g = self.gap
         lines.append(
-            f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"
-            + ("" if g.resolvable else " (not resolvable)")
+            f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f},"
+            f" floor {g.floor:.2f}" + ("" if g.resolvable else " (not resolvable)")
         )
         if self.shrinkage:
             s = self.shrinkage

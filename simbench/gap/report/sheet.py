@@ -1,4 +1,6 @@
-"""One picture of a diagnosis: the record, its simulation without and with the effect, which effect, how far it helps."""
+"""One picture of a diagnosis: the record, its simulation without and with the effect, which effect,
+how far it helps.
+"""
 
 from __future__ import annotations
 

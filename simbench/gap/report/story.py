@@ -1,4 +1,6 @@
-"""The story of a diagnosis that asked: what was believed before, which tests were run, what they changed."""
+"""The story of a diagnosis that asked: what was believed before, which tests were run, what they
+changed.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ _WIDTH = 4.6  # inches
 
 
 def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
-    """Return what was believed without the tests, what was asked and why, and what it changed; the records drawn."""
+    """Return what was believed without the tests, what was asked and why, and what it changed; the
+    records drawn.
+    """
     chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
     shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= _SEEN]
     frame = pd.DataFrame(
@@ -39,7 +43,9 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
             "svg": inline_svg(
                 _draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"
             ),
-            "caption": f"{test.name}: PV with its set point, and OP; the operator's part is shaded.",
+            "caption": (
+                f"{test.name}: PV with its set point, and OP; the operator's part is shaded."
+            ),
         }
         for i, test in enumerate(tests)
     ]

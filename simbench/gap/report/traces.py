@@ -1,4 +1,6 @@
-"""The loops behind a report (baseline, recalibrated, fixed) and one simulated record of each beside the plant's."""
+"""The loops behind a report (baseline, recalibrated, fixed) and one simulated record of each beside
+the plant's.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ BASELINE, TUNED, FIXED, NEAREST = (
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Signals to draw: OP in %, PV and SP in PV units, MV in % or None, each of shape (n,), every `Ts` s."""
+    """Signals to draw: OP in %, PV and SP in PV units, MV in % or None, each of shape (n,), every
+    `Ts` s.
+    """
 
     op: np.ndarray
     pv: np.ndarray
@@ -39,7 +43,9 @@ class Traces:
 
 
 def nearest(report: GapReport) -> list[str]:
-    """Return the known effect closest to an unknown one, in a list; empty where the answer is known or nothing comes close."""
+    """Return the known effect closest to an unknown one, in a list; empty where the answer is known
+    or nothing comes close.
+    """
     fitted = [r.effect for r in report.ranking if r.effect in EFFECTS and r.gap_after is not None]
     return fitted[:1] if report.effect == UNKNOWN else []
 
@@ -57,7 +63,9 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
 
 
 def kick_of(report: GapReport, effects: list[str]) -> float:
-    """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
+    """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at
+    rest may stay there.
+    """
     return max(
         (
             recogniser(r.effect).initial_op_offset(r.parameters)
@@ -76,7 +84,9 @@ def recorded(report: GapReport) -> Traces:
 
 
 def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
-    """Simulate the record's length with the baseline, the recalibrated loop and the loop with the named (or nearest) effect."""
+    """Simulate the record's length with the baseline, the recalibrated loop and the loop with the
+    named (or nearest) effect.
+    """
     runs, effects, close = report.behind.loops, report.named, nearest(report)
     runs.shrink(effects)
     before, tuned, _ = runs.kept[tuple(effects)]

@@ -1,4 +1,6 @@
-"""What single samples tell of the sensor and the archive: lattices, straight lines, spikes, holds."""
+"""What single samples tell of the sensor and the archive: lattices, straight lines, spikes,
+holds.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,12 @@ from detectors.signal.tails import heavy_tails
 class Samples:
     """Sample-level findings on PV.
 
-    `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
-    `straight` the share of samples on a straight line with both neighbours beyond chance, `spikes` the indices of isolated
-    points, `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in
-    standstills longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the
-    noise.
+    `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser
+    than that (0 = none), `straight` the share of samples on a straight line with both neighbours
+    beyond chance, `spikes` the indices of isolated points, `heights` how far off they are, `held`
+    the longest exact standstill in samples, `stuck` the share of samples in standstills longer than
+    rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
+    the noise.
     """
 
     resolution: float
@@ -45,7 +48,8 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
     unit, step = is_written.unit, is_written.step
     rounding = max(unit, step)
     spikes, heights = isolated(pv, rounding)
-    # a spike is off the line of its neighbours, and in the line of four: where more is wide, that is not the spikes
+    # a spike is off the line of its neighbours, and in the line of four: where more is wide, that
+    # is not the spikes
     most = min(5.0 * spikes.size / len(pv), 0.5)
     heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most)
     if heavy:

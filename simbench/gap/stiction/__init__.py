@@ -1,1 +1,3 @@
-"""How probable it is that a valve sticks: friction weighed on one record, the one number that every verb shows."""
+"""How probable it is that a valve sticks: friction weighed on one record, the one number that every
+verb shows.
+"""

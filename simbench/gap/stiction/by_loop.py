@@ -1,4 +1,6 @@
-"""The conclusion on a loop from all of its records, and how the conclusions on loops and on units agree with labels."""
+"""The conclusion on a loop from all of its records, and how the conclusions on loops and on units
+agree with labels.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ def as_lines(
 ) -> list[str]:
     """Return a table of one line per loop, and how often loops and units agree with their labels.
 
-    The probability of a loop is that of the mean of its records' log-odds; a record that cannot be judged has none.
+    The probability of a loop is that of the mean of its records' log-odds; a record that cannot be
+    judged has none.
     """
     loops = _concluded(conclusions, labels, "loop")
     rows = [
@@ -35,7 +38,9 @@ def as_lines(
 def _concluded(
     conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]], key: str
 ):
-    """Return records, probability and verdict of each group of records that share a key and a label."""
+    """Return records, probability and verdict of each group of records that share a key and a
+    label.
+    """
     groups: dict[tuple[str, str], list[float | None]] = {}
     for name, found in conclusions.items():
         if name in labels:
@@ -59,6 +64,7 @@ def _score(what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, 
     others = [said for (_, label), said in labelled.items() if label != STICTION]
     open_ = sum(said == NO_DECISION for said in labelled.values())
     return (
-        f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction and in"
-        f" {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)} cannot tell."
+        f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction"
+        f" and in {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)}"
+        " cannot tell."
     )

@@ -1,4 +1,6 @@
-"""The loops that may stand behind a record: one with a sound valve, one with friction, each with its own load and noise."""
+"""The loops that may stand behind a record: one with a sound valve, one with friction, each with
+its own load and noise.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +36,13 @@ ARCHIVE = (
 
 @dataclass(frozen=True, eq=False)
 class CandidateLoops:
-    """What may stand behind a record (OP in %): loops without friction, the most plausible first, and the one with friction.
+    """What may stand behind a record (OP in %): loops without friction, the most plausible first,
+    and the one with friction.
 
-    `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an oscillation from outside, bring
-    over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is;
-    `visible` is the smallest S (%) that the record would have shown, infinite where no size would.
+    `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
+    oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
+    `percent` how many units of the record's own OP one % is; `visible` is the smallest S (%) that
+    the record would have shown, infinite where no size would.
     """
 
     record: LoopRecord
@@ -63,7 +67,9 @@ class CandidateLoops:
 def candidate_loops(
     record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
 ) -> CandidateLoops:
-    """Identify the loop behind a record, with a sound valve and with friction; `found` where it was assessed already."""
+    """Identify the loop behind a record, with a sound valve and with friction; `found` where it was
+    assessed already.
+    """
     notes = []
     weighed = friction_of(record) if loop is None else friction(record, loop, found)
     record, percent = in_percent(record)
@@ -84,14 +90,25 @@ def candidate_loops(
     )
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
-        record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
-        swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
-        max(float(gains.get(OUTSIDE, 0.0)), 0.0), sizes.get(FRICTION, (float("inf"), ""))[0],
-    )  # fmt: skip
+        record,
+        tuple(healthy),
+        sticky,
+        weighed.fitted,
+        weighed.evidence.gain,
+        weighed.log_odds,
+        loop is not None,
+        swing.period_s if swing.sustained else None,
+        percent,
+        (*notes, *found.situation.notes),
+        max(float(gains.get(OUTSIDE, 0.0)), 0.0),
+        sizes.get(FRICTION, (float("inf"), ""))[0],
+    )
 
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
-    """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
+    """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes
+    it out.
+    """
     table = without(loop, (FRICTION,)).to_table()
     if S > 0:
         table["effect"] = [

@@ -1,4 +1,6 @@
-"""Why a loop moves: every cause with what speaks for and against it; none is named because the others are not."""
+"""Why a loop moves: every cause with what speaks for and against it; none is named because the
+others are not.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
 _NEAR = (
     1.4  # factor between the period of the loop and that of its resonance up to which they are one
 )
-_NOISY = 0.75  # share of PV's variance that changes from sample to sample, from which it is noise that moves the valve
+# share of PV's variance that changes from sample to sample, from which it is noise that moves the
+# valve
+_NOISY = 0.75
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,9 @@ class Cause:
 
 @dataclass(frozen=True)
 class Causes:
-    """The cause named, or "cannot tell" with why, and every cause that was weighed, likeliest first."""
+    """The cause named, or "cannot tell" with why, and every cause that was weighed, likeliest
+    first.
+    """
 
     named: Cause
     weighed: tuple[Cause, ...]
@@ -83,7 +89,8 @@ def _line(c: Cause) -> str:
 def find_causes(
     prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
 ) -> Causes:
-    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that cannot be told.
+    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that
+    cannot be told.
 
     `root` is the loop that drives it, `sure` that loop's probability of stiction.
     """
@@ -104,11 +111,16 @@ def find_causes(
             else float("nan")
         )
     weighed = [
-        _stiction(behind, keeps), _tuning(known, swing, keeps, periods), _outside(behind, swing, keeps, periods),
+        _stiction(behind, keeps),
+        _tuning(known, swing, keeps, periods),
+        _outside(behind, swing, keeps, periods),
         _sensor(prepared, behind),
-    ]  # fmt: skip
+    ]
     if root is not None:
-        why = f"shares period, phase and time with {root}, whose valve sticks with probability {sure:.2f}"
+        why = (
+            f"shares period, phase and time with {root}, whose valve sticks with probability"
+            f" {sure:.2f}"
+        )
         weighed.append(Cause(NEIGHBOUR, sure, (why,)))
     weighed.append(_nothing(behind, swing, known))
     weighed.sort(key=lambda c: -c.confidence)
@@ -163,7 +175,10 @@ def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
     )
     bare = behind.fitted is not None and behind.fitted[1] < _BARE * behind.fitted[0]
     if bare and keeps > _KEPT[1] and behind.healthy[0].plant.type == "foptd":
-        why = "a band without a jump makes no self-regulating loop swing, and the swing keeps its phase as one from outside"
+        why = (
+            "a band without a jump makes no self-regulating loop swing, and the swing keeps its"
+            " phase as one from outside"
+        )
         return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better + size,), (why,))
     return Cause(STICKING, p, (better + size,))
 
@@ -175,7 +190,10 @@ def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: fl
     if not swing.sustained:
         return Cause(TIGHT, 0.0, (), ("the loop does not swing", said))
     if keeps > _KEPT[0]:
-        kept = f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does that noise keeps swinging"
+        kept = (
+            f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does"
+            " that noise keeps swinging"
+        )
         return Cause(TIGHT, 0.1, (), (kept, said))
     if np.isnan(keeps):
         few = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
@@ -200,7 +218,10 @@ def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: 
     said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
     if keeps < _KEPT[0]:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
-    gained = f"an oscillation from outside explains the record better than none (log-likelihood +{behind.outside:.0f})"
+    gained = (
+        "an oscillation from outside explains the record better than none (log-likelihood"
+        f" +{behind.outside:.0f})"
+    )
     sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(
         np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3))
     )

@@ -1,6 +1,8 @@
-"""One conclusion about one valve: stiction, no stiction or cannot tell, with its probability, cause, reason and next step.
+"""One conclusion about one valve: stiction, no stiction or cannot tell, with its probability,
+cause, reason and next step.
 
-Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand below it as evidence.
+Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand
+below it as evidence.
 """
 
 from __future__ import annotations
@@ -36,10 +38,19 @@ _NEXT = {
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
     why.NO_CAUSE: "nothing to do",
 }
-_RECORD_AGAIN = "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per oscillation"
+_RECORD_AGAIN = (
+    "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per"
+    " oscillation"
+)
 _TO_TELL = f"{_GAIN}: it tells friction from everything else"
-_ORIGIN = f"{_GAIN}: an oscillation that keeps its period comes from outside, one that dies out was tuning"
-_AT_REST = "record the loop through set-point steps, or test the valve's travel by hand: a sticking valve need not oscillate"
+_ORIGIN = (
+    f"{_GAIN}: an oscillation that keeps its period comes from outside, one that dies out was"
+    " tuning"
+)
+_AT_REST = (
+    "record the loop through set-point steps, or test the valve's travel by hand: a sticking valve"
+    " need not oscillate"
+)
 _WATCH = "nothing to do now: watch whether the loop starts to oscillate"
 
 
@@ -47,9 +58,9 @@ _WATCH = "nothing to do now: watch whether the loop starts to oscillate"
 class Conclusion:
     """What all evidence at hand says about one valve.
 
-    `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None where the record cannot be
-    judged; `cause` what moves the loop, or with a loop file what the simulation does not model; `reason` one sentence; `next`
-    what to do.
+    `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None
+    where the record cannot be judged; `cause` what moves the loop, or with a loop file what the
+    simulation does not model; `reason` one sentence; `next` what to do.
     """
 
     verdict: str
@@ -85,7 +96,9 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
 def from_record(
     prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
 ) -> tuple[Conclusion, Causes]:
-    """Conclude from a record alone, and return the causes weighed; parameters as in `find_causes`."""
+    """Conclude from a record alone, and return the causes weighed; parameters as in
+    `find_causes`.
+    """
     causes = find_causes(prepared, behind, root, sure)
     cause, swings = causes.named.name, prepared.oscillation.sustained
     if isinstance(behind, str):
@@ -120,22 +133,27 @@ def from_record(
 def from_posterior(
     weights: Classified, named: Sequence[str], found: Assessment, visible: float, test: str | None
 ) -> Conclusion:
-    """Conclude from the probabilities of all effects beside a loop file; `test` is the one to run next, `visible` S in %.
+    """Conclude from the probabilities of all effects beside a loop file; `test` is the one to run
+    next, `visible` S in %.
 
-    The verdict never contradicts the effect that is named: friction that is named without enough probability, or something
-    unknown in the valve, leaves it open.
+    The verdict never contradicts the effect that is named: friction that is named without enough
+    probability, or something unknown in the valve, leaves it open.
     """
     p, first = friction_share(weights, named, found), named[0]
     said = verdict(p)
     sticks = [e for e in named if _is_friction(e)]
     open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
-    # friction named without a claim, a claim without friction named, or something in the valve that nobody knows
+    # friction named without a claim, a claim without friction named, or something in the valve that
+    # nobody knows
     if (said == NO_STICTION and (sticks or open_valve)) or (said == STICTION and not sticks):
         said = NO_DECISION
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if said == NO_DECISION else words
     reasons = [
-        f"of the known explanations that the record leaves beside the loop file, those with friction hold {p:.2f}",
+        (
+            "of the known explanations that the record leaves beside the loop file, those with"
+            f" friction hold {p:.2f}"
+        ),
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
     if said != STICTION:
@@ -156,9 +174,11 @@ def from_posterior(
 
 
 def friction_share(weights: Classified, named: Sequence[str], found: Assessment) -> float:
-    """Return the probability of friction: its share of the known explanations; what is unknown tells nothing of it.
+    """Return the probability of friction: its share of the known explanations; what is unknown
+    tells nothing of it.
 
-    Of two effects named together both hold: the share of the other one counts by what friction brings on top of it.
+    Of two effects named together both hold: the share of the other one counts by what friction
+    brings on top of it.
     """
     p, gains = weights.probability, found.log_likelihood_gains
     known = max(1.0 - p[UNKNOWN], 1e-9)

@@ -1,4 +1,6 @@
-"""Friction weighed against a sound valve by the likelihood of the record: the diagnosis with nothing else asked."""
+"""Friction weighed against a sound valve by the likelihood of the record: the diagnosis with
+nothing else asked.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ _ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP i
 
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """A record's loop fitted with a sound valve, with friction, and with an oscillation from outside, and what that showed."""
+    """A record's loop fitted with a sound valve, with friction, and with an oscillation from
+    outside, and what that showed.
+    """
 
     found: Assessment
     evidence: FrictionEvidence
@@ -73,7 +77,9 @@ class Friction:
 
 
 def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = None) -> float | None:
-    """Return the probability of stiction as every verb shows it; None where the record cannot be judged."""
+    """Return the probability of stiction as every verb shows it; None where the record cannot be
+    judged.
+    """
     try:
         return friction(record, loop).probability
     except UserError:
@@ -84,7 +90,9 @@ _KEPT: dict[tuple[Any, ...], Friction | UserError] = {}
 
 
 def friction_of(record: LoopRecord) -> Friction:
-    """Return `friction` of a record alone; the last one is kept, as method, conclusion and replicates ask in turn."""
+    """Return `friction` of a record alone; the last one is kept, as method, conclusion and
+    replicates ask in turn.
+    """
     signals = (record.op, record.pv, record.sp, record.mv, record.meta.get("manual"))
     about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span, record.tag)
     library = tuple(recogniser(e) for e in EFFECTS)
@@ -104,13 +112,16 @@ def friction_of(record: LoopRecord) -> Friction:
 def friction(
     record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
 ) -> Friction:
-    """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
+    """Weigh friction on one record, beside the loop where it is known, identified from the record
+    otherwise.
 
-    The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
-    at the loop's pace if it is larger: between close samples lies what no plant of first order describes, between distant ones
-    slips are lost, and with them a part of J. What single samples prove is proven by all of them.
+    The evidence is that of all samples; where that leaves doubt and samples are closer than the
+    loop moves, that of the record at the loop's pace if it is larger: between close samples lies
+    what no plant of first order describes, between distant ones slips are lost, and with them a
+    part of J. What single samples prove is proven by all of them.
 
-    Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
+    Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or
+    both cannot be compared.
     """
     refuse_unweighable(record)
     # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
@@ -124,7 +135,10 @@ def friction(
         record = unheld(record)
         own = own_samples(record)
         if own < max(SHORTEST_ASKED, _OWN * record.n):
-            what = "the archive repeats the others or draws straight lines between them, which looks like a valve that rests"
+            what = (
+                "the archive repeats the others or draws straight lines between them, which looks"
+                " like a valve that rests"
+            )
             raise RecordError(
                 f"{where} unfit: {own} of {record.n} samples of PV are its own; {what}"
             )
@@ -183,7 +197,9 @@ def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
-    """Return the assessment beside a loop of which plant, controller, or both, or none, were given."""
+    """Return the assessment beside a loop of which plant, controller, or both, or none, were
+    given.
+    """
     s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     # MV is judged beside OP by the whole diagnosis alone
     found = _few(s) if record.mv is None else assess(s)
@@ -209,7 +225,9 @@ def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
 
 
 def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:
-    """Return the assessment with what single samples of the whole record prove, and what must be known of them."""
+    """Return the assessment with what single samples of the whole record prove, and what must be
+    known of them.
+    """
     s = found.situation
     own = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
     whole = check(record, own, trusted=False)
@@ -219,11 +237,14 @@ def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:
 
 
 def _few(s: Situation) -> Assessment:
-    """Return the assessment of a record without MV in which only friction and what moves like it were tried."""
+    """Return the assessment of a record without MV in which only friction and what moves like it
+    were tried.
+    """
     if s.trusted and s.tuned:
         refuse_other_plant(s)
     engine = Engine(s.data, load_memory(s))
-    # a load that jumps is tried for its own sake by none of the rooms above, but friction must explain more than it does
+    # a load that jumps is tried for its own sake by none of the rooms above, but friction must
+    # explain more than it does
     tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE) or recogniser(e).ordinary]
     bare = engine.base()
     base, fitted = beside_the_load(engine, bare, fit_candidates(engine, bare, tried))
@@ -240,7 +261,8 @@ def _measured(found: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = found.log_likelihood_gains, found.situation
     if found.valve_seen or s.record.mv is not None:
-        # what MV does beside OP is the valve: another map may explain it, nothing outside can, and every band counts in full
+        # what MV does beside OP is the valve: another map may explain it, nothing outside can, and
+        # every band counts in full
         rivals = (
             gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND)
         )

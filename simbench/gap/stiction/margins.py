@@ -1,4 +1,6 @@
-"""How near an identified loop is to swinging by itself: margins, largest sensitivity, and the period at which it resonates."""
+"""How near an identified loop is to swinging by itself: margins, largest sensitivity, and the
+period at which it resonates.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ _POINTS = 1500
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain margin, largest sensitivity, and the period (s) of the largest sensitivity; `stable` by the gain margin."""
+    """Gain margin, largest sensitivity, and the period (s) of the largest sensitivity; `stable` by
+    the gain margin.
+    """
 
     gain: float
     sensitivity: float
@@ -21,11 +25,16 @@ class Margins:
 
     def sentence(self) -> str:
         """Return the margins in words."""
-        return f"gain margin {self.gain:.2g}, largest sensitivity {self.sensitivity:.2g} at a period of {self.period:.3g} s"
+        return (
+            f"gain margin {self.gain:.2g}, largest sensitivity {self.sensitivity:.2g} at a period"
+            f" of {self.period:.3g} s"
+        )
 
 
 def margins(loop: Loop) -> Margins | None:
-    """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time; None of other plants."""
+    """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time;
+    None of other plants.
+    """
     plant, pi = loop.plant, loop.controller
     if plant.type not in ("foptd", "integrating") or pi.type not in ("P", "PI"):
         return None

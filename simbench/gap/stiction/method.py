@@ -1,14 +1,16 @@
-"""Likelihood: how much likelier the record is with a sticky valve than with a sound one, as a probability.
+"""Likelihood: how much likelier the record is with a sticky valve than with a sound one, as a
+probability.
 
-Looks for a valve map that explains, through a plant identified from the record, what PV does beside OP, better than load, noise
-and an oscillation from outside do.
-Needs: OP and PV, oscillating or not; MV, where recorded, in place of PV. SP helps to tell the controller's direction.
-Parameters: `yes`, `no` (-): probabilities from which stiction is claimed, and below which it is denied.
-Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain, outside (nats that
-friction, and an oscillation from outside, bring over none), share (fitted band over OP's range).
-Rule: probability_of_stiction > yes stiction, < no none; between them, no decision. S and J are the fitted valve's.
-Not for: loops that were retuned or changed their plant within the record, plants far from first order with dead time.
-Source: generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; weights learned on simulated loops
+Looks for a valve map that explains, through a plant identified from the record, what PV does beside
+OP, better than load, noise and an oscillation from outside do. Needs: OP and PV, oscillating or
+not; MV, where recorded, in place of PV. SP helps to tell the controller's direction. Parameters:
+`yes`, `no` (-): probabilities from which stiction is claimed, and below which it is denied.
+Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain,
+outside (nats that friction, and an oscillation from outside, bring over none), share (fitted band
+over OP's range). Rule: probability_of_stiction > yes stiction, < no none; between them, no
+decision. S and J are the fitted valve's. Not for: loops that were retuned or changed their plant
+within the record, plants far from first order with dead time. Source: generalised likelihood ratio,
+Kay (1998), Detection Theory, section 6.4.2; weights learned on simulated loops
 (`results/stiction_probability.txt`).
 """
 
@@ -59,7 +61,10 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     S, J = (
         (None, None) if found.fitted is None or e.gain <= 0.0 else (x * unit for x in found.fitted)
     )
-    said = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from outside {e.outside:+.0f}"
+    said = (
+        f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from"
+        f" outside {e.outside:+.0f}"
+    )
     if e.gain > 0.0:
         said += f"; its band spans {e.share:.0%} of OP's range"
     indices = {PROBABILITY: p, "gain": e.gain, "outside": e.outside, "share": e.share}

@@ -1,4 +1,6 @@
-"""A record sampled no more densely than its loop moves: between closer samples lies what no plant of first order describes."""
+"""A record sampled no more densely than its loop moves: between closer samples lies what no plant
+of first order describes.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,16 @@ _LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
 SHORTEST_LEFT = 250  # samples that are left
 _REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
-_FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
+# samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
+_FEWEST = 20.0
 
 
 def at_its_pace(record: LoopRecord) -> LoopRecord:
-    """Return a record with so many samples left out that PV moves from one to the next; the same where it moves already.
+    """Return a record with so many samples left out that PV moves from one to the next; the same
+    where it moves already.
 
-    A sine keeps some thirty samples a period, an oscillation beside a larger drift twenty; noise of a seventh of PV's standard
-    deviation keeps all.
+    A sine keeps some thirty samples a period, an oscillation beside a larger drift twenty; noise of
+    a seventh of PV's standard deviation keeps all.
     """
     pv, k = np.asarray(record.pv), 1
     swing = find_oscillation(record.op, pv, record.Ts)
@@ -36,7 +40,9 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
 
 
 def unheld(record: LoopRecord) -> LoopRecord:
-    """Return a record whose PV is held for k samples with the first of each k alone; the same where it is not held."""
+    """Return a record whose PV is held for k samples with the first of each k alone; the same where
+    it is not held.
+    """
     changes = np.flatnonzero(np.diff(np.asarray(record.pv))) + 1
     if changes.size < HELD:
         return record
@@ -47,14 +53,18 @@ def unheld(record: LoopRecord) -> LoopRecord:
 
 
 def own_samples(record: LoopRecord) -> int:
-    """Return how many samples of PV are its own: an archive repeats the others, or draws straight lines between them."""
+    """Return how many samples of PV are its own: an archive repeats the others, or draws straight
+    lines between them.
+    """
     pv = np.asarray(record.pv)
     drawn = share_on_lines(pv, steps(pv, record.op)) + float(np.mean(np.diff(pv) == 0.0))
     return round(pv.size * max(1.0 - drawn, 0.0))
 
 
 def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:
-    """Return a record in which every signal but MV, which is left out, has one sample in place of k."""
+    """Return a record in which every signal but MV, which is left out, has one sample in place of
+    k.
+    """
     signals = {
         name: change(getattr(record, name))
         for name in ("op", "pv", "sp")

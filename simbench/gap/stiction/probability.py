@@ -1,4 +1,6 @@
-"""Probability of stiction: what one record's likelihood measured of friction, weighed by numbers learned on simulated loops."""
+"""Probability of stiction: what one record's likelihood measured of friction, weighed by numbers
+learned on simulated loops.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +10,22 @@ from dataclasses import dataclass
 
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-# learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in turn
+# learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in
+# turn
 _OFFSET, _WEIGHT, _BAND = 0.65, 1.53, 0.50
 BOUNDS = (
     -1.0,
     3.0,
 )  # tens of nats between which evidence counts; beyond, a model's errors are larger
 _NARROW = 0.02  # share of OP's range below which a band is none
-_WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
+# share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves
+# OP by S to 1.2 S
+_WIDE = 0.5
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
-# Where an error costs 1 and no answer 0.5, an answer pays from a posterior of 0.5 on (Chow 1970, IEEE Trans. Inf. Theory 16).
-# The probability assumes even odds before looking. Of all loops of a plant some 30 % have a valve that sticks (Bialkowski
-# 1993): with odds of 3 to 7, 0.7 becomes 0.5. Stiction is claimed where that pays with either odds, denied where with neither.
+# Where an error costs 1 and no answer 0.5, an answer pays from a posterior of 0.5 on (Chow 1970,
+# IEEE Trans. Inf. Theory 16). The probability assumes even odds before looking. Of all loops of a
+# plant some 30 % have a valve that sticks (Bialkowski 1993): with odds of 3 to 7, 0.7 becomes 0.5.
+# Stiction is claimed where that pays with either odds, denied where with neither.
 CLAIMED_FROM, DENIED_BELOW = 0.7, 0.5
 SHORTEST_ASKED = 60  # samples
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
@@ -29,8 +35,8 @@ SHARED = 0.75  # correlation of the log-odds of one loop's records, given the tr
 class FrictionEvidence:
     """What the likelihood of one record measured of friction.
 
-    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation from outside; `share` the
-    fitted band over OP's range.
+    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation
+    from outside; `share` the fitted band over OP's range.
     """
 
     gain: float
@@ -39,10 +45,11 @@ class FrictionEvidence:
 
 
 def regressors(e: FrictionEvidence) -> tuple[float, float]:
-    """Return what speaks for friction, in tens of nats, and the logarithm of the share of OP's range that its band spans.
+    """Return what speaks for friction, in tens of nats, and the logarithm of the share of OP's
+    range that its band spans.
 
-    What friction gains beyond an oscillation from outside counts by that share. A narrow band speaks against friction as well:
-    the record would have shown a wide one.
+    What friction gains beyond an oscillation from outside counts by that share. A narrow band
+    speaks against friction as well: the record would have shown a wide one.
     """
     nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
     shown = nats * (min(e.share / _WIDE, 1.0) if nats > 0.0 else 1.0)

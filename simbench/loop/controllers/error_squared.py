@@ -1,7 +1,8 @@
 """PI whose gain grows with the error: slow near the set point, quick far from it.
 
 When to choose it: levels that may float, whose outflow must stay calm.
-When not: flow and pressure; near the set point there is hardly a gain, and a sticky valve cycles slowly and widely.
+When not: flow and pressure; near the set point there is hardly a gain, and a sticky valve cycles
+slowly and widely.
 """
 
 from simbench.loop.parameters import Number

@@ -1,7 +1,9 @@
-"""What an [[effect]] does to a loop or to the record of it: one effect per file, and the vocabulary that all files make.
+"""What an [[effect]] does to a loop or to the record of it: one effect per file, and the vocabulary
+that all files make.
 
-The vocabulary (ids, blocks, parameters with unit and bounds) is data: reading it loads no time step, no simulator and no
-diagnosis, so that a simulator written by somebody else can share the words and nothing more.
+The vocabulary (ids, blocks, parameters with unit and bounds) is data: reading it loads no time
+step, no simulator and no diagnosis, so that a simulator written by somebody else can share the
+words and nothing more.
 """
 
 from __future__ import annotations
@@ -39,16 +41,40 @@ PLUGINS = PluginFolder(
 )
 # the order in which answers are listed; effects of other distributions follow
 ORDER = (
-    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
-    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
-    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
-    "derivative_action", "frozen_sensor", "missed_executions", "slew_limit",
-)  # fmt: skip
+    "stiction",
+    "deadband",
+    "deadzone",
+    "valve_lag",
+    "valve_characteristic",
+    "gain_mismatch",
+    "time_constant_mismatch",
+    "dead_time_mismatch",
+    "extra_lag",
+    "noise",
+    "quantisation",
+    "sensor_lag",
+    "compression",
+    "outliers",
+    "drift",
+    "oscillation",
+    "load_steps",
+    "load_drift",
+    "saturation",
+    "detuning",
+    "error_deadband",
+    "op_quantisation",
+    "derivative_action",
+    "frozen_sensor",
+    "missed_executions",
+    "slew_limit",
+)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect's block, its parameters, its meaning in one line, and the groups (`_alike`) it may be mistaken within."""
+    """An effect's block, its parameters, its meaning in one line, and the groups (`_alike`) it may
+    be mistaken within.
+    """
 
     block: str
     parameters: Mapping[str, Number | Choice]
@@ -65,7 +91,9 @@ class Effect:
 
 
 class Vocabulary(Mapping[str, Effect]):
-    """Effects by their id, read from their files when first asked for: all there are, or `only` those named."""
+    """Effects by their id, read from their files when first asked for: all there are, or `only`
+    those named.
+    """
 
     def __init__(self, only: tuple[str, ...] = ()) -> None:
         self._only = only

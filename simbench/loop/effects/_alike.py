@@ -1,4 +1,6 @@
-"""Effects that SP, OP and PV cannot tell apart, and when: conditions from record and baseline alone."""
+"""Effects that SP, OP and PV cannot tell apart, and when: conditions from record and baseline
+alone.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +12,19 @@ import numpy as np
 
 from simbench.loop.effects import EFFECTS, Effect
 
-NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
+# of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
+NOISE_SHOWS = 0.25
 
 
 @dataclass(frozen=True)
 class Circumstances:
     """What of record, baseline and effect decides which effects look alike."""
 
-    # `sp_moves` by more than the noise; `op_jitter` is the median-based standard deviation of OP's changes (%), `J` the
-    # slip-jump of the valve in question (%), None where unknown. The slow signal in question is `slow` where it moves PV by
-    # less than the noise within T + Td, and a `ramp` where what wanders beside the ramp does: at the input of a self-regulating
-    # plant that is a ramp on PV less a constant, which the unknown operating point takes.
+    # `sp_moves` by more than the noise; `op_jitter` is the median-based standard deviation of OP's
+    # changes (%), `J` the slip-jump of the valve in question (%), None where unknown. The slow
+    # signal in question is `slow` where it moves PV by less than the noise within T + Td, and a
+    # `ramp` where what wanders beside the ramp does: at the input of a self-regulating plant that
+    # is a ramp on PV less a constant, which the unknown operating point takes.
     integrating: bool = False
     sp_moves: bool = False
     mv: bool = False
@@ -47,7 +51,9 @@ _HOLDS: dict[str, Callable[[str, Circumstances], bool]] = {
 
 
 def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
-    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here,
+    itself included.
+    """
     own = _groups(EFFECTS[effect], here) if effect in EFFECTS else set()
     return frozenset({effect} | {e for e, other in EFFECTS.items() if own & _groups(other, here)})
 
@@ -68,7 +74,9 @@ def circumstances(
     effect: str = "none",
     parameters: Mapping[str, Any] | None = None,
 ) -> Circumstances:
-    """Return the circumstances of an effect: `plant` and the std of `noise` as the loop file states them, recorded signals."""
+    """Return the circumstances of an effect: `plant` and the std of `noise` as the loop file states
+    them, recorded signals.
+    """
     change, jitter, p = np.diff(pv), np.diff(op), parameters or {}
     known = EFFECTS.get(effect, Effect("", {}, ""))
     jump = p.get("J") if "J" in known.parameters else 0.0

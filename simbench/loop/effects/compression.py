@@ -1,6 +1,7 @@
 """Compression: the archive keeps a few points of PV and draws straight lines between them.
 
-When it is the answer: PV is piecewise straight, while OP shows that the controller saw more. It acts on the record only.
+When it is the answer: PV is piecewise straight, while OP shows that the controller saw more. It
+acts on the record only.
 """
 
 import numpy as np
@@ -24,8 +25,9 @@ def apply(setup, p, rng):
 
 
 def swinging_door(pv, band):
-    """Return PV as an archive rebuilds it after swinging-door compression: no sample is further than `band` from its rebuilt
-    value."""
+    """Return PV as an archive rebuilds it after swinging-door compression: no sample is further
+    than `band` from its rebuilt value.
+    """
     kept, start, low, high = [0], 0, -np.inf, np.inf
     values = pv.tolist()
     for k in range(1, len(values)):

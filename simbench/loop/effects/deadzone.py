@@ -1,6 +1,7 @@
 """Dead-zone: MV rests while OP is within D/2 of c; no memory.
 
-When it is the answer: split ranges that do not meet, an overlapped spool. While OP never meets the zone it is a mere offset.
+When it is the answer: split ranges that do not meet, an overlapped spool. While OP never meets the
+zone it is a mere offset.
 """
 
 from math import isnan
@@ -25,7 +26,9 @@ ALIKE = ("local gain",)
 
 
 def apply(setup, p, rng):
-    """Put the zone in front of the valve, centred on op0 unless `c` is given; a constant load keeps op0 at rest."""
+    """Put the zone in front of the valve, centred on op0 unless `c` is given; a constant load keeps
+    op0 at rest.
+    """
     if p.D > 0.0:
         before = setup.resting_mv
         setup.add_valve("deadzone", {"D": p.D, "c": setup.op0 if isnan(p.c) else p.c}, first=True)

@@ -1,6 +1,7 @@
 """Detuning: the plant's controller is not tuned as the baseline says.
 
-When it is the answer: someone changed Kc or Ti. The controller's law is exact, so SP, PV and OP show it without doubt.
+When it is the answer: someone changed Kc or Ti. The controller's law is exact, so SP, PV and OP
+show it without doubt.
 """
 
 from simbench.loop.parameters import Number

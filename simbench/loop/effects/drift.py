@@ -1,6 +1,7 @@
 """Drift: a slow error of the measurement, which the controller takes for PV.
 
-When it is the answer: a fouled probe. PV stays on SP while OP wanders; on a self-regulating plant a slow load does the same.
+When it is the answer: a fouled probe. PV stays on SP while OP wanders; on a self-regulating plant a
+slow load does the same.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Error dead-band: the controller takes small errors for 0.
 
-When it is the answer: OP stands still while PV wanders within a band about SP, then both move at once.
+When it is the answer: OP stands still while PV wanders within a band about SP, then both move at
+once.
 """
 
 from simbench.loop.parameters import Number

@@ -1,6 +1,7 @@
 """Extra lag: a second time constant between plant and PV, before the noise enters.
 
-When it is the answer: a thermowell, a vessel the model left out. From SP, OP and PV alone it is one more series pole.
+When it is the answer: a thermowell, a vessel the model left out. From SP, OP and PV alone it is one
+more series pole.
 """
 
 import numpy as np

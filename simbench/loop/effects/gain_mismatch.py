@@ -1,6 +1,7 @@
 """Gain mismatch: the plant's gain is not the baseline's.
 
-When it is the answer: another throughput than the one the model was taken at. Standing still, only K/T shows.
+When it is the answer: another throughput than the one the model was taken at. Standing still, only
+K/T shows.
 """
 
 from simbench.loop.parameters import Number

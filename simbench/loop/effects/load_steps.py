@@ -20,7 +20,9 @@ ALIKE = ("slow",)
 
 
 def apply(setup, p, rng):
-    """Draw the jumps and add them to the load at the plant's input; the run begins at the mean load."""
+    """Draw the jumps and add them to the load at the plant's input; the run begins at the mean
+    load.
+    """
     total = setup.sp.size
     jumps = rng.random(total) < -np.expm1(-p.rate * setup.Ts)
     levels = np.concatenate([[0.0], p.size * rng.standard_normal(total)])

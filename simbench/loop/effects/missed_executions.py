@@ -1,6 +1,7 @@
 """Missed executions: the controller does not run in spells, and OP stands.
 
-When it is the answer: an overloaded processor, or a loop left in manual: OP stands still where its law would move it.
+When it is the answer: an overloaded processor, or a loop left in manual: OP stands still where its
+law would move it.
 """
 
 from simbench.loop.laws import apply_law, law_parameters

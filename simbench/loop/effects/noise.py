@@ -1,6 +1,7 @@
 """Noise: more (or less) white noise on PV than the baseline states.
 
-When it is the answer: a turbulent orifice, a failing transmitter. The controller sees it too and passes it on to OP.
+When it is the answer: a turbulent orifice, a failing transmitter. The controller sees it too and
+passes it on to OP.
 """
 
 from math import hypot

@@ -1,6 +1,7 @@
 """OP quantisation: OP reaches valve and record on a lattice.
 
-When it is the answer: an output card of few bits, a controller that moves only by whole steps. Its integral stays fine.
+When it is the answer: an output card of few bits, a controller that moves only by whole steps. Its
+integral stays fine.
 """
 
 from simbench.loop.parameters import Number

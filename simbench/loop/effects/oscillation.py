@@ -1,6 +1,7 @@
 """Oscillation: a sinusoidal load at the plant's input.
 
-When it is the answer: PV and OP are sines of one sharp frequency that the loop by itself does not have.
+When it is the answer: PV and OP are sines of one sharp frequency that the loop by itself does not
+have.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Outliers: isolated spikes of one sample on PV.
 
-When it is the answer: radio interference, a bubble in the line. In the archive alone the controller does not answer them.
+When it is the answer: radio interference, a bubble in the line. In the archive alone the controller
+does not answer them.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Quantisation: PV stands on a lattice.
 
-When it is the answer: a transmitter of few bits (the controller sees the steps), or an archive that rounds.
-A lattice finer than the noise changes nothing but the last digits.
+When it is the answer: a transmitter of few bits (the controller sees the steps), or an archive that
+rounds. A lattice finer than the noise changes nothing but the last digits.
 """
 
 import numpy as np

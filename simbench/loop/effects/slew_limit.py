@@ -1,7 +1,7 @@
 """Slew limit: MV moves at a limited speed.
 
-When it is the answer: starved air supply, an electric actuator, a large damper: MV follows small moves of OP at once
-and large ones along a ramp.
+When it is the answer: starved air supply, an electric actuator, a large damper: MV follows small
+moves of OP at once and large ones along a ramp.
 """
 
 from simbench.loop.laws import apply_law, law_parameters

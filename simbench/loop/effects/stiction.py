@@ -1,7 +1,8 @@
 """Stiction: MV sticks, then slips.
 
-When it is the answer: OP draws a ramp against a PV that stands still, then jumps; the loop cycles without outside help.
-It takes the place of an ideal valve's missing friction; a valve that already has friction is refused.
+When it is the answer: OP draws a ramp against a PV that stands still, then jumps; the loop cycles
+without outside help. It takes the place of an ideal valve's missing friction; a valve that already
+has friction is refused.
 """
 
 from detectors.errors import ParameterError
@@ -27,7 +28,8 @@ def apply(setup, p, rng):
     """Put the (S, J) map in front of the valve; a valve with friction cannot have a second one."""
     if setup.sticky:
         raise ParameterError(
-            f"effect 'stiction' cannot be added to valve {setup.loop.valve.name!r}, which has friction already"
+            f"effect 'stiction' cannot be added to valve {setup.loop.valve.name!r}, which has"
+            " friction already"
         )
     if p.S > 0.0 or p.J > 0.0:
         setup.add_valve("choudhury", {"S": p.S, "J": p.J}, first=True)

@@ -1,6 +1,7 @@
 """Time constant mismatch: the plant is slower or faster than the baseline (foptd only).
 
-When it is the answer: another hold-up than the one the model was taken at. Standing still, only K/T shows.
+When it is the answer: another hold-up than the one the model was taken at. Standing still, only K/T
+shows.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Valve characteristic: the gain from OP to MV changes along the travel.
 
-When it is the answer: the loop is lively at one end and sluggish at the other. At one operating point it is only another gain.
+When it is the answer: the loop is lively at one end and sluggish at the other. At one operating
+point it is only another gain.
 """
 
 from simbench.loop.parameters import Number

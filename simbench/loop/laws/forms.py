@@ -1,4 +1,6 @@
-"""The forms a law may have: block, numbers with unit and bounds, and what each does to a loop before it runs."""
+"""The forms a law may have: block, numbers with unit and bounds, and what each does to a loop
+before it runs.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from simbench.loop.parameters import Number
 
 @dataclass(frozen=True)
 class Form:
-    """A readable family of laws: its block, its numbers (all at `identity`: it is not there), and its act on a setup."""
+    """A readable family of laws: its block, its numbers (all at `identity`: it is not there), and
+    its act on a setup.
+    """
 
     block: str
     says: str
@@ -23,7 +27,9 @@ class Form:
 
 
 def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
-    """Return 1.0 in spells of a mean length `p.length` (s) that fill a share of the run, 0.0 between them."""
+    """Return 1.0 in spells of a mean length `p.length` (s) that fill a share of the run, 0.0
+    between them.
+    """
     out, length = np.zeros(setup.sp.size), p.length / setup.Ts
     if p.share <= 0.0:
         return out
@@ -37,7 +43,8 @@ def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
 
 
 def _curve(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    # steps are loaded where they act: the forms are words that effects share with simulators of others
+    # steps are loaded where they act: the forms are words that effects share with simulators of
+    # others
     from simbench.loop.laws import curve
 
     setup.add_valve(curve, p._asdict() | {"centre": setup.op0}, first=True)
@@ -94,9 +101,23 @@ def _plain_pi(s: Any) -> Any:
 
     gain, moves = s.sign * s.Kc, np.append(0.0, np.diff(s.sp))
     return LawPI(
-        Kc=gain, Ki=gain * s.Ts / s.Ti if s.Ti else 0.0, lo=s.op_lo, hi=s.op_hi, base=1.0, square=0.0, side=0.0, schedule=0.0,
-        middle=s.op0, Kd=0.0, follow=1.0, down=np.inf, up=np.inf, ignored=0.0, moves=moves, idle=np.zeros(s.sp.size),
-    )  # fmt: skip
+        Kc=gain,
+        Ki=gain * s.Ts / s.Ti if s.Ti else 0.0,
+        lo=s.op_lo,
+        hi=s.op_hi,
+        base=1.0,
+        square=0.0,
+        side=0.0,
+        schedule=0.0,
+        middle=s.op0,
+        Kd=0.0,
+        follow=1.0,
+        down=np.inf,
+        up=np.inf,
+        ignored=0.0,
+        moves=moves,
+        idle=np.zeros(s.sp.size),
+    )
 
 
 def _sensor(setup: Any, **own: Any) -> None:
@@ -148,63 +169,187 @@ _SLOPES = {
 }
 LAW_FORMS: dict[str, Form] = {
     "curve": Form("valve", "MV follows OP along a bent line", {**_KNOTS, **_SLOPES}, _curve),
-    "memory": Form("valve", "MV follows OP behind a band, and slips", {
-        "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the loop of MV over OP"),
-        "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip")},
-        lambda s, p, rng: s.add_valve("choudhury", {"S": p.S, "J": p.J}, first=True)),
-    "rate": Form("valve", "MV moves at a limited speed, or behind a lag", {
-        "slowness": Number("s/%", low=0.0, identity=0.0, says="time for 1 % of travel"), "tau": _SECONDS}, _rate),
-    "size": Form("process", "PV answers MV with another gain, time constant or dead time", {
-        "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of K"),
-        "pace": Number("-", low=0.0, positive=True, identity=1.0, says="factor of T"),
-        "delay": Number("s", identity=0.0, says="more dead time")}, _size),
-    "zero": Form("process", "PV leads or lags, or goes the wrong way first", {
-        "lead": Number("s", identity=0.0, says="time constant of the zero; below 0: inverse response"),
-        "lag": Number("s", low=0.0, identity=0.0, says="time constant of its pole")}, _zero),
-    "held": Form("sensor", "the reading stands still in spells", _SPELLS, lambda s, p, rng: _sensor(s, idle=spells(s, p, rng))),
-    "clipped": Form("sensor", "the reading stops at ends of its range", {
-        "low": Number("PV units", low=-_FAR, high=_FAR, identity=-_FAR, says="lower end"),
-        "high": Number("PV units", low=-_FAR, high=_FAR, identity=_FAR, says="upper end")},
-        lambda s, p, rng: _sensor(s, lo=p.low, hi=p.high)),
-    "stairs": Form("sensor", "PV is read in stairs", {
-        "step": Number("PV units", low=0.0, identity=0.0, says="of the stairs")}, _stairs),
-    "rough": Form("sensor", "the reading is noisier in spells", {
-        "std": Number("PV units", low=0.0, identity=0.0, says="of the noise added"), **_SPELLS}, _rough),
-    "derivative": Form("controller", "OP answers PV's speed too", {
-        "Td": Number("s", low=0.0, identity=0.0, says="derivative time"),
-        "filter": Number("s", low=0.0, identity=0.0, says="of the derivative")},
-        lambda s, p, rng: _controller(s, Kd=s.sign * s.Kc * p.Td / s.Ts, follow=1.0 / (1.0 + p.filter / s.Ts))),
-    "regime": Form("controller", "the gain changes with the error or OP", {
-        "gain": Number("-", low=0.0, identity=1.0, says="factor of Kc at no error"),
-        "square": Number("1/PV unit", low=-1e6, identity=0.0, says="more of the factor per unit of |error|"),
-        "side": Number("-", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain by the error's sign"),
-        "schedule": Number("1/%", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain per % of OP")},
-        lambda s, p, rng: _controller(s, base=p.gain, square=p.square, side=p.side, schedule=p.schedule)),
-    "weight": Form("controller", "OP answers the set point otherwise than PV", {
-        "weight": Number("-", low=-10.0, high=10.0, identity=1.0, says="of the set point in the gain")},
-        lambda s, p, rng: _controller(s, ignored=1.0 - p.weight)),
-    "ramps": Form("controller", "OP moves at a limited speed", {
-        "down": Number("s/%", low=0.0, identity=0.0, says="time for 1 % down"),
-        "up": Number("s/%", low=0.0, identity=0.0, says="time for 1 % up")}, _ramps),
-    "idle": Form("controller", "the controller does not run in spells", _SPELLS,
-        lambda s, p, rng: _controller(s, idle=spells(s, p, rng))),
-    "limits": Form("controller", "OP stops at tighter limits", {
-        "low": Number("%", low=0.0, high=100.0, identity=0.0, says="lower limit"),
-        "high": Number("%", low=0.0, high=100.0, identity=100.0, says="upper limit")}, _limits),
-    "rest": Form("controller", "OP rests while the error is small, or moves in stairs", {
-        "width": Number("PV units", low=0.0, identity=0.0, says="of the error in which OP rests"),
-        "step": Number("%", low=0.0, identity=0.0, says="of OP's stairs")}, _rest),
-    "tuning": Form("controller", "the same law with other numbers", {
-        "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Kc"),
-        "integral": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Ti")}, _tuning),
-    "bursts": Form("disturbance", "a load that is strong in spells", {
-        "std": Number("%", low=0.0, high=100.0, identity=0.0, says="at the plant's input"),
-        "time": Number("s", low=0.0, positive=True, identity=10.0, says="its memory"), **_SPELLS}, _bursts),
-}  # fmt: skip
+    "memory": Form(
+        "valve",
+        "MV follows OP behind a band, and slips",
+        {
+            "S": Number(
+                "% of travel",
+                low=0.0,
+                high=100.0,
+                identity=0.0,
+                says="width of the loop of MV over OP",
+            ),
+            "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip"),
+        },
+        lambda s, p, rng: s.add_valve("choudhury", {"S": p.S, "J": p.J}, first=True),
+    ),
+    "rate": Form(
+        "valve",
+        "MV moves at a limited speed, or behind a lag",
+        {
+            "slowness": Number("s/%", low=0.0, identity=0.0, says="time for 1 % of travel"),
+            "tau": _SECONDS,
+        },
+        _rate,
+    ),
+    "size": Form(
+        "process",
+        "PV answers MV with another gain, time constant or dead time",
+        {
+            "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of K"),
+            "pace": Number("-", low=0.0, positive=True, identity=1.0, says="factor of T"),
+            "delay": Number("s", identity=0.0, says="more dead time"),
+        },
+        _size,
+    ),
+    "zero": Form(
+        "process",
+        "PV leads or lags, or goes the wrong way first",
+        {
+            "lead": Number(
+                "s", identity=0.0, says="time constant of the zero; below 0: inverse response"
+            ),
+            "lag": Number("s", low=0.0, identity=0.0, says="time constant of its pole"),
+        },
+        _zero,
+    ),
+    "held": Form(
+        "sensor",
+        "the reading stands still in spells",
+        _SPELLS,
+        lambda s, p, rng: _sensor(s, idle=spells(s, p, rng)),
+    ),
+    "clipped": Form(
+        "sensor",
+        "the reading stops at ends of its range",
+        {
+            "low": Number("PV units", low=-_FAR, high=_FAR, identity=-_FAR, says="lower end"),
+            "high": Number("PV units", low=-_FAR, high=_FAR, identity=_FAR, says="upper end"),
+        },
+        lambda s, p, rng: _sensor(s, lo=p.low, hi=p.high),
+    ),
+    "stairs": Form(
+        "sensor",
+        "PV is read in stairs",
+        {"step": Number("PV units", low=0.0, identity=0.0, says="of the stairs")},
+        _stairs,
+    ),
+    "rough": Form(
+        "sensor",
+        "the reading is noisier in spells",
+        {"std": Number("PV units", low=0.0, identity=0.0, says="of the noise added"), **_SPELLS},
+        _rough,
+    ),
+    "derivative": Form(
+        "controller",
+        "OP answers PV's speed too",
+        {
+            "Td": Number("s", low=0.0, identity=0.0, says="derivative time"),
+            "filter": Number("s", low=0.0, identity=0.0, says="of the derivative"),
+        },
+        lambda s, p, rng: _controller(
+            s, Kd=s.sign * s.Kc * p.Td / s.Ts, follow=1.0 / (1.0 + p.filter / s.Ts)
+        ),
+    ),
+    "regime": Form(
+        "controller",
+        "the gain changes with the error or OP",
+        {
+            "gain": Number("-", low=0.0, identity=1.0, says="factor of Kc at no error"),
+            "square": Number(
+                "1/PV unit", low=-1e6, identity=0.0, says="more of the factor per unit of |error|"
+            ),
+            "side": Number(
+                "-",
+                low=-1.0,
+                high=1.0,
+                identity=0.0,
+                says="relative change of the gain by the error's sign",
+            ),
+            "schedule": Number(
+                "1/%",
+                low=-1.0,
+                high=1.0,
+                identity=0.0,
+                says="relative change of the gain per % of OP",
+            ),
+        },
+        lambda s, p, rng: _controller(
+            s, base=p.gain, square=p.square, side=p.side, schedule=p.schedule
+        ),
+    ),
+    "weight": Form(
+        "controller",
+        "OP answers the set point otherwise than PV",
+        {
+            "weight": Number(
+                "-", low=-10.0, high=10.0, identity=1.0, says="of the set point in the gain"
+            )
+        },
+        lambda s, p, rng: _controller(s, ignored=1.0 - p.weight),
+    ),
+    "ramps": Form(
+        "controller",
+        "OP moves at a limited speed",
+        {
+            "down": Number("s/%", low=0.0, identity=0.0, says="time for 1 % down"),
+            "up": Number("s/%", low=0.0, identity=0.0, says="time for 1 % up"),
+        },
+        _ramps,
+    ),
+    "idle": Form(
+        "controller",
+        "the controller does not run in spells",
+        _SPELLS,
+        lambda s, p, rng: _controller(s, idle=spells(s, p, rng)),
+    ),
+    "limits": Form(
+        "controller",
+        "OP stops at tighter limits",
+        {
+            "low": Number("%", low=0.0, high=100.0, identity=0.0, says="lower limit"),
+            "high": Number("%", low=0.0, high=100.0, identity=100.0, says="upper limit"),
+        },
+        _limits,
+    ),
+    "rest": Form(
+        "controller",
+        "OP rests while the error is small, or moves in stairs",
+        {
+            "width": Number(
+                "PV units", low=0.0, identity=0.0, says="of the error in which OP rests"
+            ),
+            "step": Number("%", low=0.0, identity=0.0, says="of OP's stairs"),
+        },
+        _rest,
+    ),
+    "tuning": Form(
+        "controller",
+        "the same law with other numbers",
+        {
+            "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Kc"),
+            "integral": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Ti"),
+        },
+        _tuning,
+    ),
+    "bursts": Form(
+        "disturbance",
+        "a load that is strong in spells",
+        {
+            "std": Number("%", low=0.0, high=100.0, identity=0.0, says="at the plant's input"),
+            "time": Number("s", low=0.0, positive=True, identity=10.0, says="its memory"),
+            **_SPELLS,
+        },
+        _bursts,
+    ),
+}
 
 
 def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
-    """Return the numbers of a form, as an effect's PARAMETERS, with the fitted values for defaults."""
+    """Return the numbers of a form, as an effect's PARAMETERS, with the fitted values for
+    defaults.
+    """
     return {
         name: replace(rule, default=fitted.get(name, rule.identity))
         for name, rule in LAW_FORMS[form].numbers.items()
@@ -212,6 +357,8 @@ def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
 
 
 def apply_law(form: str, setup: Any, p: Any, rng: np.random.Generator) -> None:
-    """Do to a setup what a form with its numbers `p` does; where all are at their identity that is nothing."""
+    """Do to a setup what a form with its numbers `p` does; where all are at their identity that is
+    nothing.
+    """
     if any(getattr(p, name) != rule.identity for name, rule in LAW_FORMS[form].numbers.items()):
         LAW_FORMS[form].act(setup, p, rng)

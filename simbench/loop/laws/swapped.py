@@ -1,4 +1,6 @@
-"""The steps of controller and sensor that a law puts in place of the loop's own: one sample each, and their states at rest."""
+"""The steps of controller and sensor that a law puts in place of the loop's own: one sample each,
+and their states at rest.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,11 @@ def controller_start(op0, e0):
 
 
 def controller_step(e, sp, state, p):
-    """One sample of PI in velocity form, its error bent, its gain scheduled by OP, with derivative, rate limits and idle scans.
+    """One sample of PI in velocity form, its error bent, its gain scheduled by OP, with derivative,
+    rate limits and idle scans.
 
-    `p.idle` marks the samples in which the controller does not run: OP stands, and nothing is remembered of them.
+    `p.idle` marks the samples in which the controller does not run: OP stands, and nothing is
+    remembered of them.
     """
     before, slope, k = state[1]
     if p.idle[int(k)] > 0.0:

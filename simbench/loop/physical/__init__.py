@@ -1,1 +1,3 @@
-"""Physics shared by the friction models: spring-and-diaphragm actuator, exact motion between stops, fixed sub-steps."""
+"""Physics shared by the friction models: spring-and-diaphragm actuator, exact motion between stops,
+fixed sub-steps.
+"""

@@ -1,8 +1,12 @@
-"""Pneumatic spring-and-diaphragm actuator: published parameters, what is refused, and its equation in % of travel.
+"""Pneumatic spring-and-diaphragm actuator: published parameters, what is refused, and its equation
+in % of travel.
 
-m x'' = F - k x - friction(x') with F = OP/100 k stroke. Divided by k stroke/100, position and OP in % of travel:
-    x'' = w2 (OP - x - friction) - 2 a x',   w2 = k/m,  a = Fv/(2 m),  friction in % = 100/(k stroke) of that in N,
-so the moving valve heads for OP - fd and the one at rest breaks away at |OP - x| > fs, fs and fd = (S +- J)/2.
+m x'' = F - k x - friction(x') with F = OP/100 k stroke. Divided by k stroke/100, position and OP in
+% of travel:
+    x'' = w2 (OP - x - friction) - 2 a x',   w2 = k/m,  a = Fv/(2 m),  friction in % = 100/(k
+    stroke) of that in N,
+so the moving valve heads for OP - fd and the one at rest breaks away at |OP - x| > fs, fs and fd =
+(S +- J)/2.
 """
 
 from __future__ import annotations
@@ -18,8 +22,9 @@ SOURCE = (
     "after Kayihan and Doyle (2000), Control Engineering Practice 8, 799-812"
 )
 
-# Published as 3 lb, 300 lbf/in, 320 and 384 lbf, 3.5 lbf s/in, 4 in; the stroke matches 3..15 psi on 100 in2. The
-# published friction is then S = 58.6 %, J = 5.3 %, a very sticky valve: scale it down for common ones.
+# Published as 3 lb, 300 lbf/in, 320 and 384 lbf, 3.5 lbf s/in, 4 in; the stroke matches 3..15 psi
+# on 100 in2. The published friction is then S = 58.6 %, J = 5.3 %, a very sticky valve: scale it
+# down for common ones.
 ACTUATOR = {
     "S": Number(
         "% of travel", low=0.0, high=100.0, default=FOLLOWS, says="band, 100 (Fs + Fc)/(k stroke)"
@@ -56,19 +61,24 @@ SUBSTEP = Number(
 
 
 def complete_actuator(values: dict[str, float], where: str) -> dict[str, float]:
-    """Fill S and J from Fs and Fc or the other way round, and refuse a sub-step that is too large."""
+    """Fill S and J from Fs and Fc or the other way round, and refuse a sub-step that is too
+    large.
+    """
     refuse_large_substep(values, where)
     percent = 100.0 / (values["k"] * values["stroke"])
     return complete_band(values, where, ("Fs", "Fc"), percent, PUBLISHED_FRICTION)
 
 
 def refuse_large_substep(values: dict[str, float], where: str) -> None:
-    """Raise `ParameterError` when a fixed sub-step is longer than the fastest motion of the actuator."""
+    """Raise `ParameterError` when a fixed sub-step is longer than the fastest motion of the
+    actuator.
+    """
     limit = fastest(values["Fv"], values["m"], values["k"])
     if values["substep"] > limit:
         raise ParameterError(
-            f"{where}: substep = {values['substep']:g} s is too large; above {limit:.3g} s, the fastest time constant "
-            "of mass, spring and viscous friction, the valve stops and jumps where it should slide"
+            f"{where}: substep = {values['substep']:g} s is too large; above {limit:.3g} s, the"
+            " fastest time constant of mass, spring and viscous friction, the valve stops and"
+            " jumps where it should slide"
         )
 
 
@@ -79,7 +89,9 @@ def fastest(Fv: float, m: float, k: float) -> float:
 
 
 def overshoot(p) -> float:
-    """Return by which share of a free jump the valve passes its balance: 0 when damped, 1 without viscous friction."""
+    """Return by which share of a free jump the valve passes its balance: 0 when damped, 1 without
+    viscous friction.
+    """
     a, w2 = p.Fv / (2.0 * p.m), p.k / p.m
     return math.exp(-math.pi * a / math.sqrt(w2 - a * a)) if a * a < w2 else 0.0
 
@@ -87,8 +99,9 @@ def overshoot(p) -> float:
 def mapped_SJ(p) -> tuple[float, float]:
     """Return the (S, J) in % of travel of the equivalent stiction map.
 
-    Exact for an actuator that does not overshoot. One that does jumps by J (1 + overshoot) and comes to rest that much nearer
-    to the opposite break-away: He's map with K = 1 + overshoot, as long as it moves by jumps.
+    Exact for an actuator that does not overshoot. One that does jumps by J (1 + overshoot) and
+    comes to rest that much nearer to the opposite break-away: He's map with K = 1 + overshoot, as
+    long as it moves by jumps.
     """
     more = overshoot(p) * p.J
     return p.S - more, p.J + more

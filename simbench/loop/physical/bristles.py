@@ -1,26 +1,31 @@
 """Motion with LuGre friction: stiff bristles, integrated by an implicit method with adaptive step.
 
-Position x in % of travel, rate r in %/s, bristle deflection z in % of travel; a and w2 as in actuator.py, g0 = s0/m and
-g1 = s1/m of the bristles' stiffness and damping, soft = k/s0 turns a friction in % into a deflection in %.
+Position x in % of travel, rate r in %/s, bristle deflection z in % of travel; a and w2 as in
+actuator.py, g0 = s0/m and g1 = s1/m of the bristles' stiffness and damping, soft = k/s0 turns a
+friction in % into a deflection in %.
 """
 
 from math import exp, nan, sqrt
 
 # per sample; a held OP takes about 200 steps until all is at rest, however long it is held
 _MAX_STEPS = 1_000_000
-# error allowed per step, % of travel, in position and in bristle deflection (relative to its largest value there)
+# error allowed per step, % of travel, in position and in bristle deflection (relative to its
+# largest value there)
 _TOLERANCE = 1e-7
-# under a held force that the bristles can carry, slower than this (%/s) and balanced to this share of fs: at rest
+# under a held force that the bristles can carry, slower than this (%/s) and balanced to this share
+# of fs: at rest
 _REST, _BALANCE = 1e-4, 1e-6
 _ROSENBROCK_D = 1.0 / (2.0 + sqrt(2.0))
 _E32 = 6.0 + sqrt(2.0)
 
 
 def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
-    """Return (position, rate, deflection, h) after T s under OP `u` + `ramp` t; h is the step (s) to try next.
+    """Return (position, rate, deflection, h) after T s under OP `u` + `ramp` t; h is the step (s)
+    to try next.
 
-    All NaN when the motion took more than `_MAX_STEPS` steps. Rosenbrock method of order 2 with error estimate (Shampine and
-    Reichelt 1997, ode23s), whose order does not hang on the kink of |r| in the Jacobian.
+    All NaN when the motion took more than `_MAX_STEPS` steps. Rosenbrock method of order 2 with
+    error estimate (Shampine and Reichelt 1997, ode23s), whose order does not hang on the kink of
+    |r| in the Jacobian.
     """
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
@@ -84,7 +89,9 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
 
 
 def slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft):
-    """Return acceleration, bristle slip rate, and the derivatives of both by rate and by deflection."""
+    """Return acceleration, bristle slip rate, and the derivatives of both by rate and by
+    deflection.
+    """
     weight = (fs - fd) * exp(-(r / vs) * (r / vs))
     g = soft * (fd + weight)
     speed = abs(r)
@@ -100,7 +107,9 @@ def slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft):
 
 
 def solve(c, bx, br, bz, w2, acc_r, acc_z, slip_r, slip_z):
-    """Return the solution of (1 - c J) (x, r, z) = (bx, br, bz), J the Jacobian of (rate, acceleration, slip)."""
+    """Return the solution of (1 - c J) (x, r, z) = (bx, br, bz), J the Jacobian of (rate,
+    acceleration, slip).
+    """
     q = 1.0 - c * slip_z
     r = (br - c * w2 * bx + c * acc_z * bz / q) / (
         1.0 - c * acc_r + c * c * w2 - c * c * acc_z * slip_r / q

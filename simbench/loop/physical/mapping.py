@@ -1,4 +1,6 @@
-"""Friction as a band S, J (% of travel) and as two forces, break-away and sliding friction: one from the other."""
+"""Friction as a band S, J (% of travel) and as two forces, break-away and sliding friction: one
+from the other.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,16 @@ def complete_band(
     overshoot: bool = False,
 ) -> dict[str, float]:
     """Fill the pair that was not given from the pair that was."""
-    # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion, Choudhury et al. (2005).
+    # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion,
+    # Choudhury et al. (2005).
     high, low = forces
     S, J, Fs, Fc = values["S"], values["J"], values[high], values[low]
     band = [not math.isnan(S), not math.isnan(J)]
     pair = [not math.isnan(Fs), not math.isnan(Fc)]
     if any(band) and any(pair):
         raise ParameterError(
-            f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the other"
+            f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the"
+            " other"
         )
     if any(band):
         if not all(band):
@@ -32,8 +36,9 @@ def complete_band(
             )
         if J > S and not overshoot:
             raise ParameterError(
-                f"{where}: J = {J:g} exceeds S = {S:g}, which needs a negative {low}: friction alone cannot overshoot, "
-                "only the inertia of an underdamped valve (large m, small Fv) or the map of model 'choudhury' can"
+                f"{where}: J = {J:g} exceeds S = {S:g}, which needs a negative {low}: friction"
+                " alone cannot overshoot, only the inertia of an underdamped valve (large m, small"
+                " Fv) or the map of model 'choudhury' can"
             )
         return {**values, high: 0.5 * (S + J) / percent, low: 0.5 * (S - J) / percent}
     if defaults is not None:
@@ -43,10 +48,12 @@ def complete_band(
         raise ParameterError(f"{where} needs S and J, or {high} and {low}")
     if Fs < Fc:
         raise ParameterError(
-            f"{where}: {high} = {Fs:g} is below {low} = {Fc:g}; a valve at rest holds at least as hard as a moving one"
+            f"{where}: {high} = {Fs:g} is below {low} = {Fc:g}; a valve at rest holds at least as"
+            " hard as a moving one"
         )
     if Fs + Fc < 0.0:
         raise ParameterError(
-            f"{where}: {high} + {low} = {Fs + Fc:g} is negative; the sum is the band S and cannot be"
+            f"{where}: {high} + {low} = {Fs + Fc:g} is negative; the sum is the band S and"
+            " cannot be"
         )
     return {**values, high: Fs, low: Fc, "S": percent * (Fs + Fc), "J": percent * (Fs - Fc)}

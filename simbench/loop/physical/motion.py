@@ -1,17 +1,21 @@
-"""Exact motion of mass, spring, Coulomb and viscous friction under a held OP: from event to event, no time steps.
+"""Exact motion of mass, spring, Coulomb and viscous friction under a held OP: from event to event,
+no time steps.
 
-Positions in % of travel, rates in %/s, times in s; `a` and `w2` as in actuator.py. z is the distance of the valve from
-where it would come to rest if it went on sliding. The formulas hold for any damping.
+Positions in % of travel, rates in %/s, times in s; `a` and `w2` as in actuator.py. z is the
+distance of the valve from where it would come to rest if it went on sliding. The formulas hold for
+any damping.
 """
 
 from math import atan, cos, exp, inf, log, nan, pi, sin, sqrt
 
-# phases of motion within one sample; only an almost undamped valve on a stiff spring needs more than a few
+# phases of motion within one sample; only an almost undamped valve on a stiff spring needs more
+# than a few
 _MAX_EVENTS = 10_000
 
 
 def slide(u, x, r, fs, fd, a, w2, rest, T):
-    """Return (position, rate) after T s under OP `u`; a rate that has fallen to `rest` counts as standing.
+    """Return (position, rate) after T s under OP `u`; a rate that has fallen to `rest` counts as
+    standing.
 
     (NaN, NaN) when the valve was still stopping and starting after `_MAX_EVENTS` phases.
     """
@@ -71,9 +75,11 @@ def free(z, r, a, w2, t):
 
 
 def fade_time(z, r, d, rest, a, w2):
-    """Return when the rate has fallen to `rest` with the slow mode alone left, infinity if it does not end that way.
+    """Return when the rate has fallen to `rest` with the slow mode alone left, infinity if it does
+    not end that way.
 
-    The common end of an overdamped motion, in closed form; then rate = rest and z = -d rest/(slow eigenvalue).
+    The common end of an overdamped motion, in closed form; then rate = rest and z = -d rest/(slow
+    eigenvalue).
     """
     b2 = a * a - w2
     if b2 <= 1e-12 * w2:
@@ -104,11 +110,14 @@ def stop_time(z, r, a, w2):
 
 
 def fall_time(z, r, d, level, a, w2, T):
-    """Return when the rate in direction `d`, at most `level` at time T, has fallen to `level`; 0 if never above it."""
+    """Return when the rate in direction `d`, at most `level` at time T, has fallen to `level`; 0 if
+    never above it.
+    """
     lo = 0.0
     pull = w2 * z + 2.0 * a * r
     if d * pull < 0.0:
-        # still accelerating: the acceleration obeys the same equation, its zero is the fastest moment
+        # still accelerating: the acceleration obeys the same equation, its zero is the fastest
+        # moment
         lo = min(stop_time(r, -pull, a, w2), T)
     speed = d * free(z, r, a, w2, lo)[1]
     if speed <= level:
@@ -137,7 +146,9 @@ def fall_time(z, r, d, level, a, w2, T):
 
 
 def arrival_time(z, r, d, target, a, w2, T):
-    """Return when z, past `target` in direction `d` at time T, arrives there (by bisection: end stops are rare)."""
+    """Return when z, past `target` in direction `d` at time T, arrives there (by bisection: end
+    stops are rare).
+    """
     lo = 0.0
     hi = T
     while hi - lo > 1e-12 * T:

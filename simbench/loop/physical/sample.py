@@ -5,7 +5,8 @@ from simbench.loop.physical.substeps import slide_in_substeps
 
 
 def move(u, state, S, J, p):
-    """Return the state (v, rate) after one sample p.Ts under OP `u` (%), with the friction of a band S, J (%).
+    """Return the state (v, rate) after one sample p.Ts under OP `u` (%), with the friction of a
+    band S, J (%).
 
     `p` holds Fv, m, k, stroke, dv and substep as in actuator.py; v in %, rate in %/s.
     """

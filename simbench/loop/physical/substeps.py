@@ -1,14 +1,18 @@
-"""Fixed sub-steps for any of the dry friction laws: slow and first-order, the obvious twin of the exact motion."""
+"""Fixed sub-steps for any of the dry friction laws: slow and first-order, the obvious twin of the
+exact motion.
+"""
 
 from math import ceil, exp
 
 
 def slide_in_substeps(u, x, r, fs, fd, vs, a, w2, rest, T, substep):
-    """Return (position in %, rate in %/s) after T s under OP `u` (%), in equal steps of at most `substep` s.
+    """Return (position in %, rate in %/s) after T s under OP `u` (%), in equal steps of at most
+    `substep` s.
 
-    Euler for the rate, its mean over the step for the position. A step that would reverse the motion, or end it at `rest` or
-    slower, ends at rate zero; a valve at rate zero leaves only when |OP - position| > fs. Friction falls from fs to fd with
-    speed over vs (%/s, Stribeck), at once for vs = 0. Each sub-step is taken, standing or not.
+    Euler for the rate, its mean over the step for the position. A step that would reverse the
+    motion, or end it at `rest` or slower, ends at rate zero; a valve at rate zero leaves only when
+    |OP - position| > fs. Friction falls from fs to fd with speed over vs (%/s, Stribeck), at once
+    for vs = 0. Each sub-step is taken, standing or not.
     """
     n = ceil(T / substep - 1e-9)
     h = T / n

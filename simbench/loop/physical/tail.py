@@ -1,7 +1,9 @@
-"""Motion with Stribeck friction: exact while fast, adaptive Runge-Kutta in the tail where friction grows again.
+"""Motion with Stribeck friction: exact while fast, adaptive Runge-Kutta in the tail where friction
+grows again.
 
-Units as in motion.py; vs is the Stribeck speed in %/s. Friction that falls with speed throws the valve through the tail
-within some 10 us, in either direction; a valve on a steep ramp may also slide along in it.
+Units as in motion.py; vs is the Stribeck speed in %/s. Friction that falls with speed throws the
+valve through the tail within some 10 us, in either direction; a valve on a steep ramp may also
+slide along in it.
 """
 
 from math import exp, nan
@@ -66,7 +68,9 @@ def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
 
 
 def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
-    """Return (position, rate, error) one step h later; error 1 is what is allowed. Dormand and Prince (1980), 5(4)."""
+    """Return (position, rate, error) one step h later; error 1 is what is allowed. Dormand and
+    Prince (1980), 5(4).
+    """
     k1 = _pull(u, x, r, d, fs, fd, vs, a, w2)
     r2 = r + h * (k1 / 5.0)
     k2 = _pull(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
@@ -102,5 +106,7 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
 
 
 def _pull(u, x, r, d, fs, fd, vs, a, w2):
-    """Return the acceleration (%/s2) of a valve that moves in direction d against Stribeck and viscous friction."""
+    """Return the acceleration (%/s2) of a valve that moves in direction d against Stribeck and
+    viscous friction.
+    """
     return w2 * (u - x - d * (fd + (fs - fd) * exp(-(r / vs) * (r / vs)))) - 2.0 * a * r

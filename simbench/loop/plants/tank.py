@@ -1,14 +1,19 @@
-"""Tank that drains through an orifice: the outflow goes with the root of the level, so gain and time constant rise with it.
+"""Tank that drains through an orifice: the outflow goes with the root of the level, so gain and
+time constant rise with it.
 
-When to choose it: level or pressure far from where the loop was tuned; the simplest plant that is not linear.
-When not: small moves about the operating point, where K/(T s + 1) says the same and theory knows it.
+When to choose it: level or pressure far from where the loop was tuned; the simplest plant that is
+not linear. When not: small moves about the operating point, where K/(T s + 1) says the same and
+theory knows it.
 """
 
 from math import sqrt
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Torricelli's law; Seborg, Edgar and Mellichamp (2011), Process Dynamics and Control, section 4.3"
+SOURCE = (
+    "Torricelli's law; Seborg, Edgar and Mellichamp (2011), Process Dynamics and Control,"
+    " section 4.3"
+)
 INTEGRATING = False
 PARAMETERS = {
     "K": Number("PV units per %", low=0.0, positive=True, says="gain at the operating point"),
@@ -22,7 +27,8 @@ def start(p):
 
 
 def step(w_old, w_new, state, p):
-    """One sample: the inflow's deviations (%), `w_old` for the rest of the dead time, `w_new` then; state (level,) out.
+    """One sample: the inflow's deviations (%), `w_old` for the rest of the dead time, `w_new` then;
+    state (level,) out.
 
     T dh/dt = K w - 2 pv0 (sqrt(h/pv0) - 1), by the classic Runge-Kutta step.
     """

@@ -1,17 +1,22 @@
 """Stiction that differs by direction: its own S and J for opening and for closing.
 
-When to choose it: packing or plug load that helps one direction (flow to open, flow to close), or an asymmetric cycle,
-which second-order spectra see and a symmetric one hides from them.
-When not: nothing tells the directions apart in the record; four numbers then fit what two would (`choudhury`).
+When to choose it: packing or plug load that helps one direction (flow to open, flow to close), or
+an asymmetric cycle, which second-order spectra see and a symmetric one hides from them. When not:
+nothing tells the directions apart in the record; four numbers then fit what two would
+(`choudhury`).
 
-S_up and J_up give the residuals of opening: break-away at OP - MV > (S_up + J_up)/2, motion at (S_up - J_up)/2; S_down
-and J_down those of closing. OP must cross (S_up - J_up)/2 + (S_down + J_down)/2 between an opening and a closing
-motion: S when both sides are equal, and then the valve is `choudhury`.
+S_up and J_up give the residuals of opening: break-away at OP - MV > (S_up + J_up)/2, motion at
+(S_up - J_up)/2; S_down and J_down those of closing. OP must cross (S_up - J_up)/2 + (S_down +
+J_down)/2 between an opening and a closing motion: S when both sides are equal, and then the valve
+is `choudhury`.
 """
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, with a friction per direction"
+SOURCE = (
+    "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, with a"
+    " friction per direction"
+)
 FRICTION = True
 PARAMETERS = {
     "S_up": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band, opening"),
@@ -46,7 +51,9 @@ def step(u, state, p):
 
 
 def mapped_SJ(p):
-    """Return (S, J) in % of travel: the means of both directions, exact for the width of the cycle."""
+    """Return (S, J) in % of travel: the means of both directions, exact for the width of the
+    cycle.
+    """
     return 0.5 * (p.S_up + p.S_down), 0.5 * (p.J_up + p.J_down)
 
 

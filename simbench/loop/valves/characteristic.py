@@ -1,20 +1,26 @@
-"""Installed characteristic, a stage: flow (% of full flow) against travel, in a line that takes part of the pressure.
+"""Installed characteristic, a stage: flow (% of full flow) against travel, in a line that takes
+part of the pressure.
 
-When to choose it: behind a friction model, when the loop gain should change with the operating point: a gain that
-grows with opening (equal percentage) or falls (quick opening), or a valve whose line takes most of the pressure.
-When not: small cycles about one operating point; a gain does there. In a closed loop the flow at OP = op0 is no longer
-op0, so the run starts with a step unless the operating point is chosen on the curve.
+When to choose it: behind a friction model, when the loop gain should change with the operating
+point: a gain that grows with opening (equal percentage) or falls (quick opening), or a valve whose
+line takes most of the pressure. When not: small cycles about one operating point; a gain does
+there. In a closed loop the flow at OP = op0 is no longer op0, so the run starts with a step unless
+the operating point is chosen on the curve.
 
 inherent: linear f = x; equal percentage f = R^(x-1); quick opening f = sqrt(x), x = travel/100.
-installed: flow = f / sqrt(N + (1 - N) f^2), N = authority, the share of the pressure that the open valve takes.
-Equal percentage leaks 1/R at x = 0, as the inherent curve does; MV is the flow and stays within 0..100.
+installed: flow = f / sqrt(N + (1 - N) f^2), N = authority, the share of the pressure that the open
+valve takes. Equal percentage leaks 1/R at x = 0, as the inherent curve does; MV is the flow and
+stays within 0..100.
 """
 
 from math import exp, log, sqrt
 
 from simbench.loop.parameters import Choice, Number
 
-SOURCE = "IEC 60534-2-4 (inherent characteristics); installed: Luyben, Process Modeling, Simulation and Control (1990)"
+SOURCE = (
+    "IEC 60534-2-4 (inherent characteristics); installed: Luyben, Process Modeling, Simulation and"
+    " Control (1990)"
+)
 FRICTION = False
 PARAMETERS = {
     "type": Choice(("linear", "equal_percentage", "quick_opening"), says="inherent characteristic"),

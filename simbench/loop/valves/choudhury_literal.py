@@ -1,16 +1,20 @@
 """Choudhury's flow chart read to the letter: every change of sign of OP's slope starts a new band.
 
 When to choose it: to reproduce published simulations that were run with the flow chart as printed.
-When not: anywhere else. Each noise reversal of OP puts the start of the band where OP is, so a valve under noisy OP
-may never move however far OP drifts; and after a hold the smaller threshold J also lets OP turn back, which friction
-does not. `choudhury` mends both.
+When not: anywhere else. Each noise reversal of OP puts the start of the band where OP is, so a
+valve under noisy OP may never move however far OP drifts; and after a hold the smaller threshold J
+also lets OP turn back, which friction does not. `choudhury` mends both.
 
-The chart has no word for a valve at rest in mid-band: here it starts with the band at OP, threshold S on both sides.
+The chart has no word for a valve at rest in mid-band: here it starts with the band at OP, threshold
+S on both sides.
 """
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, flow chart of the data-driven model"
+SOURCE = (
+    "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, flow chart of"
+    " the data-driven model"
+)
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band"),
@@ -27,7 +31,8 @@ def start(u0, p):
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v, x_ss, held, slope, u_prev) out, v = MV (%).
 
-    x_ss is OP where the band began, `held` is 1 when it began with a pause of OP, `slope` the sign of OP's change.
+    x_ss is OP where the band began, `held` is 1 when it began with a pause of OP, `slope` the sign
+    of OP's change.
     """
     v, x_ss, held, slope_old, u_prev = state
     x = min(max(u, 0.0), 100.0)

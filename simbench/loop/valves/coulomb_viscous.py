@@ -1,9 +1,9 @@
-"""Spring-and-diaphragm valve with Coulomb and viscous friction, without stiction: a dead-band with a time constant.
+"""Spring-and-diaphragm valve with Coulomb and viscous friction, without stiction: a dead-band with
+a time constant.
 
-When to choose it: a well-greased or spring-loaded packing, whose friction at rest is that of motion (Fs = Fc, J = 0);
-the physics behind `deadband`.
-When not: the valve jumps when it breaks away (`coulomb`, which has this as its case Fs = Fc).
-The band may be given as S instead of Fc.
+When to choose it: a well-greased or spring-loaded packing, whose friction at rest is that of motion
+(Fs = Fc, J = 0); the physics behind `deadband`. When not: the valve jumps when it breaks away
+(`coulomb`, which has this as its case Fs = Fc). The band may be given as S instead of Fc.
 """
 
 from math import isnan
@@ -64,5 +64,7 @@ def step(u, state, p):
 
 
 def mapped_SJ(p):
-    """Return (S, J) in % of travel; the overshoot of an underdamped actuator needs a jump and has none here."""
+    """Return (S, J) in % of travel; the overshoot of an underdamped actuator needs a jump and has
+    none here.
+    """
     return p.S, 0.0

@@ -1,8 +1,10 @@
-"""Closing characteristic, a stage: the gain from OP to flow changes evenly, in the logarithm, along the travel; ends fixed.
+"""Closing characteristic, a stage: the gain from OP to flow changes evenly, in the logarithm, along
+the travel; ends fixed.
 
-When to choose it: the simplest curve that closes at 0 and opens fully at 100, with one number for how bent it is;
-equal-percentage like for R > 1, quick-opening like for R < 1, straight at R = 1.
-When not: a real valve's data sheet, or a line that takes part of the pressure (`characteristic` knows leakage and authority).
+When to choose it: the simplest curve that closes at 0 and opens fully at 100, with one number for
+how bent it is; equal-percentage like for R > 1, quick-opening like for R < 1, straight at R = 1.
+When not: a real valve's data sheet, or a line that takes part of the pressure (`characteristic`
+knows leakage and authority).
 """
 
 from math import expm1, log

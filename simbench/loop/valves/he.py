@@ -1,19 +1,25 @@
-"""He's stiction model: when OP - MV passes fs the valve slips down to fd, and sticks again at every sample.
+"""He's stiction model: when OP - MV passes fs the valve slips down to fd, and sticks again at every
+sample.
 
-When to choose it: sampled loops whose valve comes to rest between two samples (sampling slower than some 0.1 s with
-the published actuator): there friction does stop the valve at every sample, and this map is what `coulomb` does.
-When not: OP that moves smoothly within the sampling period; the real valve then slides (`choudhury`), while this one
-advances in jumps of J. The result depends on the sampling period.
+When to choose it: sampled loops whose valve comes to rest between two samples (sampling slower than
+some 0.1 s with the published actuator): there friction does stop the valve at every sample, and
+this map is what `coulomb` does. When not: OP that moves smoothly within the sampling period; the
+real valve then slides (`choudhury`), while this one advances in jumps of J. The result depends on
+the sampling period.
 
-Band by S and J, or by the published pair fs = (S + J)/2 and fd = (S - J)/2. K is the later gain on the slip: 1 is the
-original; up to 2 the valve overshoots its balance, as an underdamped actuator does (K = 1 + its overshoot ratio).
-The published form has no limits; here OP and MV stay within 0..100.
+Band by S and J, or by the published pair fs = (S + J)/2 and fd = (S - J)/2. K is the later gain on
+the slip: 1 is the original; up to 2 the valve overshoots its balance, as an underdamped actuator
+does (K = 1 + its overshoot ratio). The published form has no limits; here OP and MV stay within
+0..100.
 """
 
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical.mapping import complete_band
 
-SOURCE = "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang (2010), ACC"
+SOURCE = (
+    "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang"
+    " (2010), ACC"
+)
 FRICTION = True
 PARAMETERS = {
     "S": Number(
@@ -62,5 +68,7 @@ def step(u, state, p):
 
 
 def mapped_SJ(p):
-    """Return (S, J) in % of travel: K widens the jump at the cost of the rest of the band, break-away stays."""
+    """Return (S, J) in % of travel: K widens the jump at the cost of the rest of the band,
+    break-away stays.
+    """
     return p.S - (p.K - 1.0) * p.J, p.K * p.J

@@ -1,11 +1,14 @@
-"""Hysteresis with or without dead-band (ISA): eight plays of different width in parallel, their mean is the position.
+"""Hysteresis with or without dead-band (ISA): eight plays of different width in parallel, their
+mean is the position.
 
-When to choose it: a positioner or linkage whose loop opens gradually after each reversal instead of standing still
-(S = 0: no dead-band, the loop closes at both ends), or any rate-independent loop between that and backlash.
-When not: a sharp dead-band (`deadband`, which is H = 0 in one line) or slip jumps (`choudhury`).
+When to choose it: a positioner or linkage whose loop opens gradually after each reversal instead of
+standing still (S = 0: no dead-band, the loop closes at both ends), or any rate-independent loop
+between that and backlash. When not: a sharp dead-band (`deadband`, which is H = 0 in one line) or
+slip jumps (`choudhury`).
 
-S is the dead-band; H is hysteresis as ISA measures it on the output: the largest separation of the rising and falling
-curve over a full traverse, less the dead-band. The plays have equal weights and widths S, S + 2H/7, ... S + 2H.
+S is the dead-band; H is hysteresis as ISA measures it on the output: the largest separation of the
+rising and falling curve over a full traverse, less the dead-band. The plays have equal weights and
+widths S, S + 2H/7, ... S + 2H.
 """
 
 from detectors.errors import ParameterError
@@ -56,7 +59,9 @@ def step(u, state, p):
 
 
 def play(x, half, v):
-    """Return the position of a play of width 2 `half` (%) that stood at `v` (%), under OP `x` (%)."""
+    """Return the position of a play of width 2 `half` (%) that stood at `v` (%), under OP `x`
+    (%).
+    """
     return max(x - half, min(x + half, v))
 
 

@@ -1,7 +1,8 @@
 """Ideal valve: the position is the controller output, limited to its travel.
 
 When to choose it: the healthy twin of any sticky loop, and wherever the valve is not the question.
-When not: as the only healthy valve of a study; a packed valve has at least some dead-band (`deadband`).
+When not: as the only healthy valve of a study; a packed valve has at least some dead-band
+(`deadband`).
 """
 
 SOURCE = "definition: MV = OP within 0..100 % of travel"

@@ -1,16 +1,20 @@
-"""Stiction that comes and goes: S and J for the first `on` seconds of every `period`, another band for the rest.
+"""Stiction that comes and goes: S and J for the first `on` seconds of every `period`, another band
+for the rest.
 
-When to choose it: a valve that sticks only now and then (deposits, a positioner that frees it), and to see whether a
-detector judges the whole record by a part of it.
-When not: one slow change (`time_varying`).
-Friction holds back, it never pushes: when it comes on under a moving valve, the valve waits in place.
+When to choose it: a valve that sticks only now and then (deposits, a positioner that frees it), and
+to see whether a detector judges the whole record by a part of it. When not: one slow change
+(`time_varying`). Friction holds back, it never pushes: when it comes on under a moving valve, the
+valve waits in place.
 """
 
 from detectors.errors import ParameterError
 from detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, switched in time"
+SOURCE = (
+    "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, switched in"
+    " time"
+)
 FRICTION = True
 PARAMETERS = {
     "S": Number(
@@ -42,7 +46,9 @@ def check(p):
 
 
 def start(u0, p):
-    """Return the state (v, d, moving, u_prev, k) at rest in mid-band under OP `u0` (%); k counts samples."""
+    """Return the state (v, d, moving, u_prev, k) at rest in mid-band under OP `u0` (%); k counts
+    samples.
+    """
     x = min(max(u0, 0.0), 100.0)
     return x, 0.0, 0.0, x, 0.0
 
@@ -68,7 +74,9 @@ def mapped_SJ(p):
 
 
 def for_SJ(S, J, period):
-    """Return the parameters that stick with (S, J) for 20 of every 30 periods of `period` (s), with 0.4 of them in between."""
+    """Return the parameters that stick with (S, J) for 20 of every 30 periods of `period` (s), with
+    0.4 of them in between.
+    """
     return {
         "S": S,
         "J": J,

@@ -1,11 +1,14 @@
-"""Actuator lag with a rate limit, a stage: the position follows its input like a first-order lag of limited speed.
+"""Actuator lag with a rate limit, a stage: the position follows its input like a first-order lag of
+limited speed.
 
-When to choose it: a pneumatic actuator or positioner that is slow against the process (T from filling and venting, the
-rate from its air supply), in front of or behind any friction model.
-When not: in front of the physical models as a stand-in for their own dynamics; those have mass and damping already.
+When to choose it: a pneumatic actuator or positioner that is slow against the process (T from
+filling and venting, the rate from its air supply), in front of or behind any friction model. When
+not: in front of the physical models as a stand-in for their own dynamics; those have mass and
+damping already.
 
-Exact under an input held over the sample: at full speed until the input is within rate T, exponential from there.
-T = 0 is a pure rate limit; without a rate the lag is linear. The state after a sample is the position at its end.
+Exact under an input held over the sample: at full speed until the input is within rate T,
+exponential from there. T = 0 is a pure rate limit; without a rate the lag is linear. The state
+after a sample is the position at its end.
 """
 
 from math import exp, inf

@@ -1,17 +1,18 @@
 """LuGre friction on a spring-and-diaphragm valve: elastic bristles that give before they slip.
 
-When to choose it: micro-motion before break-away matters (dither, small reversals, a high-resolution positioner), or
-a friction model without switching is wanted.
-When not: long closed-loop studies (some 50 us per sample, a thousand times `coulomb`); noisy OP, under which bristles
-creep where a real valve stands, the more the softer they are.
+When to choose it: micro-motion before break-away matters (dither, small reversals, a
+high-resolution positioner), or a friction model without switching is wanted. When not: long
+closed-loop studies (some 50 us per sample, a thousand times `coulomb`); noisy OP, under which
+bristles creep where a real valve stands, the more the softer they are.
 
-Friction s0 z + s1 z' + Fv x', z' = x' - |x'| z/g(x'), s0 g = Fc + (Fs - Fc) exp(-(x'/vs)^2). Before break-away the valve
-yields by OP's share k/s0. S and J may be given instead of Fs and Fc; they hold up to that give. Needs Fc > 0.
-The force runs in a straight line from the last OP to this one over the sample: bristles under a sudden force slip at
-Fc instead of Fs, and no air supply makes a step. Break-away still falls with the rate of OP, as the source shows:
-at 2 %/s and S = 5, J = 2 by 16 %, 3 % and 0.5 % for s0 = 1e7, 1e8 and 1e9 N/m. With 1e7 a loop can settle within the give
-of the bristles and never cycle. A sample of minutes is no ramp of minutes, in which the valve would stick and slip a million
-times: `supply` is the time that the air takes to follow OP, held afterwards.
+Friction s0 z + s1 z' + Fv x', z' = x' - |x'| z/g(x'), s0 g = Fc + (Fs - Fc) exp(-(x'/vs)^2). Before
+break-away the valve yields by OP's share k/s0. S and J may be given instead of Fs and Fc; they hold
+up to that give. Needs Fc > 0. The force runs in a straight line from the last OP to this one over
+the sample: bristles under a sudden force slip at Fc instead of Fs, and no air supply makes a step.
+Break-away still falls with the rate of OP, as the source shows: at 2 %/s and S = 5, J = 2 by 16 %,
+3 % and 0.5 % for s0 = 1e7, 1e8 and 1e9 N/m. With 1e7 a loop can settle within the give of the
+bristles and never cycle. A sample of minutes is no ramp of minutes, in which the valve would stick
+and slip a million times: `supply` is the time that the air takes to follow OP, held afterwards.
 """
 
 from math import inf, isnan, sqrt
@@ -24,11 +25,12 @@ from simbench.loop.physical.bristles import slide_bristles
 from simbench.loop.physical.mapping import complete_band
 
 SOURCE = (
-    "Canudas de Wit, Olsson, Astrom and Lischinsky (1995), IEEE Trans. Automatic Control 40, 419-425; actuator: "
-    + actuator.SOURCE
+    "Canudas de Wit, Olsson, Astrom and Lischinsky (1995), IEEE Trans. Automatic Control 40,"
+    " 419-425; actuator: " + actuator.SOURCE
 )
 FRICTION = True
-# The paper's 1e5 N/m belongs to a mass of 1 kg under 1.5 N of friction. 1e8 gives some um before break-away.
+# The paper's 1e5 N/m belongs to a mass of 1 kg under 1.5 N of friction. 1e8 gives some um before
+# break-away.
 PARAMETERS = {
     **ACTUATOR,
     "vs": Number(
@@ -68,13 +70,17 @@ def complete(values, where):
 
 
 def start(u0, p):
-    """Return the state (v, rate, z, h, u_prev) at rest in mid-band under OP `u0`: in %, %/s, %, s, %."""
+    """Return the state (v, rate, z, h, u_prev) at rest in mid-band under OP `u0`: in %, %/s, %, s,
+    %.
+    """
     x = min(max(u0, 0.0), 100.0)
     return x, 0.0, 0.0, 1e-6, x
 
 
 def step(u, state, p):
-    """One sample: OP `u` (%) in, state (v, rate, z, h, u_prev) out, v = MV (%) at the sample's end."""
+    """One sample: OP `u` (%) in, state (v, rate, z, h, u_prev) out, v = MV (%) at the sample's
+    end.
+    """
     v, rate, z, h, u_prev = state
     x = min(max(u, 0.0), 100.0)
     fs = 0.5 * (p.S + p.J)

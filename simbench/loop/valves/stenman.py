@@ -1,13 +1,18 @@
-"""Stenman's one-parameter model: the valve waits until OP is more than d away, then jumps all the way to OP.
+"""Stenman's one-parameter model: the valve waits until OP is more than d away, then jumps all the
+way to OP.
 
-When to choose it: the simplest picture of a sticking valve, or to compare with segmentation methods built on it.
-When not: undershoot, dead-band or a smooth moving phase matter. It sticks again at every sample, so its staircase
-depends on the sampling period; that of `choudhury` with S = J = d, the same band, does not while OP keeps moving.
+When to choose it: the simplest picture of a sticking valve, or to compare with segmentation methods
+built on it. When not: undershoot, dead-band or a smooth moving phase matter. It sticks again at
+every sample, so its staircase depends on the sampling period; that of `choudhury` with S = J = d,
+the same band, does not while OP keeps moving.
 """
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Stenman, Gustafsson and Forsman (2003), Int. J. Adaptive Control and Signal Processing 17, 625-639"
+SOURCE = (
+    "Stenman, Gustafsson and Forsman (2003), Int. J. Adaptive Control and Signal Processing 17,"
+    " 625-639"
+)
 FRICTION = True
 PARAMETERS = {
     "d": Number("% of travel", low=0.0, high=100.0, says="distance at which the valve jumps")

@@ -1,13 +1,14 @@
-"""Spring-and-diaphragm valve whose friction grows again as it slows down (Stribeck): it stops early and jumps on.
+"""Spring-and-diaphragm valve whose friction grows again as it slows down (Stribeck): it stops early
+and jumps on.
 
-When to choose it: slow OP, as closed loops with weak integral action make it. Below about vs (0.25 % of travel per
-second) steady sliding is unstable, and a slow ramp moves the valve in repeated jumps, as He's map does, where
-`coulomb` jumps once and slides.
-When not: OP moves by several vs most of the time, or is held so long that the valve stops in every sample; there it
-is `coulomb` at several times the cost.
+When to choose it: slow OP, as closed loops with weak integral action make it. Below about vs (0.25
+% of travel per second) steady sliding is unstable, and a slow ramp moves the valve in repeated
+jumps, as He's map does, where `coulomb` jumps once and slides. When not: OP moves by several vs
+most of the time, or is held so long that the valve stops in every sample; there it is `coulomb` at
+several times the cost.
 
-Moving friction Fc + (Fs - Fc) exp(-(x'/vs)^2) + Fv x'. Exact between events while the valve is fast, adaptive steps
-below 6 vs. S and J may be given instead of Fs and Fc.
+Moving friction Fc + (Fs - Fc) exp(-(x'/vs)^2) + Fv x'. Exact between events while the valve is
+fast, adaptive steps below 6 vs. S and J may be given instead of Fs and Fc.
 """
 
 from simbench.loop.parameters import Number
@@ -45,7 +46,9 @@ mapped_SJ = actuator.mapped_SJ
 
 
 def start(u0, p):
-    """Return the state (v, rate, h) at rest in mid-band under OP `u0` (%); rate in %/s, h is a step size in s."""
+    """Return the state (v, rate, h) at rest in mid-band under OP `u0` (%); rate in %/s, h is a step
+    size in s.
+    """
     return min(max(u0, 0.0), 100.0), 0.0, 1e-6
 
 

@@ -1,16 +1,19 @@
 """Stiction that grows or shrinks with time: S and J run linearly from one value to another.
 
-When to choose it: wear, a packing that was tightened too far and beds in, temperature; and to see how a detector that
-assumes one S for the whole record copes.
-When not: the change is a matter of minutes on and off (`intermittent`), or of direction (`asymmetric`).
-Friction holds back, it never pushes: when the band widens under a moving valve, the valve waits in place.
+When to choose it: wear, a packing that was tightened too far and beds in, temperature; and to see
+how a detector that assumes one S for the whole record copes. When not: the change is a matter of
+minutes on and off (`intermittent`), or of direction (`asymmetric`). Friction holds back, it never
+pushes: when the band widens under a moving valve, the valve waits in place.
 """
 
 from detectors.errors import ParameterError
 from detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import FOLLOWS, Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, with S and J linear in time"
+SOURCE = (
+    "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, with S and J"
+    " linear in time"
+)
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band until t_begin"),
@@ -41,13 +44,16 @@ def complete(values, where):
             values[f"{name}_end"] = values[name]
     if values["t_end"] <= values["t_begin"]:
         raise ParameterError(
-            f"{where}: t_end = {values['t_end']:g} s must come after t_begin = {values['t_begin']:g} s"
+            f"{where}: t_end = {values['t_end']:g} s must come after t_begin ="
+            f" {values['t_begin']:g} s"
         )
     return values
 
 
 def start(u0, p):
-    """Return the state (v, d, moving, u_prev, k) at rest in mid-band under OP `u0` (%); k counts samples."""
+    """Return the state (v, d, moving, u_prev, k) at rest in mid-band under OP `u0` (%); k counts
+    samples.
+    """
     x = min(max(u0, 0.0), 100.0)
     return x, 0.0, 0.0, x, 0.0
 
@@ -70,5 +76,7 @@ def mapped_SJ(p):
 
 
 def for_SJ(S, J, period):
-    """Return the parameters that arrive at (S, J) from half of it within ten periods of `period` (s)."""
+    """Return the parameters that arrive at (S, J) from half of it within ten periods of `period`
+    (s).
+    """
     return {"S": 0.5 * S, "J": 0.5 * J, "S_end": S, "J_end": J, "t_end": 10.0 * period}

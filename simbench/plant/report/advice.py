@@ -1,4 +1,6 @@
-"""Whose job a loop is next: valve, tuning, upstream, measurement, or nobody's; what to do is the conclusion's next step."""
+"""Whose job a loop is next: valve, tuning, upstream, measurement, or nobody's; what to do is the
+conclusion's next step.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def advise(
     root: str | None,
     actions: Sequence[Action],
 ) -> Advice:
-    """Return what to do next with one loop: the conclusion's next step, with what a plant's other loops and replicates add."""
+    """Return what to do next with one loop: the conclusion's next step, with what a plant's other
+    loops and replicates add.
+    """
     swings = prepared.oscillation.sustained
     action = next(
         (a for a in actions if a.name == _HELPS.get(named.name) and a.variance < 1.0), None

@@ -1,4 +1,6 @@
-"""What a loop's motion costs: the share of its variance that the cycle causes, and what the valve travels for it."""
+"""What a loop's motion costs: the share of its variance that the cycle causes, and what the valve
+travels for it.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,11 @@ _DEAD = 0.1  # of OP's standard deviation, within which a change of direction is
 
 @dataclass(frozen=True)
 class Cost:
-    """What the record shows of a loop's cost: the cycle's share of the variance of PV and of OP, the valve's travel and turns.
+    """What the record shows of a loop's cost: the cycle's share of the variance of PV and of OP,
+    the valve's travel and turns.
 
-    `travel` (% a day, 100 = once from end to end) is None where the unit of OP is unknown, `automatic` without a recorded mode.
+    `travel` (% a day, 100 = once from end to end) is None where the unit of OP is unknown,
+    `automatic` without a recorded mode.
     """
 
     pv_share: float
@@ -34,11 +38,13 @@ class Cost:
     def sentence(self) -> str:
         """Return the cost in words."""
         said = [
-            f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's variance"
+            f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's"
+            " variance"
         ]
         if self.travel is not None:
             said.append(
-                f"the valve travels {self.travel / 100:.3g} full strokes and turns {self.reversals:.3g} times a day"
+                f"the valve travels {self.travel / 100:.3g} full strokes and turns"
+                f" {self.reversals:.3g} times a day"
             )
         if self.automatic is not None:
             said.append(f"in automatic {self.automatic:.0%} of the time")

@@ -1,4 +1,6 @@
-"""Loops that share one oscillation: the same period, and phases that stay together over the whole record."""
+"""Loops that share one oscillation: the same period, and phases that stay together over the whole
+record.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,11 @@ _FEWEST, _FEWEST_PERIODS = (
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
-    """Return the groups of loops that oscillate together by the phase-locking value of their PVs (Lachaux et al. 1999, eq. 1).
+    """Return the groups of loops that oscillate together by the phase-locking value of their PVs
+    (Lachaux et al. 1999, eq. 1).
 
-    Two loops that cycle by themselves drift apart; a source and its victims do not. Records without time stamps are taken for
-    records of one time where they are of one length.
+    Two loops that cycle by themselves drift apart; a source and its victims do not. Records without
+    time stamps are taken for records of one time where they are of one length.
     """
     swinging = [
         (name, p)
@@ -60,7 +63,9 @@ def _together(one: Prepared, other: Prepared) -> bool:
 
 
 def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | None:
-    """Return the parts of two records that were recorded at the same time; None where there are none, or it is unknown."""
+    """Return the parts of two records that were recorded at the same time; None where there are
+    none, or it is unknown.
+    """
     if abs(a.Ts / b.Ts - 1) > 0.01:
         return None
     starts = [r.meta.get("start") for r in (a, b)]
@@ -73,7 +78,9 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
 
 
 def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
-    """Return the pairs of outer and inner loop: the set point of the inner is the output of the outer."""
+    """Return the pairs of outer and inner loop: the set point of the inner is the output of the
+    outer.
+    """
     found = []
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
@@ -89,7 +96,9 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
 
 
 def _follows(master: LoopRecord, slave: LoopRecord) -> float:
-    """Return how well the output of one loop explains the set point of another, 1 = wholly; one sample may lie between."""
+    """Return how well the output of one loop explains the set point of another, 1 = wholly; one
+    sample may lie between.
+    """
     both = None if master is slave else same_time(master, slave)
     if both is None or both[1].sp is None:
         return 0.0

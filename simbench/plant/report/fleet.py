@@ -1,4 +1,6 @@
-"""A plant's loops, judged side by side: probability and size of stiction, shared oscillations, whose job is next."""
+"""A plant's loops, judged side by side: probability and size of stiction, shared oscillations,
+whose job is next.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
-JUDGED = ".judged"  # ends the name of the folder beside a page in which the answers on its loops are kept
+# ends the name of the folder beside a page in which the answers on its loops are kept
+JUDGED = ".judged"
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
 _FOLLOWER, _OPEN = (
     0.2,
@@ -52,11 +55,13 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant: its conclusion, what few twins and the fast methods say, every verdict, cause, cost, what to do.
+    """One loop of a plant: its conclusion, what few twins and the fast methods say, every verdict,
+    cause, cost, what to do.
 
-    `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
-    from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
-    of PV's variance that its cause costs, summed over the loops that swing with it, times its confidence.
+    `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers
+    the oscillation it shares, from 1, with its likely `root`; `pooled` is the probability of
+    stiction from all records of the loop; `priority` the share of PV's variance that its cause
+    costs, summed over the loops that swing with it, times its confidence.
     """
 
     name: str
@@ -89,7 +94,9 @@ class FleetLoop:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """A plant's loops, the most urgent first; `events` have their likely root first, `cascades` are outer and inner loop."""
+    """A plant's loops, the most urgent first; `events` have their likely root first, `cascades` are
+    outer and inner loop.
+    """
 
     members: tuple[FleetLoop, ...]
     events: tuple[tuple[str, ...], ...]
@@ -98,7 +105,9 @@ class Fleet:
     cascades: tuple[tuple[str, str], ...] = ()
 
     def to_test(self) -> list[str]:
-        """Return the fewest valves to touch: one per shared oscillation, its likely root, and loops that swing alone."""
+        """Return the fewest valves to touch: one per shared oscillation, its likely root, and loops
+        that swing alone.
+        """
         followers = {name for event in self.events for name in event[1:]}
         inner = dict(self.cascades)
         asked = [m for m in self.members if m.advice.job == VALVE and m.name not in followers]
@@ -109,7 +118,9 @@ class Fleet:
         )
 
     def shared(self) -> list[str]:
-        """Return a sentence per oscillation that loops share, with its likely root and why, and one per cascade."""
+        """Return a sentence per oscillation that loops share, with its likely root and why, and one
+        per cascade.
+        """
         p = {m.name: m.probability for m in self.members}
         lines = []
         for i, event in enumerate(self.events, 1):
@@ -137,7 +148,8 @@ class Fleet:
             p = "" if m.found.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
             lines.append(
-                f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12} {m.advice.do}"
+                f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12}"
+                f" {m.advice.do}"
             )
         lines += self.shared()
         if self.to_test():
@@ -146,9 +158,15 @@ class Fleet:
 
 
 def survey(
-    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None,
-    previous: str | Path | None = None, **about: Any,
-) -> Fleet:  # fmt: skip
+    folder: str | Path,
+    labels: str | Path | None = None,
+    *,
+    jobs: int = 2,
+    seed: int = 0,
+    keep: str | Path | None = None,
+    previous: str | Path | None = None,
+    **about: Any,
+) -> Fleet:
     """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
     before = {} if previous is None else _causes_before(previous)
@@ -197,13 +215,16 @@ def _causes_before(previous: str | Path) -> dict[str, str]:
                 )
     if not found:
         raise ParameterError(
-            f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed"
+            f"--previous {previous}: no table of an earlier report in it; the .csv beside its page"
+            " is needed"
         )
     return found
 
 
 def _adopt(previous: Path, keep: Path) -> None:
-    """Put the answers of an earlier report beside those of this one, which asks again where a record or setting is another."""
+    """Put the answers of an earlier report beside those of this one, which asks again where a
+    record or setting is another.
+    """
     for file in previous.glob(f"*{JUDGED}/*.json"):
         if not (keep / file.name).exists():
             with contextlib.suppress(OSError):  # what cannot be read is judged anew
@@ -268,7 +289,9 @@ def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
 def _joined(
     members: list[FleetLoop], prepared: Mapping[str, Prepared], pairs: Sequence[tuple[str, str]]
 ) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
-    """Return the members with their events, causes, priorities and what to do next, and the events."""
+    """Return the members with their events, causes, priorities and what to do next, and the
+    events.
+    """
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}
     events = [tuple(likely_root(g, probability, nonlinear)) for g in shared_oscillations(prepared)]
@@ -324,7 +347,9 @@ def _joined(
 
 
 def _costs(m: FleetLoop) -> float:
-    """Return the share of PV's variance that a loop's cause takes; without a measurement that can be trusted, all of it."""
+    """Return the share of PV's variance that a loop's cause takes; without a measurement that can
+    be trusted, all of it.
+    """
     if m.cause.name == NO_CAUSE:
         return 0.0
     if m.cause.name == SENSOR:

@@ -25,16 +25,34 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _BESIDE = (  # in the table beside the page, and in the loop's own part of it
-    "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
-    "of today's", "from", "to", "S from", "S to", "answer", "reason",
-    "best action", "PV share", "S unit", "smallest visible S", "root",
+    "speaks for",
+    "speaks against",
+    "OP share",
+    "travel a day (%)",
+    "reversals a day",
+    "in automatic",
+    "at a limit",
+    "of today's",
+    "from",
+    "to",
+    "S from",
+    "S to",
+    "answer",
+    "reason",
+    "best action",
+    "PV share",
+    "S unit",
+    "smallest visible S",
+    "root",
     "cycles",
-)  # fmt: skip
+)
 _FIRST = 12  # loops named per trade
 _TRADES = {
-    VALVE: "Maintenance, at the valve", TUNING: "Control engineer, tuning", UPSTREAM: "Operations, upstream",
+    VALVE: "Maintenance, at the valve",
+    TUNING: "Control engineer, tuning",
+    UPSTREAM: "Operations, upstream",
     MEASUREMENT: "Instruments, measurement or recording",
-}  # fmt: skip
+}
 _ALONE = "No two loops oscillate with one period and locked phases at one time."
 # what no picture of ours has
 _ACTIVE = re.compile(
@@ -51,7 +69,9 @@ def write_fleet(
     jobs: int = 1,
     keep: Path | None = None,
 ) -> Path:
-    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it; pictures drawn are in `keep`."""
+    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it;
+    pictures drawn are in `keep`.
+    """
     sticky = [m for m in fleet.members if m.conclusion.verdict == STICTION]
     tiles = [
         (str(len(fleet.members)), "loops judged"),
@@ -165,7 +185,9 @@ def table(fleet: Fleet) -> pd.DataFrame:
 
 
 def _interval(m: FleetLoop) -> tuple[float | None, float | None]:
-    """Return the interval of S that the procedure states, as wide as the archive leaves it; None where it states none."""
+    """Return the interval of S that the procedure states, as wide as the archive leaves it; None
+    where it states none.
+    """
     S = next((v.S for v in m.verdicts if v.method == "procedure"), None)
     return S if isinstance(S, tuple) else (S, S)
 
@@ -194,7 +216,9 @@ def _word(v: Verdict) -> str:
 
 
 def _why(m: FleetLoop) -> list[str]:
-    """Return the causes weighed, what the loop costs, what would help, and what reading its record assumed."""
+    """Return the causes weighed, what the loop costs, what would help, and what reading its record
+    assumed.
+    """
     lines = [] if m.causes is None else m.causes.as_lines()
     lines.append(f"Cost: {m.cost.sentence()}.")
     lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
@@ -217,7 +241,9 @@ def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
 
 
 def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
-    """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next week."""
+    """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next
+    week.
+    """
     own = f"{crc32(name.encode()):08x}"
     trend = inline_svg(
         draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time"

@@ -1,4 +1,6 @@
-"""What would help: the identified loop simulated with its valve repaired, retuned, compensated, resized, or left alone."""
+"""What would help: the identified loop simulated with its valve repaired, retuned, compensated,
+resized, or left alone.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +30,16 @@ LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = (
     "dead-band compensation",
     "resize",
 )
-_RUNS = 20  # of every action, each of another seed and loop: a further one lies between the least and the largest in .9
+# of every action, each of another seed and loop: a further one lies between the least and the
+# largest in .9
+_RUNS = 20
 _WARM_UP = 0.3  # of a run, before it counts
 # standard deviations of the logarithms drawn, of two development draws of 70 sticky loops
 _UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.05, "load": 0.2}
 _JUMP = 0.06  # standard deviation of J over S
-# where OP spans less than so many S the valve has two positions: J stands anywhere in the band, K and load at what the swing
-# makes of it, and the load holds what friction of another jump does not explain
+# where OP spans less than so many S the valve has two positions: J stands anywhere in the band, K
+# and load at what the swing makes of it, and the load holds what friction of another jump does not
+# explain
 _TWO_POSITIONS, _BEYOND, _TOO_LARGE = 2.0, 0.15, 0.45
 _LEFT = 0.2  # of the band that is no jump, that compensation leaves
 _KICK = 1.0  # % of OP beyond S: a sticky loop started at rest may stay there
@@ -48,7 +53,9 @@ _SAME = 1e-9
 
 @dataclass(frozen=True)
 class Action:
-    """One thing to do, and what PV's variance about its set point would be, as a share of today's, with its 90 % interval."""
+    """One thing to do, and what PV's variance about its set point would be, as a share of today's,
+    with its 90 % interval.
+    """
 
     name: str
     what: str
@@ -58,14 +65,17 @@ class Action:
 
     def sentence(self) -> str:
         """Return what it would do in words."""
-        return f"{self.what}: PV variance {self.variance:.0%} of today's ({self.lo:.0%} to {self.hi:.0%})"
+        return (
+            f"{self.what}: PV variance {self.variance:.0%} of today's ({self.lo:.0%} to"
+            f" {self.hi:.0%})"
+        )
 
 
 def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
     """Return what the actions would do to the variance of PV, best first.
 
-    Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an action on a loop whose
-    valve nobody knows is no advice.
+    Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an
+    action on a loop whose valve nobody knows is no advice.
     """
     claimed = behind.sticky is not None and behind.probability > CLAIMED_FROM
     if not claimed and behind.probability >= DENIED_BELOW:
@@ -86,8 +96,9 @@ def compare(
 ) -> tuple[Action, ...]:  # fmt: skip
     """Return the actions on one loop with a friction of S and J, best first.
 
-    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to,
-    `load` (PV units, at the output) stands for the loop's own loads and noise, from another sample on in every run.
+    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings`
+    are those to retune to, `load` (PV units, at the output) stands for the loop's own loads and
+    noise, from another sample on in every run.
     """
     rng = np.random.default_rng(seed)
     drawn = []
@@ -126,7 +137,9 @@ def compare(
 
 
 def retuned(loop: Loop) -> dict[str, float]:
-    """Return gain and integral time (s) of SIMC (Skogestad 2003), its closed-loop time constant twice the dead time."""
+    """Return gain and integral time (s) of SIMC (Skogestad 2003), its closed-loop time constant
+    twice the dead time.
+    """
     plant, Ts = loop.plant, loop.sampling.Ts
     dead = plant.Td + 0.5 * Ts
     wanted = max(2.0 * dead, 2.0 * Ts)
@@ -139,7 +152,9 @@ def retuned(loop: Loop) -> dict[str, float]:
 def _factors(
     base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator
 ) -> tuple[dict[str, float], float]:
-    """Draw how far plant, load and friction may be from what was identified, and J over S; no loop that swings by itself."""
+    """Draw how far plant, load and friction may be from what was identified, and J over S; no loop
+    that swings by itself.
+    """
     for _ in range(_TRIES if spread else 0):
         tried = {
             name: float(np.exp(spread * std * rng.standard_normal()))
@@ -208,7 +223,9 @@ def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
 
 
 def _recorded_load(loop: Loop, record: LoopRecord) -> np.ndarray | None:
-    """Return PV without what OP did through valve and plant; None but for a first-order plant under P or PI."""
+    """Return PV without what OP did through valve and plant; None but for a first-order plant under
+    P or PI.
+    """
     if (
         loop.plant.type != "foptd"
         or loop.controller.type not in ("P", "PI")

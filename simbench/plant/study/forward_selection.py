@@ -1,4 +1,6 @@
-"""Loops of a grid, and the same loops once effects found in a plant have joined them, one after the other."""
+"""Loops of a grid, and the same loops once effects found in a plant have joined them, one after the
+other.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ _ROUNDS = 4  # in which a strength is measured again by the loop that has it
 class Simulated:
     """One loop of the grid: its group, the loop, its record and whether it is sticky.
 
-    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its healthy sibling.
+    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its
+    healthy sibling.
     """
 
     unit: str
@@ -79,8 +82,11 @@ def join(
     methods: list[str],
     rng: np.random.Generator,
 ) -> tuple[list[Contribution], dict[str, float]]:
-    """Join effects to the grid one after the other, the one that closes most of the distance first."""
-    # a diagnosis misses an effect in some loops that have it, and may not tell where it acts: shares and places are tried
+    """Join effects to the grid one after the other, the one that closes most of the distance
+    first.
+    """
+    # a diagnosis misses an effect in some loops that have it, and may not tell where it acts:
+    # shares and places are tried
     left = {
         e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)]
         for e, s in found.items()
@@ -113,7 +119,9 @@ def join(
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way in which an effect may stand in a plant: in which share of its loops, with which strengths, drawn by a seed."""
+    """One way in which an effect may stand in a plant: in which share of its loops, with which
+    strengths, drawn by a seed.
+    """
 
     effect: str
     share: float
@@ -140,11 +148,14 @@ def _shares(
 
 
 def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
-    """Return the grid's loops with an effect in a share of its units, of strengths found on real loops."""
+    """Return the grid's loops with an effect in a share of its units, of strengths found on real
+    loops.
+    """
     rng = np.random.default_rng(way.seed)
     hit = {u: rng.random() < way.share for u in dict.fromkeys(s.unit for s in simulated)}
     drawn = {u: way.strengths[int(rng.integers(len(way.strengths)))] for u in hit}
-    # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays sound
+    # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays
+    # sound
     spared = way.effect in FRICTION_EFFECT
     return [
         _hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s
@@ -153,7 +164,9 @@ def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
 
 
 def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
-    """Return a loop with an effect as strong beside the loop as it then is; strengths were found on loops that have it."""
+    """Return a loop with an effect as strong beside the loop as it then is; strengths were found on
+    loops that have it.
+    """
     size, out = s.size, s
     before = (
         s.loop.model_copy(update={"valve": Part(name="ideal")})
@@ -191,7 +204,9 @@ def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
 def accuracy(
     simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]
 ) -> dict[str, float]:
-    """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is not right."""
+    """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is
+    not right.
+    """
     truth = np.array([float(s.sticky) for s in simulated])
     right = verdicts == truth[:, None]
     # a grid that is more sticky than healthy must not reward those who say so

@@ -1,4 +1,6 @@
-"""What a record looks like, in numbers without unit, phase or time scale of its own: what real and simulated loops share."""
+"""What a record looks like, in numbers without unit, phase or time scale of its own: what real and
+simulated loops share.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def looks(record: LoopRecord) -> dict[str, float]:
 def by_unit(
     rows: list[dict[str, float]], units: list[str]
 ) -> tuple[list[str], np.ndarray, list[str]]:
-    """Return features averaged over the records of a unit, so that a loop with many records counts once."""
+    """Return features averaged over the records of a unit, so that a loop with many records counts
+    once.
+    """
     names, order = list(rows[0]), list(dict.fromkeys(units))
     x = np.array([[row[n] for n in names] for row in rows])
     of = np.array(units)

@@ -1,4 +1,6 @@
-"""The page of a study: how far plant and grid are apart, by what, what it costs, and what so few loops cannot show."""
+"""The page of a study: how far plant and grid are apart, by what, what it costs, and what so few
+loops cannot show.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,10 @@ def write_study(found: Study, path: str | Path) -> None:
         ),
         (str(found.loops), "loops: the unit of every interval and p-value"),
     ]
-    says = "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all features"
+    says = (
+        "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all"
+        " features"
+    )
     parts = [
         section("answer", "The answer", [answer], tiles=tiles),
         section(
@@ -76,7 +81,8 @@ def _explained(found: Study) -> list[str]:
         ]
     steps = ", ".join(f"with {e.effect} {e.distance_after:.2f}" for e in found.effects)
     return [
-        f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before it)."
+        f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before"
+        " it)."
     ]
 
 
@@ -111,7 +117,13 @@ def _methods(found: Study) -> pd.DataFrame:
 def _limits(found: Study) -> list[str]:
     smallest = 2.8 / np.sqrt(found.loops)
     return [
-        f"With {found.loops} loops a feature must be shifted by about {smallest:.1f} of its spread to be found in 4 of 5 such "
-        "plants, before correction for the number of features. That nothing was found does not show that nothing is there.",
-        "Accuracy is the mean of the shares right of sticky and of healthy loops; no decision is not right.",
+        (
+            f"With {found.loops} loops a feature must be shifted by about {smallest:.1f} of its"
+            " spread to be found in 4 of 5 such plants, before correction for the number of"
+            " features. That nothing was found does not show that nothing is there."
+        ),
+        (
+            "Accuracy is the mean of the shares right of sticky and of healthy loops; no decision"
+            " is not right."
+        ),
     ]

@@ -1,4 +1,6 @@
-"""Effects found in a plant's loops, with strengths that can be carried over to loops of another size and pace."""
+"""Effects found in a plant's loops, with strengths that can be carried over to loops of another
+size and pace.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ FRICTION_EFFECT = (
     "stiction",
     "deadband",
 )  # what takes the place of the friction that a loop of the grid has
-_GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
+# times that an effect may change a loop's size before its strength is measured by it no more
+_GROWN = 2.0
 _REST = 40.0  # samples that stand for the period of a record without one
 
 
@@ -41,7 +44,9 @@ class Size:
         return cls(float(np.std(record.pv)) or 1.0, span or 1.0, float(period))
 
     def towards(self, other: Size) -> Size:
-        """Return the size of a loop that an effect has changed, by `_GROWN` at most: it may make it run away."""
+        """Return the size of a loop that an effect has changed, by `_GROWN` at most: it may make it
+        run away.
+        """
         pv, op = (
             float(np.clip(b, a / _GROWN, a * _GROWN))
             for a, b in ((self.pv, other.pv), (self.op, other.op))
@@ -62,7 +67,9 @@ class Size:
 
 
 def relative(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str, Any]:
-    """Return an effect's parameters measured by the loop they were found on; words stand as they are."""
+    """Return an effect's parameters measured by the loop they were found on; words stand as they
+    are.
+    """
     return {
         k: v if isinstance(v, str) else v / size.factor(_unit(effect, k))
         for k, v in parameters.items()
@@ -86,7 +93,9 @@ def absolute(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str
 
 
 def with_effect(loop: Loop, effect: str, parameters: Mapping[str, Any]) -> Loop:
-    """Return a loop with one more effect; an effect of that name which it has already is replaced."""
+    """Return a loop with one more effect; an effect of that name which it has already is
+    replaced.
+    """
     table = loop.to_table()
     rest = [e for e in table.get("effect", []) if e["name"] != effect]
     table["effect"] = [*rest, {"name": effect, **parameters}]
@@ -94,7 +103,9 @@ def with_effect(loop: Loop, effect: str, parameters: Mapping[str, Any]) -> Loop:
 
 
 def scales(effect: str, names: Iterable[str]) -> dict[str, str] | None:
-    """Return what a grid multiplies an effect's parameters by; None where a grid has no such scale."""
+    """Return what a grid multiplies an effect's parameters by; None where a grid has no such
+    scale.
+    """
     words = {
         "PV units": "pv",
         "%": "S",

@@ -1,4 +1,6 @@
-"""study(): a set of records against a grid: what separates them, which effects explain it, what each costs each detector."""
+"""study(): a set of records against a grid: what separates them, which effects explain it, what
+each costs each detector.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ def study(
 
 @dataclass(frozen=True, eq=False)
 class _RecordedFleet:
-    """What was recorded in a plant: records by name, the unit of each, its line of the labels, files refused, and where."""
+    """What was recorded in a plant: records by name, the unit of each, its line of the labels,
+    files refused, and where.
+    """
 
     records: Mapping[str, LoopRecord]
     unit: Mapping[str, str]
@@ -105,17 +109,25 @@ def against(
     labelled = _real_accuracy(records, unit, known, methods, rng)
     few = len(set(unit.values()))
     notes = [
-        f"{few} loops: a share of one half is known to within {98 / np.sqrt(few):.0f} points, a feature only where it is plain"
+        f"{few} loops: a share of one half is known to within {98 / np.sqrt(few):.0f} points, a"
+        " feature only where it is plain"
     ]
     notes += [f"left out {n}: {why}" for n, why in real.refused.items()] + failed
     if joined and joined[-1].distance_after > 0.5 * mmd(ruler, sim_x, real_x):
         notes.append("more than half of the distance stays unexplained by the effects found")
     return Study(
-        records=len(records), loops=few, distance=mmd_test(ruler, sim_x, real_x, rng),
+        records=len(records),
+        loops=few,
+        distance=mmd_test(ruler, sim_x, real_x, rng),
         classifier=classifier_test(ruler.measured(sim_x), ruler.measured(real_x), rng),
-        features=feature_tests(ruler, names, sim_x, real_x), effects=tuple(joined),
-        simulated=accuracy(simulated, base, methods), real=labelled, moved=moved, notes=tuple(notes), grid=grid,
-    )  # fmt: skip
+        features=feature_tests(ruler, names, sim_x, real_x),
+        effects=tuple(joined),
+        simulated=accuracy(simulated, base, methods),
+        real=labelled,
+        moved=moved,
+        notes=tuple(notes),
+        grid=grid,
+    )
 
 
 def _effects_of(
@@ -126,7 +138,9 @@ def _effects_of(
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
-    """Diagnose one record of every unit, and return the effects found with their relative strengths."""
+    """Diagnose one record of every unit, and return the effects found with their relative
+    strengths.
+    """
     about = []
     for name in {unit[name]: name for name in reversed(list(records))}.values():
         beside = folder / f"{name}.toml"
@@ -143,7 +157,9 @@ def _effects_of(
 
 
 def _diagnosed(record: LoopRecord, baseline: Loop | None) -> dict[str, dict[str, Any]] | str:
-    """Return the effects named or proven with their relative strengths, or why there is no diagnosis."""
+    """Return the effects named or proven with their relative strengths, or why there is no
+    diagnosis.
+    """
     try:
         report = diagnose(record, baseline)
     except UserError as error:
@@ -166,7 +182,9 @@ def _real_accuracy(
     methods: list[str],
     rng: np.random.Generator,
 ) -> dict[str, dict[str, float]]:
-    """Return balanced accuracy by unit with its bootstrap interval; empty unless both classes are labelled."""
+    """Return balanced accuracy by unit with its bootstrap interval; empty unless both classes are
+    labelled.
+    """
     rows: dict[str, list[np.ndarray]] = {}
     truth: dict[str, bool] = {}
     for name, record in records.items():

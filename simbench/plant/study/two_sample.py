@@ -1,4 +1,6 @@
-"""Two sets of loops compared: kernel distance, a classifier, and single features, each with a permutation p-value."""
+"""Two sets of loops compared: kernel distance, a classifier, and single features, each with a
+permutation p-value.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ _FOLDS = 5
 
 @dataclass(frozen=True, eq=False)
 class FeatureScaler:
-    """How features are made comparable: median and spread of the simulated loops, and the median distance of two loops."""
+    """How features are made comparable: median and spread of the simulated loops, and the median
+    distance of two loops.
+    """
 
     centre: np.ndarray
     spread: np.ndarray
@@ -40,12 +44,16 @@ class FeatureScaler:
 
 
 def mmd(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
-    """Return the maximum mean discrepancy of two sets of loops (Gretton et al. 2012, J. Mach. Learn. Res. 13, eq. 3)."""
+    """Return the maximum mean discrepancy of two sets of loops (Gretton et al. 2012, J. Mach.
+    Learn. Res. 13, eq. 3).
+    """
     return float(np.sqrt(max(mmd_squared(ruler, one, other), 0.0)))
 
 
 def mmd_squared(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
-    """Return the unbiased estimate that `mmd` is the root of; of two sets alike, one may lie further below 0 than the other."""
+    """Return the unbiased estimate that `mmd` is the root of; of two sets alike, one may lie
+    further below 0 than the other.
+    """
     both = np.vstack([one, other])
     return _squared(ruler.kernel(both, both), np.arange(len(both)) < len(one))
 
@@ -53,7 +61,9 @@ def mmd_squared(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> flo
 def mmd_test(
     ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that there is none."""
+    """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that
+    there is none.
+    """
     both = np.vstack([one, other])
     kernel, first = ruler.kernel(both, both), np.arange(len(both)) < len(one)
     value = _mmd(kernel, first)
@@ -74,7 +84,8 @@ def mmd_test(
 def classifier_test(
     one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99
 ) -> tuple[float, float]:
-    """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value.
+    """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and
+    the permutation p-value.
 
     Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR.
     """
@@ -91,7 +102,9 @@ def classifier_test(
 def feature_tests(
     ruler: FeatureScaler, names: list[str], simulated: np.ndarray, real: np.ndarray
 ) -> list[dict[str, float | str]]:
-    """Return per feature how far the real loops' median lies from the simulated, and a p-value held against all features."""
+    """Return per feature how far the real loops' median lies from the simulated, and a p-value held
+    against all features.
+    """
     from scipy.stats import mannwhitneyu
 
     from simbench.bench.statistics import holm

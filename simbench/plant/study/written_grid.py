@@ -1,4 +1,6 @@
-"""A grid with the effects that a plant's loops have: the file it was, and the effects found as drawn settings."""
+"""A grid with the effects that a plant's loops have: the file it was, and the effects found as
+drawn settings.
+"""
 
 from __future__ import annotations
 
@@ -51,14 +53,17 @@ def write_grid(found: Study, path: str | Path) -> list[str]:
     blocks = "".join(_block(e) for e in usable)
     with whole_file(path) as f:
         f.write(
-            f"# {base.stem}, with the effects found in {found.loops} loops of a plant\n{kept.rstrip()}\n{blocks}"
+            f"# {base.stem}, with the effects found in {found.loops} loops of a"
+            f" plant\n{kept.rstrip()}\n{blocks}"
         )
     load_grid(path)
     return [e.effect for e in found.effects if e not in usable]
 
 
 def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
-    """Return the list an effect is drawn from: each found one by its share, what the grid had for the rest."""
+    """Return the list an effect is drawn from: each found one by its share, what the grid had for
+    the rest.
+    """
     share = sum(e.share for e in effects)
     fit = min(1.0, 1.0 / share)
     new = [

@@ -1,4 +1,6 @@
-"""The page of a trust: the answer, what this record could have shown, whom to believe, what would help."""
+"""The page of a trust: the answer, what this record could have shown, whom to believe, what would
+help.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +53,9 @@ def write_page(found: Trust, path: str | Path) -> None:
         best = [m for m in found.methods if m.verdict.applicable is not False][:_SHOWN]
         curves = {"as best read": found.power} | {m.verdict.method: m.power for m in best}
         says = (
-            "Share of twins called stiction over S; the band is the 95 % interval of the method most often right on the twins, "
-            "as best read, the others by their own rules, the dashed line 0.8"
+            "Share of twins called stiction over S; the band is the 95 % interval of the method"
+            " most often right on the twins, as best read, the others by their own rules, the"
+            " dashed line 0.8"
         )
         ratios = sorted({round(c.J / c.S, 6) for c in found.power})
         pictures = [
@@ -82,9 +85,11 @@ def _table(found: Trust) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "method": m.verdict.method,
-            "verdict here": "not made for it"
-            if m.verdict.applicable is False
-            else m.verdict.verdict.replace("_", " "),
+            "verdict here": (
+                "not made for it"
+                if m.verdict.applicable is False
+                else m.verdict.verdict.replace("_", " ")
+            ),
             "right on twins": m.rule.right,
             "false alarms": m.false_alarms,
             "found, all sizes": sum(c.found for c in m.power) / len(m.power) if m.power else None,

@@ -28,7 +28,9 @@ _LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 
 @styled
 def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = ()) -> Figure:
-    """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded behind OP."""
+    """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded
+    behind OP.
+    """
     figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
     _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
     above, below = axes.ravel()
@@ -83,7 +85,9 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
 
 
 def _place(figure: Figure, **edges: float) -> None:
-    """Put the axes where any numbers fit beside them; to measure those takes as long as to draw, and a plant has hundreds."""
+    """Put the axes where any numbers fit beside them; to measure those takes as long as to draw,
+    and a plant has hundreds.
+    """
     figure.set_layout_engine(None)
     figure.subplots_adjust(**edges)
 
@@ -93,7 +97,9 @@ def _op(record: LoopRecord) -> str:
 
 
 def _thin(x: np.ndarray) -> np.ndarray:
-    """Return which samples to draw: all of a short signal, the extremes of every piece of a long one."""
+    """Return which samples to draw: all of a short signal, the extremes of every piece of a long
+    one.
+    """
     if x.size <= 2 * _POINTS:
         return np.arange(x.size)
     size = -(-x.size // _POINTS)

@@ -1,4 +1,6 @@
-"""What each detector finds on the twins: false alarms, power over S and J, the threshold to use, the smallest that shows."""
+"""What each detector finds on the twins: false alarms, power over S and J, the threshold to use,
+the smallest that shows.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from simbench.bench.statistics import wilson
 
 POWER = 0.8  # share that must be found of what is called visible
 _ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
-_BETTER = 0.03  # by which a threshold chosen here must be right more often than the published rule to be advised
+# by which a threshold chosen here must be right more often than the published rule to be advised
+_BETTER = 0.03
 
 
 @dataclass(frozen=True)
@@ -29,9 +32,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a method should be read on this loop: by its published rule, or by the score above which stiction is called.
+    """How a method should be read on this loop: by its published rule, or by the score above which
+    stiction is called.
 
-    `right` is the share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
+    `right` is the share of twins answered right, sticky and healthy ones counting the same; an
+    abstention is not right.
     """
 
     method: str
@@ -85,7 +90,9 @@ def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float
 
 
 def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
-    """Return how a method may be read on this loop: by its own rule, and by a threshold on its score that healthy twins set."""
+    """Return how a method may be read on this loop: by its own rule, and by a threshold on its
+    score that healthy twins set.
+    """
     own = np.array([v.verdict == STICTION for v in verdicts])
     undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
     published = Rule(method, None, _right(own, sticky, ~undecided))
@@ -112,7 +119,9 @@ def _cut(healthy: np.ndarray) -> float:
 
 
 def likelihood_ratio(said: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
-    """Return how much more often sticky twins get this verdict than healthy ones (half a twin added to each count)."""
+    """Return how much more often sticky twins get this verdict than healthy ones (half a twin added
+    to each count).
+    """
     same = np.array([v == said for v in verdicts])
     return float(
         ((same[sticky].sum() + 0.5) / (sticky.sum() + 1.5))

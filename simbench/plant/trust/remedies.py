@@ -1,4 +1,6 @@
-"""What would help: the same loop recorded otherwise, simulated, until stiction too small for this record shows."""
+"""What would help: the same loop recorded otherwise, simulated, until stiction too small for this
+record shows.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,11 @@ _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to record otherwise, and which share of sticky and of healthy twins the best method then calls stiction.
+    """One thing to record otherwise, and which share of sticky and of healthy twins the best method
+    then calls stiction.
 
-    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the record as it is.
+    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the
+    record as it is.
     """
 
     what: str
@@ -41,12 +45,13 @@ class Remedy:
         """Return what would help in one sentence."""
         if not self.what:
             return (
-                f"would help: nothing that was tried (a record four times as long, faster sampling, a set-point step, MV, "
-                f"another archive) shows S = {self.S:.2g} {self.unit}"
+                "would help: nothing that was tried (a record four times as long, faster sampling,"
+                f" a set-point step, MV, another archive) shows S = {self.S:.2g} {self.unit}"
             )
         return (
-            f"would help: {self.what}; {self.method} would then find {self.found:.0%} of S = {self.S:.2g} {self.unit} "
-            f"(false alarms {self.alarms:.0%}; now {max(self.before, 0.0):.0%} net of them)"
+            f"would help: {self.what}; {self.method} would then find {self.found:.0%} of S ="
+            f" {self.S:.2g} {self.unit} (false alarms {self.alarms:.0%}; now"
+            f" {max(self.before, 0.0):.0%} net of them)"
         )
 
 

@@ -1,4 +1,6 @@
-"""Twins of a record: what the loop behind it might have recorded, with a sound valve and with friction of known size."""
+"""Twins of a record: what the loop behind it might have recorded, with a sound valve and with
+friction of known size.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,9 @@ class Twin:
 class Change:
     """What might have been recorded otherwise.
 
-    Times the length, times as many samples in the same time, set-point steps of a height (PV units; 0: none) every sixth of the
-    record, the valve's position, and what changes the loop, as an archive does.
+    Times the length, times as many samples in the same time, set-point steps of a height (PV units;
+    0: none) every sixth of the record, the valve's position, and what changes the loop, as an
+    archive does.
     """
 
     longer: float = 1.0
@@ -56,7 +59,9 @@ class Change:
 
 
 def levels(around: CandidateLoops) -> list[tuple[float, float]]:
-    """Return the cells (S, J) in % that are tried around a record: five times S, each with little and with full slip-jump."""
+    """Return the cells (S, J) in % that are tried around a record: five times S, each with little
+    and with full slip-jump.
+    """
     span = float(np.quantile(around.record.op, 0.99) - np.quantile(around.record.op, 0.01))
     S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), _LEVELS)
     return [(float(s), float(r * s)) for r in _SLIPS for s in S]
@@ -99,7 +104,8 @@ def _twin(
             run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
             if not _alike(run, a.record, change, own=S <= 0):
                 continue
-            # a record that swings is told from a sound loop that swings too, not from one that rests
+            # a record that swings is told from a sound loop that swings too, not from one that
+            # rests
             if (
                 S <= 0
                 and a.period is not None
@@ -107,7 +113,8 @@ def _twin(
             ):
                 continue
             if S > 0:
-                # at rest a sticky loop may stay there for ever; the plant's has been moving for years
+                # at rest a sticky loop may stay there for ever; the plant's has been moving for
+                # years
                 kick = float(rng.choice((-1.0, 1.0))) * (S + 1.0)
                 run = _after(simulate(with_friction(loop, S, J), seed, kick=kick).record, ahead)
         except (UserError, SpecError):
@@ -117,14 +124,18 @@ def _twin(
 
 
 def _sticky_base(a: CandidateLoops, number: int) -> Loop:
-    """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
+    """Return the loop that friction is put into: under friction part of the motion is the valve's,
+    how much nobody knows.
+    """
     if a.sticky is not None and number * _GOLDEN % 1.0 < a.probability:
         return a.sticky
     return a.healthy[number % len(a.healthy)]
 
 
 def _after(run: LoopRecord, ahead: int) -> LoopRecord:
-    """Return what is recorded: the set point's way to where it stood is over, which is all that some loops ever move."""
+    """Return what is recorded: the set point's way to where it stood is over, which is all that
+    some loops ever move.
+    """
     return run.window(ahead, run.n)
 
 
@@ -136,7 +147,9 @@ def _driven(
     ahead: int,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Return a sound loop that another one swings as much as the record swings, at about its period."""
+    """Return a sound loop that another one swings as much as the record swings, at about its
+    period.
+    """
     assert a.period is not None
     own = [part | {"amplitude": _QUIETER * part["amplitude"]} for part in table["disturbance"]]
     calm = table | {
@@ -165,7 +178,9 @@ def _driven(
 
 
 def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bool:
-    """Return whether a loop without friction moves no more than the record does, and a healthy record's `own` loop no less."""
+    """Return whether a loop without friction moves no more than the record does, and a healthy
+    record's `own` loop no less.
+    """
     for name in ("op", "pv"):
         size, real = float(np.std(getattr(run, name))), float(np.std(getattr(record, name)))
         # a set-point step moves both, and that is what it is for
@@ -180,7 +195,8 @@ def _perturbed(
 ) -> dict[str, Any]:
     """Return a loop's table with plant, loads and noise drawn around what stands in it.
 
-    In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
+    In closed loop K and T of a self-regulating plant are known little better than their ratio: they
+    move together.
     """
     z = {name: float(np.exp(std * rng.standard_normal())) for name, std in by.items()}
     plant = dict(table["plant"])
@@ -212,7 +228,9 @@ def _loads_perturbed(table: dict[str, Any], z: dict[str, float]) -> dict[str, An
 
 
 def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
-    """Set length, sampling and set point in place; return how many samples come before the record."""
+    """Set length, sampling and set point in place; return how many samples come before the
+    record.
+    """
     Ts = record.Ts / change.faster
     n = int(record.n * change.longer * change.faster)
     ahead = int(_WARM_UP * record.n * change.faster)
@@ -237,6 +255,13 @@ def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
 def _as_recorded(run: LoopRecord, record: LoopRecord, mv: bool) -> LoopRecord:
     """Return a simulated record with no more in it than the plant's has."""
     return LoopRecord(
-        run.op, run.pv, run.Ts, sp=None if record.sp is None else run.sp, mv=run.mv if mv or record.mv is not None else None,
-        process=record.process, kind=record.kind, op_span=(0.0, 100.0), tag=record.tag,
-    )  # fmt: skip
+        run.op,
+        run.pv,
+        run.Ts,
+        sp=None if record.sp is None else run.sp,
+        mv=run.mv if mv or record.mv is not None else None,
+        process=record.process,
+        kind=record.kind,
+        op_span=(0.0, 100.0),
+        tag=record.tag,
+    )

@@ -19,9 +19,11 @@ from simbench.plant.trust.remedies import Remedy
 
 @dataclass(frozen=True)
 class MethodTrust:
-    """What one method is worth on this loop: its verdict on the record, and its record on the twins.
+    """What one method is worth on this loop: its verdict on the record, and its record on the
+    twins.
 
-    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
+    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the
+    published rule.
     """
 
     verdict: Verdict
@@ -40,9 +42,9 @@ class MethodTrust:
 class Trust:
     """What can be believed of this record.
 
-    `methods` stand as they agree with the probability and are right on the twins; `smallest_visible` (S, J in the unit of the
-    record's S) and `power` are those of the method most often right on the twins, as read best; `twins` are S and J (%) of
-    each.
+    `methods` stand as they agree with the probability and are right on the twins;
+    `smallest_visible` (S, J in the unit of the record's S) and `power` are those of the method most
+    often right on the twins, as read best; `twins` are S and J (%) of each.
     """
 
     conclusion: Conclusion
@@ -95,7 +97,10 @@ class Trust:
         """Return what simulated replicates of the loop would have shown."""
         if not self.twins:
             return f"no simulated replicates: {self.notes[0]}"
-        return f"in this record {self._visible()} would have shown to the best method in 4 of 5 simulated replicates"
+        return (
+            f"in this record {self._visible()} would have shown to the best method in 4 of 5"
+            " simulated replicates"
+        )
 
     def _visible(self) -> str:
         seen = self.smallest_visible
@@ -104,7 +109,9 @@ class Trust:
         )  # fmt: skip
 
     def _asides(self) -> list[str]:
-        """Return how the best method is to be read, and what it says over time, as far as there is something to say."""
+        """Return how the best method is to be read, and what it says over time, as far as there is
+        something to say.
+        """
         said = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
         if self.over_time is not None and self.over_time.several:
             said.append(f"over time: {self.over_time.sentence()}")
@@ -116,12 +123,15 @@ class Trust:
         if best is None:
             return f"power: unknown ({self.notes[0]})"
         return (
-            f"power: this record would have shown {self._visible()}; probability of stiction {self.probability:.2f}; "
-            f"the method to trust: {_reading(best.rule)}, right on {best.rule.right:.0%} of its {len(self.twins)} twins"
+            f"power: this record would have shown {self._visible()}; probability of stiction"
+            f" {self.probability:.2f}; the method to trust: {_reading(best.rule)}, right on"
+            f" {best.rule.right:.0%} of its {len(self.twins)} twins"
         )
 
     def as_text(self) -> str:
-        """Return the answer for people: the sentence, whom to trust, the table of methods, what would help."""
+        """Return the answer for people: the sentence, whom to trust, the table of methods, what
+        would help.
+        """
         lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
         best = self.best
         if best is not None:
@@ -132,10 +142,14 @@ class Trust:
                 else "though none agrees with the probability,"
             )
             lines += [
-                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its simulated replicates"
-                f" ({best.rule.right:.0%}, sticky and healthy counting the same); here it says {best.says.replace('_', ' ')}.",
-                "", *_table(self.methods),
-            ]  # fmt: skip
+                (
+                    f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its"
+                    f" simulated replicates ({best.rule.right:.0%}, sticky and healthy counting the"
+                    f" same); here it says {best.says.replace('_', ' ')}."
+                ),
+                "",
+                *_table(self.methods),
+            ]
         notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
         more = [*(r.sentence() for r in self.helps), *notes]
         return "\n".join([*lines, *([""] if more else []), *more])
@@ -166,7 +180,10 @@ def _reading(rule: Rule) -> str:
 
 
 def _table(methods: Sequence[MethodTrust]) -> list[str]:
-    head = f"{'method':<18} {'says here':<12} {'right':>6} {'alarms':>7}  found over S (J = S/4, then J = S)"
+    head = (
+        f"{'method':<18} {'says here':<12} {'right':>6} {'alarms':>7}  found over S (J = S/4, then"
+        " J = S)"
+    )
     lines = [head]
     for m in methods:
         v = m.verdict

@@ -1,4 +1,6 @@
-"""trust(): which detector to believe on one loop, what its record could have shown, and how probable stiction is."""
+"""trust(): which detector to believe on one loop, what its record could have shown, and how
+probable stiction is.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ def trust(
     seed: int = 0,
     **signals: Unpack[RecordSignals],
 ) -> Trust:
-    """Say which detector to believe on this loop, what its record could have shown, and how probable stiction is.
+    """Say which detector to believe on this loop, what its record could have shown, and how
+    probable stiction is.
 
     Parameters
     ----------
@@ -88,12 +91,14 @@ def trust(
 
     Notes
     -----
-    The conclusion is that of `simbench.gap.stiction`, the same in every verb. What the methods say of record and twins adds
-    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the
-    methods that agree with it, twins say which is worth reading here, and how much friction it would have shown.
+    The conclusion is that of `simbench.gap.stiction`, the same in every verb. What the methods say
+    of record and twins adds nothing to it: most are blind where no limit cycle stands out of the
+    load, and there the likelihood still tells. Of the methods that agree with it, twins say which
+    is worth reading here, and how much friction it would have shown.
 
-    Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
-    with dead time, claims are too sure. Even odds of stiction are assumed before looking.
+    Twins know only what the identified loop knows: with a loop that changed within the record, or a
+    plant unlike first order with dead time, claims are too sure. Even odds of stiction are assumed
+    before looking.
 
     Examples
     --------
@@ -115,8 +120,13 @@ def trust(
 
 
 def _trust(
-    record: LoopRecord, loop: Loop | None, names: list[str], counts: tuple[int, int], help_wanted: bool, seed: int
-) -> Trust:  # fmt: skip
+    record: LoopRecord,
+    loop: Loop | None,
+    names: list[str],
+    counts: tuple[int, int],
+    help_wanted: bool,
+    seed: int,
+) -> Trust:
     healthy, each = counts
     refuse_wrong_forms(names)
     said = judge(record, names)
@@ -141,15 +151,24 @@ def _trust(
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"
-        why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
+        why = (
+            f"what could have been seen is unknown: the {whose} loop does not move as the record"
+            " does"
+        )
         return _without_twins(record, said, why, conclusion, behind)
     return _weighed(record, conclusion, behind, names, said, twins, help_wanted, seed)
 
 
 def _weighed(
-    record: LoopRecord, conclusion: Conclusion, behind: CandidateLoops, names: list[str], said: list[Verdict],
-    twins: list[Twin], help_wanted: bool, seed: int,
-) -> Trust:  # fmt: skip
+    record: LoopRecord,
+    conclusion: Conclusion,
+    behind: CandidateLoops,
+    names: list[str],
+    said: list[Verdict],
+    twins: list[Twin],
+    help_wanted: bool,
+    seed: int,
+) -> Trust:
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
     sticky = S > 0
     verdicts = [judge(t.record, names) for t in twins]
@@ -177,11 +196,18 @@ def _weighed(
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
         over_time=over_time(record),
-        conclusion=conclusion, methods=tuple(rows), power=scaled,
-        twins=tuple((t.S, t.J) for t in twins), helps=helps,
-        smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
-        notes=behind.notes, record=record, behind=behind,
-    )  # fmt: skip
+        conclusion=conclusion,
+        methods=tuple(rows),
+        power=scaled,
+        twins=tuple((t.S, t.J) for t in twins),
+        helps=helps,
+        smallest_visible=(
+            None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent)
+        ),
+        notes=behind.notes,
+        record=record,
+        behind=behind,
+    )
 
 
 def _row(
@@ -197,7 +223,9 @@ def _row(
 
 
 def _invisible(cells: list[Cell], seen: tuple[float, float] | None) -> tuple[float, float]:
-    """Return the largest (S, J) with full slip-jump that does not show, in %; what would help must make it visible."""
+    """Return the largest (S, J) with full slip-jump that does not show, in %; what would help must
+    make it visible.
+    """
     full = [c for c in cells if c.J >= c.S]
     below = [c for c in full if seen is None or c.S < seen[0]] or full[:1]
     return below[-1].S, below[-1].J

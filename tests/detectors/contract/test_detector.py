@@ -1,4 +1,6 @@
-"""The contract every detector keeps: all built-ins keep it, and each way of breaking it is caught with one sentence."""
+"""The contract every detector keeps: all built-ins keep it, and each way of breaking it is caught
+with one sentence.
+"""
 
 from dataclasses import replace
 
@@ -46,32 +48,92 @@ BROKEN = [
     ('reason="no oscillation"', 'reason=" "', "gives no reason for 'no_decision'"),
     ('reason="no oscillation"', 'reason=""', "a verdict without a reason"),
     ('return Verdict("own", NO_DECISION, reason="no oscillation")', "return None", "answers None"),
-    ('return Verdict("own", NO_DECISION, reason="no oscillation")', 'return "no stiction"', "answers 'no stiction'"),
-    ("more > least", "more > least and prepared.record.pv.std() > 0.5", "follows PV's unit: 'stiction' becomes 'no_stiction'"),
-    ("more > least", "more > least and prepared.record.op.std() < 20", "follows OP's unit: 'stiction' becomes 'no_stiction'"),
-    ("if not prepared.oscillation.sustained:", "if 1 / np.ptp(prepared.record.pv) < 0:", "about a dead record (constant"),
-    ("if not prepared.oscillation.sustained:", "if 1 / prepared.record.pv[50] < 0:", "raises IndexError"),
-    ("if not prepared.oscillation.sustained:", "if int(prepared.oscillation.period_s) < 0:", "(no period, self-regulating)"),
-    ("more > least", "more > least and prepared.record.Ts > 0.01", "follows the unit of time: 'stiction' becomes"),
-    ("more > least", "more > least and prepared.record.pv.max() > 0", "follows the sign of OP and PV: 'stiction' becomes"),
+    (
+        'return Verdict("own", NO_DECISION, reason="no oscillation")',
+        'return "no stiction"',
+        "answers 'no stiction'",
+    ),
+    (
+        "more > least",
+        "more > least and prepared.record.pv.std() > 0.5",
+        "follows PV's unit: 'stiction' becomes 'no_stiction'",
+    ),
+    (
+        "more > least",
+        "more > least and prepared.record.op.std() < 20",
+        "follows OP's unit: 'stiction' becomes 'no_stiction'",
+    ),
+    (
+        "if not prepared.oscillation.sustained:",
+        "if 1 / np.ptp(prepared.record.pv) < 0:",
+        "about a dead record (constant",
+    ),
+    (
+        "if not prepared.oscillation.sustained:",
+        "if 1 / prepared.record.pv[50] < 0:",
+        "raises IndexError",
+    ),
+    (
+        "if not prepared.oscillation.sustained:",
+        "if int(prepared.oscillation.period_s) < 0:",
+        "(no period, self-regulating)",
+    ),
+    (
+        "more > least",
+        "more > least and prepared.record.Ts > 0.01",
+        "follows the unit of time: 'stiction' becomes",
+    ),
+    (
+        "more > least",
+        "more > least and prepared.record.pv.max() > 0",
+        "follows the sign of OP and PV: 'stiction' becomes",
+    ),
     ("more > least", "more > least or prepared.step < 3", "follows the sampling: "),
-    ("more = ", "op = prepared.record.op; op.flags.writeable = True; op += 1.0; more = ", "'op' is another after detect"),
+    (
+        "more = ",
+        "op = prepared.record.op; op.flags.writeable = True; op += 1.0; more = ",
+        "'op' is another after detect",
+    ),
     ("more = ", "pv *= 1.1; more = ", "'clean pv' is another after detect"),
-    ("more = ", "prepared.record.pv[0] = 0.0; more = ", "writes into what it was given (assignment destination is read-only)"),
-    ('reason=f"by {more:.3f}"', 'reason=f"by {more:.3f}, call {len(CALLS)}"', "is not deterministic"),
-    ("more = fullness(pv)", "more = 1e-6 * np.random.random() + fullness(pv)", "is not deterministic"),
+    (
+        "more = ",
+        "prepared.record.pv[0] = 0.0; more = ",
+        "writes into what it was given (assignment destination is read-only)",
+    ),
+    (
+        'reason=f"by {more:.3f}"',
+        'reason=f"by {more:.3f}, call {len(CALLS)}"',
+        "is not deterministic",
+    ),
+    (
+        "more = fullness(pv)",
+        "more = 1e-6 * np.random.random() + fullness(pv)",
+        "is not deterministic",
+    ),
     ("more = ", 'print("more"); more = ', "prints 'more'"),
     ("more = ", "np.float64(0.0) / np.float64(0.0); more = ", "warns: RuntimeWarning"),
     ('{"fuller": more}', '{"fuller": "much"}', "gives the indices {'fuller': 'much'}"),
-    ("NO_STICTION, more,", 'NO_STICTION, str(more),', "a number is needed"),
+    ("NO_STICTION, more,", "NO_STICTION, str(more),", "a number is needed"),
     ("NO_STICTION, more,", "NO_STICTION, -more,", "must mean stickier"),
     ("more > least", "more < least", "says 'no_stiction' on the record 'stiction'"),
     ("more > least", "more > -1.0", "says 'stiction' on the record 'sine'"),
-    ("0.02, \"-\", 0.0, 0.2", "0.5, \"-\", 0.0, 0.2", "its default 0.5 lies outside its range 0.0 to 0.2"),
-    ("*, least)", "*, most=1.0)", "must take the prepared record and, by keyword, the thresholds of METHOD: least"),
-    ('process=("self-regulating",)', 'process=("flow",)', "METHOD.process = ('flow',), allowed: self-regulating, integrating"),
+    (
+        '0.02, "-", 0.0, 0.2',
+        '0.5, "-", 0.0, 0.2',
+        "its default 0.5 lies outside its range 0.0 to 0.2",
+    ),
+    (
+        "*, least)",
+        "*, most=1.0)",
+        "must take the prepared record and, by keyword, the thresholds of METHOD: least",
+    ),
+    (
+        'process=("self-regulating",)',
+        'process=("flow",)',
+        "METHOD.process = ('flow',), allowed: self-regulating, integrating",
+    ),
     ('title="PV fuller than OP"', 'title=""', "METHOD.title is empty"),
-]  # fmt: skip
+]
 
 
 @pytest.fixture

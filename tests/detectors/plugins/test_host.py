@@ -1,4 +1,6 @@
-"""The worker process of a plug-in: its folders, its limits, what it says, and how it is restarted and stopped."""
+"""The worker process of a plug-in: its folders, its limits, what it says, and how it is restarted
+and stopped.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture
 def ask(tmp_path):
-    """Return the verdicts that a plug-in with this body gives on records asked one after the other."""
+    """Return the verdicts that a plug-in with this body gives on records asked one after the
+    other.
+    """
 
     def asked(body: str, times: int = 1, seconds: float = 20.0) -> list:
         file = tmp_path / "mine.py"
@@ -69,7 +73,10 @@ def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
 
 
 def test_a_crash_costs_one_verdict_and_the_next_question_finds_a_new_worker(ask, tmp_path):
-    gone = f"mark = Path({str(tmp_path / 'mark')!r})\n    calls.append(1)\n    if len(calls) == 3 and not mark.exists():"
+    gone = (
+        f"mark = Path({str(tmp_path / 'mark')!r})\n    calls.append(1)\n    if len(calls) == 3 and"
+        " not mark.exists():"
+    )
     verdicts = ask(f"{gone} mark.touch(); os._exit(3)\n    return say('here', len(calls))", times=4)
     reasons = [v.reason.partition(";")[0] for v in verdicts]
     assert reasons == ["here", "failed: ended its process (exit status 3)", "here", "here"]
@@ -86,7 +93,8 @@ def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
 
 def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
     ask(
-        "import time; time.sleep(6.0 * (prepared.record.op[0] < 90)); return say('x', prepared.record.op[0])",
+        "import time; time.sleep(6.0 * (prepared.record.op[0] < 90)); return say('x',"
+        " prepared.record.op[0])",
         times=0,
     )
     judge(RECORD, ["horch"])  # what is imported and compiled here first must not be interrupted
@@ -142,8 +150,9 @@ def test_an_answer_that_is_no_verdict_is_refused_before_any_record_is_judged(ask
         ask(f"return {answer}")
 
 
-# it writes over all that it finds by its environment, by the standard library and by the functions of the project, and forges
-# what it can: numbers inside compiled kernels, with the checksum that belongs to them
+# it writes over all that it finds by its environment, by the standard library and by the functions
+# of the project, and forges what it can: numbers inside compiled kernels, with the checksum that
+# belongs to them
 VANDAL = '''
 """Writes into every cache and temporary folder that it can find."""
 import hashlib, importlib.util, os, struct, sys, tempfile
@@ -198,8 +207,13 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
     (tmp_path / "rec.csv").write_text(
         "t,op,pv\n" + "".join(f"{t},{op},{pv}\n" for t, op, pv in rows)
     )
-    known = {**os.environ, "PYTHONPATH": str(house), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "tmp"),
-             "XDG_CACHE_HOME": str(tmp_path / "cache")}  # fmt: skip
+    known = {
+        **os.environ,
+        "PYTHONPATH": str(house),
+        "HOME": str(tmp_path / "home"),
+        "TMPDIR": str(tmp_path / "tmp"),
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+    }
     known = {
         k: v for k, v in known.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")
     }

@@ -1,4 +1,6 @@
-"""One loop as twelve systems export it: read right, or refused with the command that reads it; never silently wrong."""
+"""One loop as twelve systems export it: read right, or refused with the command that reads it;
+never silently wrong.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def comma(values):
 
 
 def kept(values, band):
-    """Return the samples an exception report keeps: those further than `band` from the last one kept, and the ends."""
+    """Return the samples an exception report keeps: those further than `band` from the last one
+    kept, and the ends.
+    """
     out = [0]
     for k in range(1, N):
         if abs(values[k] - values[out[-1]]) > band:
@@ -126,212 +130,797 @@ GERMAN = "%d.%m.%Y %H:%M:%S"
 # system: export -> (content, suffix, options)
 READ = {
     # AVEVA PI: DataLink, Vision, PI Web API
-    "pi: compressed, time per tag": (beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS), "csv", {}),
+    "pi: compressed, time per tag": (
+        beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS),
+        "csv",
+        {},
+    ),
     "pi: compressed, two heads": (
-        beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS, ("Timestamp", "Value") * 3), "csv", {}),
+        beside(
+            ("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""),
+            COMPRESSED,
+            WORDS,
+            ("Timestamp", "Value") * 3,
+        ),
+        "csv",
+        {},
+    ),
     "pi: compressed, time named each": (
-        beside(("Timestamp", "FIC101.PV", "Timestamp", "FIC101.OP", "Timestamp", "FIC101.SP"), COMPRESSED, WORDS), "csv", {}),
+        beside(
+            ("Timestamp", "FIC101.PV", "Timestamp", "FIC101.OP", "Timestamp", "FIC101.SP"),
+            COMPRESSED,
+            WORDS,
+        ),
+        "csv",
+        {},
+    ),
     "pi: sampled, time per tag": (
-        beside(("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"), ALL, "%Y-%m-%d %H:%M:%S"), "csv", {}),
-    "pi: server in the path": (three("Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS),
-                               "csv", {}),
-    "pi: attributes of a frame": (three("Time", r"Plant\U1\FIC101|PV", r"Plant\U1\FIC101|OP", r"Plant\U1\FIC101|SP"),
-                                  "csv", {}),
+        beside(
+            ("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"),
+            ALL,
+            "%Y-%m-%d %H:%M:%S",
+        ),
+        "csv",
+        {},
+    ),
+    "pi: server in the path": (
+        three("Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS),
+        "csv",
+        {},
+    ),
+    "pi: attributes of a frame": (
+        three("Time", r"Plant\U1\FIC101|PV", r"Plant\U1\FIC101|OP", r"Plant\U1\FIC101|SP"),
+        "csv",
+        {},
+    ),
     "pi: long": ("Tag,Timestamp,Value\n" + rows(WORDS, lambda t, n, v: f"{n},{t},{v}"), "csv", {}),
     # AspenTech IP.21
-    "ip21: trend": ("NAME,IP_TREND_TIME,IP_TREND_VALUE\n" + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}"), "csv", {}),
-    "ip21: with status": ("NAME,IP_TREND_TIME,IP_TREND_VALUE,IP_TREND_QSTATUS\n"
-                          + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v},Good"), "csv", {}),
-    "ip21: newest first": ("NAME,IP_TREND_TIME,IP_TREND_VALUE\n"
-                           + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}", newest=True), "csv", {}),
+    "ip21: trend": (
+        "NAME,IP_TREND_TIME,IP_TREND_VALUE\n" + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}"),
+        "csv",
+        {},
+    ),
+    "ip21: with status": (
+        "NAME,IP_TREND_TIME,IP_TREND_VALUE,IP_TREND_QSTATUS\n"
+        + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v},Good"),
+        "csv",
+        {},
+    ),
+    "ip21: newest first": (
+        "NAME,IP_TREND_TIME,IP_TREND_VALUE\n"
+        + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}", newest=True),
+        "csv",
+        {},
+    ),
     # Wonderware
     "wonderware: both qualities": (
-        WONDER + "\n" + rows("%Y-%m-%d %H:%M:%S.000", lambda t, n, v: f"{t},{n},{v},0,192,192"), "csv", {}),
-    "wonderware: values and vvalue": ("DateTime,TagName,Value,vValue,Quality,OPCQuality\n"
-                                      + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v},{v},0,192"), "csv", {}),
-    "wonderware: wide": (three("DateTime", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%m/%d/%Y %I:%M:%S %p"), "csv", {}),
+        WONDER + "\n" + rows("%Y-%m-%d %H:%M:%S.000", lambda t, n, v: f"{t},{n},{v},0,192,192"),
+        "csv",
+        {},
+    ),
+    "wonderware: values and vvalue": (
+        "DateTime,TagName,Value,vValue,Quality,OPCQuality\n"
+        + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v},{v},0,192"),
+        "csv",
+        {},
+    ),
+    "wonderware: wide": (
+        three("DateTime", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%m/%d/%Y %I:%M:%S %p"),
+        "csv",
+        {},
+    ),
     # Ignition
-    "ignition: path": (three("t_stamp", "[default]Unit1/FIC101/PV", "[default]Unit1/FIC101/OP", "[default]Unit1/FIC101/SP"),
-                       "csv", {}),
+    "ignition: path": (
+        three(
+            "t_stamp",
+            "[default]Unit1/FIC101/PV",
+            "[default]Unit1/FIC101/OP",
+            "[default]Unit1/FIC101/SP",
+        ),
+        "csv",
+        {},
+    ),
     "ignition: folders of another loop": (
-        wide("t_stamp,[default]U1/FIC101/PV,[default]U1/FIC101/OP,[default]U1/FIC102/PV,[default]U1/FIC102/OP",
-             stamps(), PV, OP, OP, PV), "csv", {"tag": "FIC101"}),
-    "ignition: long": ("t_stamp,Path,Value\n"
-                       + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}", name="[default]Unit1/FIC101/{}"), "csv", {}),
-    "ignition: milliseconds": (wide("t_stamp,Unit1/FIC101/PV,Unit1/FIC101/OP,Unit1/FIC101/SP",
-                                    [1709592600000 + 5000 * int(k) for k in K], PV, OP, SP), "csv", {}),
+        wide(
+            "t_stamp,[default]U1/FIC101/PV,[default]U1/FIC101/OP,[default]U1/FIC102/PV,[default]U1/FIC102/OP",
+            stamps(),
+            PV,
+            OP,
+            OP,
+            PV,
+        ),
+        "csv",
+        {"tag": "FIC101"},
+    ),
+    "ignition: long": (
+        "t_stamp,Path,Value\n"
+        + rows(
+            "%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}", name="[default]Unit1/FIC101/{}"
+        ),
+        "csv",
+        {},
+    ),
+    "ignition: milliseconds": (
+        wide(
+            "t_stamp,Unit1/FIC101/PV,Unit1/FIC101/OP,Unit1/FIC101/SP",
+            [1709592600000 + 5000 * int(k) for k in K],
+            PV,
+            OP,
+            SP,
+        ),
+        "csv",
+        {},
+    ),
     # Honeywell
-    "honeywell: experion": (three("Time", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%d/%m/%Y %H:%M:%S"), "csv", {}),
-    "honeywell: DACA": (three("TIMESTAMP", "FIC101.DACA.PV", "FIC101.PIDA.OP", "FIC101.PIDA.SP"), "csv",
-                        {"columns": {"pv": "FIC101.DACA.PV"}}),
-    "honeywell: PHD": ("TAGNAME,TIMESTAMP,VALUE,CONFIDENCE\n"
-                       + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},100"), "csv", {}),
-    "honeywell: mode as number": (wide("Time,FIC101.PV,FIC101.OP,FIC101.SP,FIC101.MODE", stamps(), PV, OP, SP, [1] * N),
-                                  "csv", {}),
+    "honeywell: experion": (
+        three("Time", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%d/%m/%Y %H:%M:%S"),
+        "csv",
+        {},
+    ),
+    "honeywell: DACA": (
+        three("TIMESTAMP", "FIC101.DACA.PV", "FIC101.PIDA.OP", "FIC101.PIDA.SP"),
+        "csv",
+        {"columns": {"pv": "FIC101.DACA.PV"}},
+    ),
+    "honeywell: PHD": (
+        "TAGNAME,TIMESTAMP,VALUE,CONFIDENCE\n"
+        + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},100"),
+        "csv",
+        {},
+    ),
+    "honeywell: mode as number": (
+        wide("Time,FIC101.PV,FIC101.OP,FIC101.SP,FIC101.MODE", stamps(), PV, OP, SP, [1] * N),
+        "csv",
+        {},
+    ),
     # Yokogawa
-    "yokogawa: exaquantum": (three("Time", "FIC101.PV.Value", "FIC101.OP.Value", "FIC101.SV.Value"), "csv", {}),
-    "yokogawa: mode": (wide("Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE", stamps("%Y/%m/%d"), stamps("%H:%M:%S"),
-                            PV, OP, SP, ["AUT"] * N), "csv", {"columns": {"op": "FIC101.MV"}}),
-    "yokogawa: MV beside SV": (three("Time", "FIC101.PV", "FIC101.MV", "FIC101.SV", "%Y/%m/%d %H:%M:%S"), "csv", {}),
-    "yokogawa: long": ("Time,Tag,Value\n" + rows("%Y/%m/%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}",
-                       (("PV", PV), ("MV", OP), ("SV", SP))), "csv", {}),
+    "yokogawa: exaquantum": (
+        three("Time", "FIC101.PV.Value", "FIC101.OP.Value", "FIC101.SV.Value"),
+        "csv",
+        {},
+    ),
+    "yokogawa: mode": (
+        wide(
+            "Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE",
+            stamps("%Y/%m/%d"),
+            stamps("%H:%M:%S"),
+            PV,
+            OP,
+            SP,
+            ["AUT"] * N,
+        ),
+        "csv",
+        {"columns": {"op": "FIC101.MV"}},
+    ),
+    "yokogawa: MV beside SV": (
+        three("Time", "FIC101.PV", "FIC101.MV", "FIC101.SV", "%Y/%m/%d %H:%M:%S"),
+        "csv",
+        {},
+    ),
+    "yokogawa: long": (
+        "Time,Tag,Value\n"
+        + rows(
+            "%Y/%m/%d %H:%M:%S",
+            lambda t, n, v: f"{t},{n},{v}",
+            (("PV", PV), ("MV", OP), ("SV", SP)),
+        ),
+        "csv",
+        {},
+    ),
     # Emerson
-    "deltav: parameters": (three("Timestamp", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", "FIC101/PID1/SP.CV"), "csv", {}),
-    "deltav: mode": (wide("Timestamp,FIC101/PID1/PV.CV,FIC101/PID1/OUT.CV,FIC101/PID1/SP.CV,FIC101/PID1/MODE.ACTUAL",
-                          stamps(), PV, OP, SP, [8] * N), "csv", {}),
-    "ovation": (wide("Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP", stamps("%m/%d/%Y"), stamps("%I:%M:%S %p"), PV, OP, SP),
-                "csv", {}),
+    "deltav: parameters": (
+        three("Timestamp", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", "FIC101/PID1/SP.CV"),
+        "csv",
+        {},
+    ),
+    "deltav: mode": (
+        wide(
+            "Timestamp,FIC101/PID1/PV.CV,FIC101/PID1/OUT.CV,FIC101/PID1/SP.CV,FIC101/PID1/MODE.ACTUAL",
+            stamps(),
+            PV,
+            OP,
+            SP,
+            [8] * N,
+        ),
+        "csv",
+        {},
+    ),
+    "ovation": (
+        wide(
+            "Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP",
+            stamps("%m/%d/%Y"),
+            stamps("%I:%M:%S %p"),
+            PV,
+            OP,
+            SP,
+        ),
+        "csv",
+        {},
+    ),
     # ABB, Siemens
-    "abb: 800xA": (three("Time;".rstrip(";"), "FIC101.Pv", "FIC101.Out", "FIC101.Sp", sep=";"), "csv", {}),
-    "abb: object": ("Object;Time;Value;Quality\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n};{t};{v};Good"), "csv", {}),
-    "siemens: wincc": ("VarName;TimeString;VarValue;Validity;Time_ms\n" + rows(
-        GERMAN, lambda t, n, v: f'"{n}";"{t}";{str(v).replace(".", ",")};1;45355951388,8'), "csv", {}),
-    "siemens: pcs 7": (three("Zeitstempel", "FIC101/PID.PV_IN", "FIC101/PID.LMN", "FIC101/PID.SP", GERMAN, sep=";"), "csv", {}),
+    "abb: 800xA": (
+        three("Time;".rstrip(";"), "FIC101.Pv", "FIC101.Out", "FIC101.Sp", sep=";"),
+        "csv",
+        {},
+    ),
+    "abb: object": (
+        "Object;Time;Value;Quality\n"
+        + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n};{t};{v};Good"),
+        "csv",
+        {},
+    ),
+    "siemens: wincc": (
+        "VarName;TimeString;VarValue;Validity;Time_ms\n"
+        + rows(GERMAN, lambda t, n, v: f'"{n}";"{t}";{str(v).replace(".", ",")};1;45355951388,8'),
+        "csv",
+        {},
+    ),
+    "siemens: pcs 7": (
+        three(
+            "Zeitstempel", "FIC101/PID.PV_IN", "FIC101/PID.LMN", "FIC101/PID.SP", GERMAN, sep=";"
+        ),
+        "csv",
+        {},
+    ),
     # Proficy, Foxboro, Rockwell
-    "proficy": ("Tagname,TimeStamp,Value,DataQuality\n"
-                + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},Good NonSpecific"), "csv", {}),
-    "ifix": (three("Time", "FIX.FIC101_PV.F_CV", "FIX.FIC101_OP.F_CV", "FIX.FIC101_SP.F_CV"), "csv", {}),
-    "foxboro": (three("Time", "UNIT1:FIC101.MEAS", "UNIT1:FIC101.OUT", "UNIT1:FIC101.SPT"), "csv", {}),
-    "rockwell": (three("Time", "FIC101.PV", "FIC101.CV", "FIC101.SP"), "csv", {"columns": {"op": "FIC101.CV"}}),
+    "proficy": (
+        "Tagname,TimeStamp,Value,DataQuality\n"
+        + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},Good NonSpecific"),
+        "csv",
+        {},
+    ),
+    "ifix": (
+        three("Time", "FIX.FIC101_PV.F_CV", "FIX.FIC101_OP.F_CV", "FIX.FIC101_SP.F_CV"),
+        "csv",
+        {},
+    ),
+    "foxboro": (
+        three("Time", "UNIT1:FIC101.MEAS", "UNIT1:FIC101.OUT", "UNIT1:FIC101.SPT"),
+        "csv",
+        {},
+    ),
+    "rockwell": (
+        three("Time", "FIC101.PV", "FIC101.CV", "FIC101.SP"),
+        "csv",
+        {"columns": {"op": "FIC101.CV"}},
+    ),
     # OPC, Influx, Grafana, Canary
-    "opc hda": ("ItemID,Timestamp,Value,Quality\n" + rows("%Y-%m-%dT%H:%M:%S.000Z", lambda t, n, v: f"{n},{t},{v},192"),
-                "csv", {}),
-    "opc ua": (three("Time", "ns=2;s=FIC101.PV", "ns=2;s=FIC101.OP", "ns=2;s=FIC101.SP", sep="\t"), "txt", {}),
-    "influx": ("_time,_value,_field,_measurement\n" + rows(
-        "%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f"{t},{v},{n},FIC101", name="{}"), "csv", {}),
-    "grafana": ("Series;Time;Value\n" + rows("%Y-%m-%dT%H:%M:%S+00:00", lambda t, n, v: f"{n};{t};{v}"), "csv", {}),
-    "canary": (wide("Timestamp,FIC101.PV.Value,FIC101.PV.Quality,FIC101.OP.Value,FIC101.OP.Quality", stamps(), BAD, DA, OP,
-                    [192] * N), "csv", {}),
+    "opc hda": (
+        "ItemID,Timestamp,Value,Quality\n"
+        + rows("%Y-%m-%dT%H:%M:%S.000Z", lambda t, n, v: f"{n},{t},{v},192"),
+        "csv",
+        {},
+    ),
+    "opc ua": (
+        three("Time", "ns=2;s=FIC101.PV", "ns=2;s=FIC101.OP", "ns=2;s=FIC101.SP", sep="\t"),
+        "txt",
+        {},
+    ),
+    "influx": (
+        "_time,_value,_field,_measurement\n"
+        + rows("%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f"{t},{v},{n},FIC101", name="{}"),
+        "csv",
+        {},
+    ),
+    "grafana": (
+        "Series;Time;Value\n" + rows("%Y-%m-%dT%H:%M:%S+00:00", lambda t, n, v: f"{n};{t};{v}"),
+        "csv",
+        {},
+    ),
+    "canary": (
+        wide(
+            "Timestamp,FIC101.PV.Value,FIC101.PV.Quality,FIC101.OP.Value,FIC101.OP.Quality",
+            stamps(),
+            BAD,
+            DA,
+            OP,
+            [192] * N,
+        ),
+        "csv",
+        {},
+    ),
     # Excel
-    "excel: title and merged loop": (excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
-                                     "xlsx", {}),
-    "excel: time merged down": (excel(["Report", "", "", ""], ["Time", "FIC101", "", ""], ["", "PV", "OP", "SP"]), "xlsx", {}),
-    "excel: units below": (excel(["Time", "PV", "OP", "SP"], ["", "m3/h", "%", "m3/h"]), "xlsx", {}),
-    "excel: separator said": ("sep=;\n" + wide("Time;PV;OP;SP", stamps(), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
+    "excel: title and merged loop": (
+        excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
+        "xlsx",
+        {},
+    ),
+    "excel: time merged down": (
+        excel(["Report", "", "", ""], ["Time", "FIC101", "", ""], ["", "PV", "OP", "SP"]),
+        "xlsx",
+        {},
+    ),
+    "excel: units below": (
+        excel(["Time", "PV", "OP", "SP"], ["", "m3/h", "%", "m3/h"]),
+        "xlsx",
+        {},
+    ),
+    "excel: separator said": (
+        "sep=;\n" + wide("Time;PV;OP;SP", stamps(), comma(PV), comma(OP), comma(SP), sep=";"),
+        "csv",
+        {},
+    ),
     # languages
-    "german": (wide("Datum;Uhrzeit;Istwert;Stellgröße;Sollwert", stamps("%d.%m.%Y"), stamps("%H:%M:%S"), comma(PV), comma(OP),
-                    comma(SP), sep=";"), "csv", {}),
-    "german, in its own code": (wide("Zeit;FIC101 Istwert;FIC101 Stellgröße;FIC101 Sollwert", stamps(GERMAN), comma(PV),
-                                     comma(OP), comma(SP), sep=";").encode("cp1252"), "csv", {}),
-    "german: mode and quality": (wide("Zeitstempel;FIC101.Istwert;FIC101.Stellwert;FIC101.Sollwert;FIC101.Betriebsart;Qualität",
-                                      stamps(GERMAN), comma(PV), comma(OP), comma(SP), ["Automatik"] * N, ["gut"] * N, sep=";"),
-                                 "csv", {}),
-    "french": (wide("Horodatage;Mesure;Sortie;Consigne", stamps("%d/%m/%Y %H:%M:%S"), comma(PV), comma(OP), comma(SP), sep=";"),
-               "csv", {}),
-    "french: words of its own": (wide("Horodatage;Mesure débit;Sortie régulateur;Consigne débit", stamps("%d/%m/%Y %H:%M:%S"),
-                                      comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
-    "chinese, in its own code": (three("时间", "测量值", "输出", "设定值").encode("gb18030"), "csv", {}),
-    "apart by spaces": ("\n".join(["t pv op sp", *(f"{5 * k} {PV[k]}  {OP[k]} {SP[k]}" for k in K)]) + "\n", "txt", {}),
-    "other separators": (three("TS", "FIC101!PV", "FIC101!OP", "FIC101!SP", "%d-%b-%y %H:%M:%S.0"), "csv", {}),
-    "german months": (three("Zeit", "PV", "OP", "SP", "%d. %b %Y %H:%M:%S").replace("Mar", "März"), "csv", {}),
-    "french: signal first": (wide("Date;Heure;Mesure FIC101;Commande FIC101;Consigne FIC101", stamps("%d/%m/%Y"),
-                                  stamps("%H:%M:%S"), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
-    "spanish": (wide("Fecha y hora;FIC101 Medición;FIC101 Salida;FIC101 Consigna", stamps("%d/%m/%Y %H:%M:%S"), comma(PV),
-                     comma(OP), comma(SP), sep=";"), "csv", {}),
-    "chinese": (three("时间", "FIC101.测量值", "FIC101.输出", "FIC101.设定值", "%Y/%m/%d %H:%M:%S"), "csv", {}),
-    "chinese: long": ("时间,位号,值\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}"), "csv", {}),
+    "german": (
+        wide(
+            "Datum;Uhrzeit;Istwert;Stellgröße;Sollwert",
+            stamps("%d.%m.%Y"),
+            stamps("%H:%M:%S"),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "german, in its own code": (
+        wide(
+            "Zeit;FIC101 Istwert;FIC101 Stellgröße;FIC101 Sollwert",
+            stamps(GERMAN),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ).encode("cp1252"),
+        "csv",
+        {},
+    ),
+    "german: mode and quality": (
+        wide(
+            "Zeitstempel;FIC101.Istwert;FIC101.Stellwert;FIC101.Sollwert;FIC101.Betriebsart;Qualität",
+            stamps(GERMAN),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            ["Automatik"] * N,
+            ["gut"] * N,
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "french": (
+        wide(
+            "Horodatage;Mesure;Sortie;Consigne",
+            stamps("%d/%m/%Y %H:%M:%S"),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "french: words of its own": (
+        wide(
+            "Horodatage;Mesure débit;Sortie régulateur;Consigne débit",
+            stamps("%d/%m/%Y %H:%M:%S"),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "chinese, in its own code": (
+        three("时间", "测量值", "输出", "设定值").encode("gb18030"),
+        "csv",
+        {},
+    ),
+    "apart by spaces": (
+        "\n".join(["t pv op sp", *(f"{5 * k} {PV[k]}  {OP[k]} {SP[k]}" for k in K)]) + "\n",
+        "txt",
+        {},
+    ),
+    "other separators": (
+        three("TS", "FIC101!PV", "FIC101!OP", "FIC101!SP", "%d-%b-%y %H:%M:%S.0"),
+        "csv",
+        {},
+    ),
+    "german months": (
+        three("Zeit", "PV", "OP", "SP", "%d. %b %Y %H:%M:%S").replace("Mar", "März"),
+        "csv",
+        {},
+    ),
+    "french: signal first": (
+        wide(
+            "Date;Heure;Mesure FIC101;Commande FIC101;Consigne FIC101",
+            stamps("%d/%m/%Y"),
+            stamps("%H:%M:%S"),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "spanish": (
+        wide(
+            "Fecha y hora;FIC101 Medición;FIC101 Salida;FIC101 Consigna",
+            stamps("%d/%m/%Y %H:%M:%S"),
+            comma(PV),
+            comma(OP),
+            comma(SP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "chinese": (
+        three("时间", "FIC101.测量值", "FIC101.输出", "FIC101.设定值", "%Y/%m/%d %H:%M:%S"),
+        "csv",
+        {},
+    ),
+    "chinese: long": (
+        "时间,位号,值\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}"),
+        "csv",
+        {},
+    ),
     # names
-    "unit behind": (three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"), "csv", {}),
+    "unit behind": (
+        three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"),
+        "csv",
+        {},
+    ),
     "signal first": (three("Time", "PV_FIC101", "OP_FIC101", "SP_FIC101"), "csv", {}),
     "nothing between": (three("Time", "FIC101PV", "FIC101OP", "FIC101SP"), "csv", {}),
-    "words run together": (three("DateTime", "ProcessValue", "ControllerOutput", "SetPoint"), "csv", {}),
-    "words": (three("Date Time", "FIC101 Process Value", "FIC101 Controller Output", "FIC101 Set Point"), "csv", {}),
+    "words run together": (
+        three("DateTime", "ProcessValue", "ControllerOutput", "SetPoint"),
+        "csv",
+        {},
+    ),
+    "words": (
+        three("Date Time", "FIC101 Process Value", "FIC101 Controller Output", "FIC101 Set Point"),
+        "csv",
+        {},
+    ),
     "transmitter and valve": (three("Time", "FT-101.PV", "FV-101.OUT", "FIC-101.SP"), "csv", {}),
     "numbered": (wide("Time,PV1,OP1,PV2,OP2", stamps(), OP, PV, PV, OP), "csv", {"tag": "2"}),
-    "newest first": (wide("Time,PV,OP,SP", stamps()[::-1], PV[::-1], OP[::-1], SP[::-1]), "csv", {}),
-    "no separator but underscores": (three("time", "feed_flow_pv", "feed_flow_op", "feed_flow_sp"), "csv", {}),
+    "newest first": (
+        wide("Time,PV,OP,SP", stamps()[::-1], PV[::-1], OP[::-1], SP[::-1]),
+        "csv",
+        {},
+    ),
+    "no separator but underscores": (
+        three("time", "feed_flow_pv", "feed_flow_op", "feed_flow_sp"),
+        "csv",
+        {},
+    ),
     # written before the reader was looked at
     "thousand points and decimal commas": (
-        wide("Zeitstempel;Istwert;Stellgröße;Sollwert", stamps(GERMAN), *map(german, (PV, OP, SP)), sep=";").encode("cp1252"),
-        "csv", {}),
+        wide(
+            "Zeitstempel;Istwert;Stellgröße;Sollwert",
+            stamps(GERMAN),
+            *map(german, (PV, OP, SP)),
+            sep=";",
+        ).encode("cp1252"),
+        "csv",
+        {},
+    ),
     "utf-16, date and time apart": (
-        wide("Date\tTime\tF1.PV\tF1.OP\tF1.SP", stamps("%d/%m/%Y"), stamps("%H:%M:%S"), PV, OP, SP, sep="\t").encode("utf-16"),
-        "txt", {}),
-    "workbook: record behind a sheet of notes": (book(Info=[["Report", "Value"], ["Unit", "FCC"]], Trend=TABLE), "xlsx", {}),
-    "workbook: a sheet per loop": (book(FIC101=TABLE, LIC7=[[*row[:3], 0] for row in TABLE]), "xlsx", {"tag": "FIC101"}),
-    "time zone through the end of summer time": (wide("timestamp,pv,op,sp", SUMMER, PV, OP, SP), "csv", {}),
+        wide(
+            "Date\tTime\tF1.PV\tF1.OP\tF1.SP",
+            stamps("%d/%m/%Y"),
+            stamps("%H:%M:%S"),
+            PV,
+            OP,
+            SP,
+            sep="\t",
+        ).encode("utf-16"),
+        "txt",
+        {},
+    ),
+    "workbook: record behind a sheet of notes": (
+        book(Info=[["Report", "Value"], ["Unit", "FCC"]], Trend=TABLE),
+        "xlsx",
+        {},
+    ),
+    "workbook: a sheet per loop": (
+        book(FIC101=TABLE, LIC7=[[*row[:3], 0] for row in TABLE]),
+        "xlsx",
+        {"tag": "FIC101"},
+    ),
+    "time zone through the end of summer time": (
+        wide("timestamp,pv,op,sp", SUMMER, PV, OP, SP),
+        "csv",
+        {},
+    ),
     "letters of DIN": (
-        "timestamp,tag,value,quality\n" + rows("%s", lambda t, n, v: f"{t},{n},{v},Gut",
-        (("X", PV), ("Y", OP), ("W", SP)), "TIC5.{}"), "csv", {}),
+        "timestamp,tag,value,quality\n"
+        + rows(
+            "%s", lambda t, n, v: f"{t},{n},{v},Gut", (("X", PV), ("Y", OP), ("W", SP)), "TIC5.{}"
+        ),
+        "csv",
+        {},
+    ),
     "every row twice": (
-        wide("time,PV,OP,SP", *([x for x in column for _ in (0, 1)] for column in (stamps(), PV, OP, SP))), "csv", {}),
-    "summary below": (three("Time", "PV", "OP", "SP") + "Average,1210,50,1210\nMinimum,1190,40,1210\n", "csv", {}),
+        wide(
+            "time,PV,OP,SP",
+            *([x for x in column for _ in (0, 1)] for column in (stamps(), PV, OP, SP)),
+        ),
+        "csv",
+        {},
+    ),
+    "summary below": (
+        three("Time", "PV", "OP", "SP") + "Average,1210,50,1210\nMinimum,1190,40,1210\n",
+        "csv",
+        {},
+    ),
     "four rows of heads": (
-        wide("Tag,FIC101.PV,FIC101.MV,FIC101.SV\nDescription,Flow,Output,Target\nUnits,m3/h,%,m3/h\nQuality,Good,Good,Good",
-        stamps("%Y/%m/%d %H:%M:%S"), PV, OP, SP), "csv", {}),
+        wide(
+            "Tag,FIC101.PV,FIC101.MV,FIC101.SV\nDescription,Flow,Output,Target\nUnits,m3/h,%,m3/h\nQuality,Good,Good,Good",
+            stamps("%Y/%m/%d %H:%M:%S"),
+            PV,
+            OP,
+            SP,
+        ),
+        "csv",
+        {},
+    ),
     "milliseconds in a column": (
-        wide("Date;Time;Millitm;F1_PV;F1_CO;F1_SP", stamps("%m/%d/%Y"), stamps("%H:%M:%S"), [0] * N, PV, OP, SP, sep=";"),
-        "csv", {}),
+        wide(
+            "Date;Time;Millitm;F1_PV;F1_CO;F1_SP",
+            stamps("%m/%d/%Y"),
+            stamps("%H:%M:%S"),
+            [0] * N,
+            PV,
+            OP,
+            SP,
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
     "one value a row": (
-        wide("Date-Time,FIC101 PV (m³/h),FIC101 OP (%),FIC101 SP (m³/h)",
-        *zip(*((f"{t}Z", *("" if i != j else x[k] for j in range(3))) for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S"))
-        for i, x in enumerate((PV, OP, SP))), strict=True)), "csv", {}),
+        wide(
+            "Date-Time,FIC101 PV (m³/h),FIC101 OP (%),FIC101 SP (m³/h)",
+            *zip(
+                *(
+                    (f"{t}Z", *("" if i != j else x[k] for j in range(3)))
+                    for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S"))
+                    for i, x in enumerate((PV, OP, SP))
+                ),
+                strict=True,
+            ),
+        ),
+        "csv",
+        {},
+    ),
     "influx: annotated": (
         "#group,false,false,false,false,true,true\n#datatype,string,long,dateTime:RFC3339,double,string,string\n#default,_result,,,,,\n"
         ",result,table,_time,_value,_field,_measurement\n"
-        + rows("%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f",,0,{t},{v},{n},FIC101", name="{}").replace("PV", "pv"), "csv", {}),
+        + rows("%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f",,0,{t},{v},{n},FIC101", name="{}").replace(
+            "PV", "pv"
+        ),
+        "csv",
+        {},
+    ),
     "cells that say their unit": (
-        wide("Zeit;PV;OP;SP", stamps(GERMAN),
-        *([f"{v} {u}" for v in german(x)] for x, u in ((PV, "m3/h"), (OP, "%"), (SP, "m3/h"))), sep=";"), "csv", {}),
-    "gain in parentheses": (three("Time (UTC)", "FIC101 PV (m3/h)", "FIC101 OP (%)", "FIC101 SP (m3/h)"), "csv", {}),
-    # written before the reader was looked at, a second time: states in place of numbers, a quality beside every signal
+        wide(
+            "Zeit;PV;OP;SP",
+            stamps(GERMAN),
+            *([f"{v} {u}" for v in german(x)] for x, u in ((PV, "m3/h"), (OP, "%"), (SP, "m3/h"))),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
+    "gain in parentheses": (
+        three("Time (UTC)", "FIC101 PV (m3/h)", "FIC101 OP (%)", "FIC101 SP (m3/h)"),
+        "csv",
+        {},
+    ),
+    # written before the reader was looked at, a second time: states in place of numbers, a quality
+    # beside every signal
     "pi: words in place of values": (
-        wide("Timestamp,FIC101.PV,FIC101.OP,FIC101.SP", stamps(WORDS),
-        [{40: "No Data", 41: "I/O Timeout"}.get(int(k), v) for k, v in enumerate(PV)], OP, SP), "csv", {}),
+        wide(
+            "Timestamp,FIC101.PV,FIC101.OP,FIC101.SP",
+            stamps(WORDS),
+            [{40: "No Data", 41: "I/O Timeout"}.get(int(k), v) for k, v in enumerate(PV)],
+            OP,
+            SP,
+        ),
+        "csv",
+        {},
+    ),
     "pi: web api": (
-        "Name,Timestamp,UnitsAbbreviation,Good,Questionable,Substituted,Annotated,Value\n" + "".join(
-        f"FIC101.{n},{t},,{not (n == 'PV' and k in (40, 41))},False,False,False,{(BAD if n == 'PV' else x)[k]}\n"
-        for n, x in LOOP for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S.0000000Z"))), "csv", {}),
+        "Name,Timestamp,UnitsAbbreviation,Good,Questionable,Substituted,Annotated,Value\n"
+        + "".join(
+            f"FIC101.{n},{t},,{not (n == 'PV' and k in (40, 41))},False,False,False,{(BAD if n == 'PV' else x)[k]}\n"
+            for n, x in LOOP
+            for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S.0000000Z"))
+        ),
+        "csv",
+        {},
+    ),
     "pi: sampled with status": (
-        wide("Time,FIC101.PV,Status,Time,FIC101.OP,Status", stamps(WORDS), BAD, FLAG, stamps(WORDS), OP, FINE), "csv", {}),
+        wide(
+            "Time,FIC101.PV,Status,Time,FIC101.OP,Status",
+            stamps(WORDS),
+            BAD,
+            FLAG,
+            stamps(WORDS),
+            OP,
+            FINE,
+        ),
+        "csv",
+        {},
+    ),
     "siemens: quality code beside every signal": (
-        wide("Zeitstempel;FIC101/PID.PV_IN;Quality Code;FIC101/PID.LMN;Quality Code", stamps(GERMAN), comma(BAD),
-        [0 if k in (40, 41) else 128 for k in K], comma(OP), [128] * N, sep=";"), "csv", {}),
+        wide(
+            "Zeitstempel;FIC101/PID.PV_IN;Quality Code;FIC101/PID.LMN;Quality Code",
+            stamps(GERMAN),
+            comma(BAD),
+            [0 if k in (40, 41) else 128 for k in K],
+            comma(OP),
+            [128] * N,
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
     "siemens: online trend": (
-        wide("Datum/Uhrzeit;FIC101_PV;FIC101_OP;FIC101_SP", *([f'"{c}"' for c in x] for x in
-        (stamps(GERMAN + ",000"), comma(PV), comma(OP), comma(SP))), sep=";"), "csv", {}),
+        wide(
+            "Datum/Uhrzeit;FIC101_PV;FIC101_OP;FIC101_SP",
+            *(
+                [f'"{c}"' for c in x]
+                for x in (stamps(GERMAN + ",000"), comma(PV), comma(OP), comma(SP))
+            ),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
     "yokogawa: report": (
-        "Exaquantum/Explorer Report\nStart Time:,2024/03/04 22:50:00\nEnd Time:,2024/03/04 23:15:00\nPeriod:,5 s\n\n" + wide(
-        "Time,FIC101.PV.Value,FIC101.PV.Quality,FIC101.MV.Value,FIC101.MV.Quality,FIC101.SV.Value,FIC101.SV.Quality",
-        stamps("%Y/%m/%d %H:%M:%S"), BAD, FLAG, OP, FINE, SP, FINE), "csv", {}),
+        "Exaquantum/Explorer Report\nStart Time:,2024/03/04 22:50:00\nEnd Time:,2024/03/04"
+        " 23:15:00\nPeriod:,5 s\n\n"
+        + wide(
+            "Time,FIC101.PV.Value,FIC101.PV.Quality,FIC101.MV.Value,FIC101.MV.Quality,FIC101.SV.Value,FIC101.SV.Quality",
+            stamps("%Y/%m/%d %H:%M:%S"),
+            BAD,
+            FLAG,
+            OP,
+            FINE,
+            SP,
+            FINE,
+        ),
+        "csv",
+        {},
+    ),
     "honeywell: uniformance": (
-        wide("Tagname,FIC101.PV,Confidence,FIC101.OP,Confidence\nDescription,Feed,,Valve,\nUnits,M3/HR,%,PCT,%",
-        stamps("%d-%b-%Y %H:%M:%S"), BAD, [0 if k in (40, 41) else 100 for k in K], OP, [100] * N), "csv", {}),
+        wide(
+            "Tagname,FIC101.PV,Confidence,FIC101.OP,Confidence\nDescription,Feed,,Valve,\nUnits,M3/HR,%,PCT,%",
+            stamps("%d-%b-%Y %H:%M:%S"),
+            BAD,
+            [0 if k in (40, 41) else 100 for k in K],
+            OP,
+            [100] * N,
+        ),
+        "csv",
+        {},
+    ),
     "ip21: process explorer": (
-        wide("Tag Name,FIC101.PV,,FIC101.OP,\nDescription,Feed,,Valve,\nMap,IP_AnalogMap,,IP_AnalogMap,\nTime,Value,Status,"
-        "Value,Status", stamps(WORDS + ".0"), BAD, FLAG, OP, FINE), "csv", {}),
+        wide(
+            "Tag Name,FIC101.PV,,FIC101.OP,\nDescription,Feed,,Valve,\nMap,IP_AnalogMap,,IP_AnalogMap,\nTime,Value,Status,"
+            "Value,Status",
+            stamps(WORDS + ".0"),
+            BAD,
+            FLAG,
+            OP,
+            FINE,
+        ),
+        "csv",
+        {},
+    ),
     "abb: quality beside every signal": (
-        wide("Time Stamp;FIC101:PV;Quality;FIC101:OUT;Quality", stamps("%Y-%m-%d %H:%M:%S.000"), comma(BAD), FLAG, comma(OP),
-        FINE, sep=";"), "csv", {}),
+        wide(
+            "Time Stamp;FIC101:PV;Quality;FIC101:OUT;Quality",
+            stamps("%Y-%m-%d %H:%M:%S.000"),
+            comma(BAD),
+            FLAG,
+            comma(OP),
+            FINE,
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
     "deltav: continuous historian": (
-        "DeltaV Continuous Historian\nServer:,APP1\n\n" + wide("Date/Time,FIC101/PID1/PV.CV (m3/h),FIC101/PID1/OUT.CV (%)",
-        stamps("%m/%d/%Y %I:%M:%S %p"), ["*** Bad" if k in (40, 41) else v for k, v in enumerate(PV)], OP), "csv", {}),
+        "DeltaV Continuous Historian\nServer:,APP1\n\n"
+        + wide(
+            "Date/Time,FIC101/PID1/PV.CV (m3/h),FIC101/PID1/OUT.CV (%)",
+            stamps("%m/%d/%Y %I:%M:%S %p"),
+            ["*** Bad" if k in (40, 41) else v for k, v in enumerate(PV)],
+            OP,
+        ),
+        "csv",
+        {},
+    ),
     "rockwell: utf-16": (
-        three("Timestamp", "[PLC1]FIC101.PV", "[PLC1]FIC101.OUT", "[PLC1]FIC101.SP", "%m/%d/%Y %I:%M:%S %p").encode("utf-16"),
-        "csv", {}),
+        three(
+            "Timestamp",
+            "[PLC1]FIC101.PV",
+            "[PLC1]FIC101.OUT",
+            "[PLC1]FIC101.SP",
+            "%m/%d/%Y %I:%M:%S %p",
+        ).encode("utf-16"),
+        "csv",
+        {},
+    ),
     "rockwell: datalog": (
-        "Date;Time;Millitm;Tagname;Value;Status;Marker\n" + rows("%m/%d/%Y;%H:%M:%S", lambda t, n, v: f"{t};0;{n};{v};;"),
-        "csv", {}),
-    "days of a spreadsheet": (wide("Zeit;PV;OP;SP", comma(SERIAL), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
+        "Date;Time;Millitm;Tagname;Value;Status;Marker\n"
+        + rows("%m/%d/%Y;%H:%M:%S", lambda t, n, v: f"{t};0;{n};{v};;"),
+        "csv",
+        {},
+    ),
+    "days of a spreadsheet": (
+        wide("Zeit;PV;OP;SP", comma(SERIAL), comma(PV), comma(OP), comma(SP), sep=";"),
+        "csv",
+        {},
+    ),
     "quoted thousands": (wide("Time,PV,OP", stamps(), [f'"{v:,.1f}"' for v in PV], OP), "csv", {}),
     "french thousands": (
-        wide("Horodatage;Mesure;Sortie", stamps("%d/%m/%Y %H:%M:%S"), [f"{v:,.1f}".replace(",", "\u202f").replace(".", ",")
-        for v in PV], comma(OP), sep=";"), "csv", {}),
+        wide(
+            "Horodatage;Mesure;Sortie",
+            stamps("%d/%m/%Y %H:%M:%S"),
+            [f"{v:,.1f}".replace(",", "\u202f").replace(".", ",") for v in PV],
+            comma(OP),
+            sep=";",
+        ),
+        "csv",
+        {},
+    ),
     "time zone through the begin of summer time": (
-        wide("timestamp,pv,op,sp", [t.astimezone(timezone(timedelta(hours=1 + (t.hour > 0)))).isoformat() for t in SPRING],
-        PV, OP, SP), "csv", {}),
+        wide(
+            "timestamp,pv,op,sp",
+            [t.astimezone(timezone(timedelta(hours=1 + (t.hour > 0)))).isoformat() for t in SPRING],
+            PV,
+            OP,
+            SP,
+        ),
+        "csv",
+        {},
+    ),
     "ticks of .NET": (wide("Time,PV,OP,SP", TICKS, PV, OP, SP), "csv", {}),
-    "ticks of Windows": (wide("Time,PV,OP,SP", [t - 504_911_232_000_000_000 for t in TICKS], PV, OP, SP), "csv", {}),
+    "ticks of Windows": (
+        wide("Time,PV,OP,SP", [t - 504_911_232_000_000_000 for t in TICKS], PV, OP, SP),
+        "csv",
+        {},
+    ),
     "digits of a date": (three("Time", "PV", "OP", "SP", "%Y%m%d%H%M%S"), "csv", {}),
-    "milliseconds behind a colon": (three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S:000"), "csv", {}),
+    "milliseconds behind a colon": (
+        three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S:000"),
+        "csv",
+        {},
+    ),
     "clock with milliseconds beside a date": (
-        wide("Date,Time,PV,OP,SP", stamps("%Y-%m-%d"), stamps("%H:%M:%S.000"), PV, OP, SP), "csv", {}),
+        wide("Date,Time,PV,OP,SP", stamps("%Y-%m-%d"), stamps("%H:%M:%S.000"), PV, OP, SP),
+        "csv",
+        {},
+    ),
     "time in brackets": (wide("t [ms],PV,OP,SP", 5000 * K, PV, OP, SP), "csv", {}),
-    "elapsed minutes": (wide("Elapsed (min),PV,OP,SP", [f"{k / 12:.6f}" for k in K], PV, OP, SP), "csv", {}),
-    "flag named bad": (wide("Time,PV,PV_bad,OP", stamps(), BAD, [int(k in (40, 41)) for k in K], OP), "csv", {}),
-    "two exports in one file": ("".join(three("Time", "PV", "OP", "SP").splitlines(True)[i] for i in [*range(101), 0,
-                                *range(101, N + 1)]), "csv", {}),
-}  # fmt: skip
+    "elapsed minutes": (
+        wide("Elapsed (min),PV,OP,SP", [f"{k / 12:.6f}" for k in K], PV, OP, SP),
+        "csv",
+        {},
+    ),
+    "flag named bad": (
+        wide("Time,PV,PV_bad,OP", stamps(), BAD, [int(k in (40, 41)) for k in K], OP),
+        "csv",
+        {},
+    ),
+    "two exports in one file": (
+        "".join(
+            three("Time", "PV", "OP", "SP").splitlines(True)[i]
+            for i in [*range(101), 0, *range(101, N + 1)]
+        ),
+        "csv",
+        {},
+    ),
+}
 
 
 def written(folder, content, suffix):
@@ -344,7 +933,9 @@ def written(folder, content, suffix):
 
 
 def right(record, compressed=False):
-    """Whether a record is the loop; of an archive its values hold until the next within the band of the exception report."""
+    """Whether a record is the loop; of an archive its values hold until the next within the band of
+    the exception report.
+    """
     if record.Ts != pytest.approx(TS, abs=1e-3) or record.n != N:
         return False
     # of two samples that some exports call bad a straight line is the best guess
@@ -373,22 +964,69 @@ TWO = (stamps(), PV, OP, OP, PV)
 # what is open -> (content, options, options of its cure)
 ASKED = {
     "two loops": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {}, ["--tag", "FIC101"]),
-    "a wrong tag": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {"tag": "FIC110"}, ["--tag", "FIC101"]),
-    "two loops by path": (wide("Time,U1/FIC101/PV,U1/FIC101/OP,U1/LIC7/PV,U1/LIC7/OP", *TWO), {}, ["--tag", "U1/FIC101"]),
-    "MV is the output": (wide("Time,PV,SV,MV", stamps(), PV, SP, OP), {}, ["--columns", "op=NAME,pv=PV"]),
-    "CV is the output": (wide("Time,FIC101.PV,FIC101.CV", stamps(), PV, OP), {}, ["--columns", "op=NAME,pv=FIC101.PV"]),
+    "a wrong tag": (
+        wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO),
+        {"tag": "FIC110"},
+        ["--tag", "FIC101"],
+    ),
+    "two loops by path": (
+        wide("Time,U1/FIC101/PV,U1/FIC101/OP,U1/LIC7/PV,U1/LIC7/OP", *TWO),
+        {},
+        ["--tag", "U1/FIC101"],
+    ),
+    "MV is the output": (
+        wide("Time,PV,SV,MV", stamps(), PV, SP, OP),
+        {},
+        ["--columns", "op=NAME,pv=PV"],
+    ),
+    "CV is the output": (
+        wide("Time,FIC101.PV,FIC101.CV", stamps(), PV, OP),
+        {},
+        ["--columns", "op=NAME,pv=FIC101.PV"],
+    ),
     "unnamed signal": (wide("Time,Flow,OP", stamps(), PV, OP), {}, ["--columns", "op=OP,pv=NAME"]),
-    "two clocks": (wide("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), {}, ["--columns", "t=NAME"]),
+    "two clocks": (
+        wide("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP),
+        {},
+        ["--columns", "t=NAME"],
+    ),
     "no time": (wide("PV,OP", PV, OP), {}, ["--ts", "1"]),
-    "clock set back": (wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP), {}, ["--ts", "5"]),
-    "quality unknown": (wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N), {}, ["--columns", "quality=none"]),
-    "volts": (wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)), {}, ["--op-span", "1", "5"]),
-    "two loops by number": (wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO), {"columns": {"op": "FV-101.OUT"}},
-                            ["--columns", "pv=NAME"]),
-    "counts": (wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)), {}, ["--op-span", "0", "1023"]),
-    "a share of 1": (wide("Time,PV,OP", stamps(), PV, np.round(OP / 100, 4)), {}, ["--op-span", "0", "1"]),
-    "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
-}  # fmt: skip
+    "clock set back": (
+        wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP),
+        {},
+        ["--ts", "5"],
+    ),
+    "quality unknown": (
+        wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N),
+        {},
+        ["--columns", "quality=none"],
+    ),
+    "volts": (
+        wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)),
+        {},
+        ["--op-span", "1", "5"],
+    ),
+    "two loops by number": (
+        wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO),
+        {"columns": {"op": "FV-101.OUT"}},
+        ["--columns", "pv=NAME"],
+    ),
+    "counts": (
+        wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)),
+        {},
+        ["--op-span", "0", "1023"],
+    ),
+    "a share of 1": (
+        wide("Time,PV,OP", stamps(), PV, np.round(OP / 100, 4)),
+        {},
+        ["--op-span", "0", "1"],
+    ),
+    "other numbers": (
+        wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP),
+        {},
+        ["--columns", "op=FV8.OP,pv=FT7.PV"],
+    ),
+}
 
 
 # what the user alone can name -> the column that it is
@@ -604,8 +1242,10 @@ def test_an_output_that_may_be_in_milliamperes_or_counts_is_said(tmp_path):
 def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
     file = written(tmp_path, wide("Time,A,B,C,D", *TWO), "csv")
     table = tmp_path / "plant.toml"
-    table.write_text('[[loop]]\ntag = "FIC1"\nkind = "flow"\nop_span = [0, 200]\ncolumns = {pv = "A", op = "B"}\n'
-                     '[[loop]]\ntag = "LIC2"\ncolumns = {pv = "C", op = "D"}\n')  # fmt: skip
+    table.write_text(
+        '[[loop]]\ntag = "FIC1"\nkind = "flow"\nop_span = [0, 200]\ncolumns = {pv = "A", op ='
+        ' "B"}\n[[loop]]\ntag = "LIC2"\ncolumns = {pv = "C", op = "D"}\n'
+    )
     records, _ = read_records(file, loops=table)
     assert (records["FIC1"].kind, records["FIC1"].op_span, records["FIC1"].tag) == (
         "flow",

@@ -1,4 +1,6 @@
-"""Gaps of hours, the hour that clocks lose in spring, the leap second, and values that carry the mark of a bad sample."""
+"""Gaps of hours, the hour that clocks lose in spring, the leap second, and values that carry the
+mark of a bad sample.
+"""
 
 from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo

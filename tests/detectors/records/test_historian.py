@@ -1,4 +1,6 @@
-"""One record as historians would export it: read right and said, or refused in one sentence; never silently wrong."""
+"""One record as historians would export it: read right and said, or refused in one sentence; never
+silently wrong.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def grouped(values):
 
 
 def changes(values, band):
-    """Return the samples an exception report keeps: those further than `band` from the last one kept, and the ends."""
+    """Return the samples an exception report keeps: those further than `band` from the last one
+    kept, and the ends.
+    """
     kept = [0]
     for k in range(1, len(values)):
         if abs(values[k] - values[kept[-1]]) > band:
@@ -90,37 +94,124 @@ GOOD = ["Bad" if k in LOST else "Good" for k in K]
 DA = [0 if k in LOST else 192 for k in K]
 WRONG = [0.0 if k in LOST else v for k, v in enumerate(PV)]
 
-# name -> (content: text, bytes or a function that writes the file; suffix; what the note must say, "" = nothing)
+# name -> (content: text, bytes or a function that writes the file; suffix; what the note must say,
+# "" = nothing)
 READ = {
-    "am and pm, month first": (text("Time,SP,OP,PV", stamps("%m/%d/%Y %I:%M:%S %p"), SP, OP, PV), "csv", "%m/%d/%Y"),
-    "day first, over midnight": (text("Time,SP,OP,PV", stamps("%d/%m/%Y %H:%M:%S"), SP, OP, PV), "csv", "%d/%m/%Y"),
-    "decimal commas": (text("Time;SP;OP;PV", stamps(), comma(SP), comma(OP), comma(PV), sep=";"), "csv", ""),
-    "points for thousands": (text("Time;OP;PV", stamps(), comma(OP), grouped(PV), sep=";"), "csv", ""),
-    "utf-16 with tabs": (text("Time\tSP\tOP\tPV", stamps(), SP, OP, PV, sep="\t").encode("utf-16"), "txt", ""),
-    "windows-1252": (text("Time,OP (%),PV (m\u00b3/h)", stamps(), OP, PV).encode("cp1252"), "csv", "Windows-1252"),
-    "row of units": ("Time,SP,OP,PV\n,m3/h,%,m3/h\n" + text("", stamps(), SP, OP, PV)[1:], "csv", "taken as units"),
-    "preamble": ("Historian export\nServer: P1, zone UTC\n\n" + text("Time,OP,PV", stamps(), OP, PV), "csv", "2 lines above"),
-    "states: Bad": (text("Time,OP,PV", stamps(), losing(OP, "Bad"), losing(PV, "Bad Input")), "csv", "say 'Bad'"),
-    "states: No Data": (text("Time,OP,PV", stamps(), OP, losing(PV, "No Data")), "csv", "say 'No Data'"),
-    "states: -9999": (text("Time,OP,PV", stamps(), OP, losing(PV, "-9999")), "csv", "3 cells of PV hold -9999"),
-    "times of their own, paired": (text("Timestamp,PV,Timestamp.1,OP", stamps(), PV, stamps(), OP), "csv", ""),
-    "quality per signal": (text("Time,OP,PV,PV_Quality", stamps(), OP, WRONG, GOOD), "csv", "calls bad"),
+    "am and pm, month first": (
+        text("Time,SP,OP,PV", stamps("%m/%d/%Y %I:%M:%S %p"), SP, OP, PV),
+        "csv",
+        "%m/%d/%Y",
+    ),
+    "day first, over midnight": (
+        text("Time,SP,OP,PV", stamps("%d/%m/%Y %H:%M:%S"), SP, OP, PV),
+        "csv",
+        "%d/%m/%Y",
+    ),
+    "decimal commas": (
+        text("Time;SP;OP;PV", stamps(), comma(SP), comma(OP), comma(PV), sep=";"),
+        "csv",
+        "",
+    ),
+    "points for thousands": (
+        text("Time;OP;PV", stamps(), comma(OP), grouped(PV), sep=";"),
+        "csv",
+        "",
+    ),
+    "utf-16 with tabs": (
+        text("Time\tSP\tOP\tPV", stamps(), SP, OP, PV, sep="\t").encode("utf-16"),
+        "txt",
+        "",
+    ),
+    "windows-1252": (
+        text("Time,OP (%),PV (m\u00b3/h)", stamps(), OP, PV).encode("cp1252"),
+        "csv",
+        "Windows-1252",
+    ),
+    "row of units": (
+        "Time,SP,OP,PV\n,m3/h,%,m3/h\n" + text("", stamps(), SP, OP, PV)[1:],
+        "csv",
+        "taken as units",
+    ),
+    "preamble": (
+        "Historian export\nServer: P1, zone UTC\n\n" + text("Time,OP,PV", stamps(), OP, PV),
+        "csv",
+        "2 lines above",
+    ),
+    "states: Bad": (
+        text("Time,OP,PV", stamps(), losing(OP, "Bad"), losing(PV, "Bad Input")),
+        "csv",
+        "say 'Bad'",
+    ),
+    "states: No Data": (
+        text("Time,OP,PV", stamps(), OP, losing(PV, "No Data")),
+        "csv",
+        "say 'No Data'",
+    ),
+    "states: -9999": (
+        text("Time,OP,PV", stamps(), OP, losing(PV, "-9999")),
+        "csv",
+        "3 cells of PV hold -9999",
+    ),
+    "times of their own, paired": (
+        text("Timestamp,PV,Timestamp.1,OP", stamps(), PV, stamps(), OP),
+        "csv",
+        "",
+    ),
+    "quality per signal": (
+        text("Time,OP,PV,PV_Quality", stamps(), OP, WRONG, GOOD),
+        "csv",
+        "calls bad",
+    ),
     "quality as OPC code": (text("Time,OP,PV,Status", stamps(), OP, WRONG, DA), "csv", "calls bad"),
-    "long": (long_text(long_rows(("FIC101.OP", OP), ("FIC101.PV", PV), ("FIC101.SP", SP))), "csv", ""),
+    "long": (
+        long_text(long_rows(("FIC101.OP", OP), ("FIC101.PV", PV), ("FIC101.SP", SP))),
+        "csv",
+        "",
+    ),
     "long, stored on change": (
-        long_text(long_rows(("FIC101.OP", OP), ("FIC101.PV", PV), ("FIC101.SP", SP), keep=lambda tag, k: k in KEPT[tag])),
-        "csv", "archive: PV holds",
+        long_text(
+            long_rows(
+                ("FIC101.OP", OP),
+                ("FIC101.PV", PV),
+                ("FIC101.SP", SP),
+                keep=lambda tag, k: k in KEPT[tag],
+            )
+        ),
+        "csv",
+        "archive: PV holds",
     ),
     "wide, stored on change": (
-        text("Time,OP,PV", stamps(), sparse(OP, BAND_OP), sparse(PV, BAND_PV)), "csv", "archive: OP holds",
+        text("Time,OP,PV", stamps(), sparse(OP, BAND_OP), sparse(PV, BAND_PV)),
+        "csv",
+        "archive: OP holds",
     ),
-    "OUT and MEAS": (text("Time,FIC101.SPT,FIC101.OUT,FIC101.MEAS", stamps(), SP, OP, PV), "csv", "PV is 'FIC101.MEAS'"),
-    "CO, with suffixes": (text("Time,101/PID1/CO.CV,101/PID1/PV.CV", stamps(), OP, PV), "csv", "OP is '101/PID1/CO.CV'"),
-    "date and clock apart": (text("Date,Time,OP,PV", stamps("%d.%m.%Y"), stamps("%H:%M:%S"), OP, PV), "csv", ""),
-    "milliseconds since 1970": (text("timestamp,OP,PV", [1709596200000 + 5000 * int(k) for k in K], OP, PV), "csv", "millisec"),
-    "minutes": (text("Time (min),OP,PV", [f"{k * TS / 60:.6f}" for k in K], OP, PV), "csv", "in min"),
+    "OUT and MEAS": (
+        text("Time,FIC101.SPT,FIC101.OUT,FIC101.MEAS", stamps(), SP, OP, PV),
+        "csv",
+        "PV is 'FIC101.MEAS'",
+    ),
+    "CO, with suffixes": (
+        text("Time,101/PID1/CO.CV,101/PID1/PV.CV", stamps(), OP, PV),
+        "csv",
+        "OP is '101/PID1/CO.CV'",
+    ),
+    "date and clock apart": (
+        text("Date,Time,OP,PV", stamps("%d.%m.%Y"), stamps("%H:%M:%S"), OP, PV),
+        "csv",
+        "",
+    ),
+    "milliseconds since 1970": (
+        text("timestamp,OP,PV", [1709596200000 + 5000 * int(k) for k in K], OP, PV),
+        "csv",
+        "millisec",
+    ),
+    "minutes": (
+        text("Time (min),OP,PV", [f"{k * TS / 60:.6f}" for k in K], OP, PV),
+        "csv",
+        "in min",
+    ),
     "excel below a title": (excel, "xlsx", "1 lines above"),
-}  # fmt: skip
+}
 
 
 def written(folder, content, suffix):
@@ -151,26 +242,58 @@ def test_variant_is_read_right_and_what_was_done_is_said(tmp_path, name):
 
 MORE = {
     "three decimals behind a comma, tabs": (
-        text("Time\tOP\tPV", stamps(), [f"{v:.3f}".replace(".", ",") for v in OP], K, sep="\t"), "may be",
+        text("Time\tOP\tPV", stamps(), [f"{v:.3f}".replace(".", ",") for v in OP], K, sep="\t"),
+        "may be",
     ),
-    "comma here, point there": (text("Time;OP;PV", stamps(), comma(OP), PV, sep=";"), "one of them is needed"),
+    "comma here, point there": (
+        text("Time;OP;PV", stamps(), comma(OP), PV, sep=";"),
+        "one of them is needed",
+    ),
     "points for thousands alone": (
-        text("Time;OP;PV", stamps(), OP, [f"{v:,}".replace(",", ".") for v in 980 + K], sep=";"), "beside whole",
+        text("Time;OP;PV", stamps(), OP, [f"{v:,}".replace(",", ".") for v in 980 + K], sep=";"),
+        "beside whole",
     ),
-    "two clocks": (text("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), "may be the time"),
-    "MV may be OP": (text("Time,PV,SV,MV", stamps(), PV, SP, OP), "MV may be the controller's output"),
-    "two loops": (text("Time,A.OP,A.PV,B.OP,B.PV", stamps(), OP, PV, OP, PV), "A.OP or B.OP may be OP"),
-    "a tenth of a spreadsheet's day": (text("time,OP,PV", [45000 + 0.1 * k for k in K], OP, PV), "days of a spreadsheet"),
-    "quality in part": (text("Time,OP,PV,Quality", stamps(), OP, PV, losing(GOOD, "Sort of")), "says 'sort of'"),
+    "two clocks": (
+        text("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP),
+        "may be the time",
+    ),
+    "MV may be OP": (
+        text("Time,PV,SV,MV", stamps(), PV, SP, OP),
+        "MV may be the controller's output",
+    ),
+    "two loops": (
+        text("Time,A.OP,A.PV,B.OP,B.PV", stamps(), OP, PV, OP, PV),
+        "A.OP or B.OP may be OP",
+    ),
+    "a tenth of a spreadsheet's day": (
+        text("time,OP,PV", [45000 + 0.1 * k for k in K], OP, PV),
+        "days of a spreadsheet",
+    ),
+    "quality in part": (
+        text("Time,OP,PV,Quality", stamps(), OP, PV, losing(GOOD, "Sort of")),
+        "says 'sort of'",
+    ),
     "quality 0 may be good": (text("Time,OP,PV,Quality", stamps(), OP, PV, 0 * K), "192 as good"),
     "OP in volts": (text("Time,OP [V],PV", stamps(), OP / 10, PV), "op_span"),
     "time in fortnights": (text("Time (fn),OP,PV", K, OP, PV), "known units of time"),
-    "an unknown state": (text("Time,OP,PV", stamps(), OP, losing(PV, "odd")), "line 33: PV is 'odd'"),
-    "a third missing at random": (
-        text("Time,OP,PV", stamps(), OP, np.where(np.random.default_rng(1).random(N) < 0.33, "", PV.astype(str))), "missing",
+    "an unknown state": (
+        text("Time,OP,PV", stamps(), OP, losing(PV, "odd")),
+        "line 33: PV is 'odd'",
     ),
-    "tags of two loops": (long_text(long_rows(("A.OP", OP), ("A.PV", PV), ("B.OP", OP), ("B.PV", PV))), "2 loops, A, B"),
-}  # fmt: skip
+    "a third missing at random": (
+        text(
+            "Time,OP,PV",
+            stamps(),
+            OP,
+            np.where(np.random.default_rng(1).random(N) < 0.33, "", PV.astype(str)),
+        ),
+        "missing",
+    ),
+    "tags of two loops": (
+        long_text(long_rows(("A.OP", OP), ("A.PV", PV), ("B.OP", OP), ("B.PV", PV))),
+        "2 loops, A, B",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", MORE)

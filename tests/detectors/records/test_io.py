@@ -1,4 +1,6 @@
-"""Loaders: every format gives the same record, holes are bridged or cut and said, and each bad file is one sentence."""
+"""Loaders: every format gives the same record, holes are bridged or cut and said, and each bad file
+is one sentence.
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""Modes are read from the words and numbers of control systems; what is not understood is neither automatic nor manual."""
+"""Modes are read from the words and numbers of control systems; what is not understood is neither
+automatic nor manual.
+"""
 
 import pytest
 

@@ -1,4 +1,6 @@
-"""Files in, verdicts out: one record, a folder, labels, plug-ins, and the command line's exit codes."""
+"""Files in, verdicts out: one record, a folder, labels, plug-ins, and the command line's exit
+codes.
+"""
 
 import json
 import math
@@ -55,9 +57,18 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     report = judge_files(folder, ["he", "hammerstein"], labels=folder / "labels.csv")
     by_method = {row["method"]: row for row in report.scores}
     assert by_method["hammerstein"] == {
-        "method": "hammerstein", "n_stiction": 1, "found": 1, "n_other": 1, "false_alarms": 0, "undecided": 0,
-        "not_applicable": 0, "auc": 1.0, "cost": 0.0, "cost_lo": 0.0, "cost_hi": pytest.approx(0.6, abs=0.01),
-    }  # fmt: skip
+        "method": "hammerstein",
+        "n_stiction": 1,
+        "found": 1,
+        "n_other": 1,
+        "false_alarms": 0,
+        "undecided": 0,
+        "not_applicable": 0,
+        "auc": 1.0,
+        "cost": 0.0,
+        "cost_lo": 0.0,
+        "cost_hi": pytest.approx(0.6, abs=0.01),
+    }
     assert all("unknown" not in v.reason for _, v in report.verdicts)
     assert "n_stiction" in report.as_text()
 
@@ -92,10 +103,14 @@ def test_units_count_once_and_undecided_records_do_not_vote():
         return Verdict("m", verdict, score, reason="-")
 
     verdicts = [
-        ("a1", one("stiction", 2.0)), ("a2", one("no_decision", 0.0)), ("a3", one("no_decision", 0.0)),
-        ("b1", one("no_stiction", -1.0)), ("b2", one("stiction", 1.0)), ("c", one("no_decision", 0.5)),
+        ("a1", one("stiction", 2.0)),
+        ("a2", one("no_decision", 0.0)),
+        ("a3", one("no_decision", 0.0)),
+        ("b1", one("no_stiction", -1.0)),
+        ("b2", one("stiction", 1.0)),
+        ("c", one("no_decision", 0.5)),
         ("d", one("stiction", 9.0)),
-    ]  # fmt: skip
+    ]
     truth = {
         "a": ("stiction", "A"),
         "b": ("tuning", "B"),

@@ -309,8 +309,9 @@ def test_failures_are_shares_of_what_was_tried(scenarios, failed, most):
 
 def test_failures_are_counted_and_those_of_plug_ins_as_well():
     found = Failures(10, 2, {"he": 4, "mine": 8}, {"he: why": 4})
-    assert str(found) == (
-        "2 of 10 scenarios could not be simulated; method he failed on 4 of 8 records; "
+    assert (
+        str(found)
+        == "2 of 10 scenarios could not be simulated; method he failed on 4 of 8 records; "
         "method mine failed on 8 of 8 records (most often: he: why)"
     )
     assert found.above(0.99)
@@ -348,9 +349,15 @@ def test_who_is_ranked_with_whom(role, sees_mv, kind):
 )
 def test_a_grid_tells_nothing_up_to_and_with_its_bounds(change, problem):
     bounds = {
-        "counts": {"yes": 45, "no": 55}, "unmatched": 5, "oscillating": 90, "majority": 0.55, "alone": {"op_std": 0.57},
-        "sets": {"noise": 0.60}, "together": 0.65, "tree": (0.60, ("Ts", "op_std")),
-    }  # fmt: skip
+        "counts": {"yes": 45, "no": 55},
+        "unmatched": 5,
+        "oscillating": 90,
+        "majority": 0.55,
+        "alone": {"op_std": 0.57},
+        "sets": {"noise": 0.60},
+        "together": 0.65,
+        "tree": (0.60, ("Ts", "op_std")),
+    }
     assert Leak(**{**bounds, **change}).problems == ([] if problem is None else [problem])
 
 
@@ -382,7 +389,8 @@ def checked(flips, **row):
 def test_a_check_shows_what_moved_and_the_worst_flips_first():
     text = checked(2 * SHOWN).as_text()
     assert text.startswith(
-        "check FAILED: basis\n- he: detection against 'cycled' fell from 0.900 to 0.800, 12 lost and 2 won (p = 0.001)"
+        "check FAILED: basis\n- he: detection against 'cycled' fell from 0.900 to 0.800, 12 lost"
+        " and 2 won (p = 0.001)"
     )
     assert f"{2 * SHOWN} verdicts changed, the first {SHOWN}:" in text
     assert (
@@ -464,7 +472,9 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
 
 
 def test_a_piece_adds_up_its_seconds(small, monkeypatch):
-    """Every look at the clock is a second later than the last: settling takes 1 s, truth and verdicts 1 s a scenario each."""
+    """Every look at the clock is a second later than the last: settling takes 1 s, truth and
+    verdicts 1 s a scenario each.
+    """
     seconds = iter(range(10**6))
     monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
     piece = work.work(small, 0, [0], ["he"])

@@ -141,7 +141,8 @@ def test_unpaired_auc_test_sees_a_fall_beyond_its_margin_only():
 
 
 def test_mean_ranks_of_a_published_example():
-    # Demsar (2006), section 3.2.2: k = 4 methods on N = 14 sets, CD = 2.569 sqrt(4*5/(6*14)) = 1.25 at 5 %
+    # Demsar (2006), section 3.2.2: k = 4 methods on N = 14 sets, CD = 2.569 sqrt(4*5/(6*14)) = 1.25
+    # at 5 %
     rng = np.random.default_rng(4)
     assert mean_ranks(rng.random((14, 4))).critical_difference == pytest.approx(1.25, abs=0.005)
 

@@ -1,4 +1,6 @@
-"""Effects left out: the library is whole again, the table counts what was said, a run goes on where it stopped."""
+"""Effects left out: the library is whole again, the table counts what was said, a run goes on where
+it stopped.
+"""
 
 import json
 
@@ -23,9 +25,19 @@ def rows(*told):
 
 def row(effect, said, block, before=2.0, left=1.9, after=0.5, resolvable=True, **more):
     return {
-        "effect": effect, "said": said, "right": said == "unknown", "block": block, "nearest": "noise", "before": before,
-        "left": left, "floor": 0.0, "resolvable": resolvable, "back": effect, "after": after, **more,
-    }  # fmt: skip
+        "effect": effect,
+        "said": said,
+        "right": said == "unknown",
+        "block": block,
+        "nearest": "noise",
+        "before": before,
+        "left": left,
+        "floor": 0.0,
+        "resolvable": resolvable,
+        "back": effect,
+        "after": after,
+        **more,
+    }
 
 
 def test_an_effect_is_back_once_the_block_has_ended_even_by_an_error():
@@ -44,9 +56,12 @@ def test_an_effect_is_back_once_the_block_has_ended_even_by_an_error():
 
 def test_the_table_counts_resolvable_records_and_says_how_many_failed():
     found = rows(
-        row("stiction", "unknown", "valve"), row("stiction", "deadband", "valve", left=1.0), row("drift", "none", "none"),
-        row("drift", "noise", "sensor", resolvable=False), {"effect": "noise", "error": "PV is constant"},
-    )  # fmt: skip
+        row("stiction", "unknown", "valve"),
+        row("stiction", "deadband", "valve", left=1.0),
+        row("drift", "none", "none"),
+        row("drift", "noise", "sensor", resolvable=False),
+        {"effect": "noise", "error": "PV is constant"},
+    )
     table = summary(found).set_index("effect")
     assert list(table.index) == [*WORLD_EFFECTS, "all"]
     assert table.n["stiction"] == 2

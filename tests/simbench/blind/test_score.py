@@ -50,9 +50,14 @@ def says(*effects, probability=1.0, parameters=None, shrinkage=0.9, others=()):
         for e, b in zip(effects, block)
     ]
     return {
-        "block": block[0], "effect": effects[0], "effects": named if effects[0] in EFFECTS else [], "group": [effects[0]],
-        "ranking": ranking, "gap": GAP, "shrinkage": {"value": shrinkage, "lo": 0.5, "hi": 1.0},
-    }  # fmt: skip
+        "block": block[0],
+        "effect": effects[0],
+        "effects": named if effects[0] in EFFECTS else [],
+        "group": [effects[0]],
+        "ranking": ranking,
+        "gap": GAP,
+        "shrinkage": {"value": shrinkage, "lo": 0.5, "hi": 1.0},
+    }
 
 
 def truth_rows():
@@ -305,7 +310,8 @@ def theirs(tmp_path):
         )
         frame.to_csv(tmp_path / "records" / f"{name}.csv", index=False)
         (tmp_path / "records" / f"{name}.toml").write_text(
-            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
+            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi ='
+            " 5.0\n[sampling]\nTs = 1.0\n"
         )
     (tmp_path / "answers.csv").write_text(
         "ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n"

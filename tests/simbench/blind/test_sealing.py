@@ -1,4 +1,6 @@
-"""The blind check keeps its word: same seed, same records; answers unreadable without the key; nobody peeks while answering."""
+"""The blind check keeps its word: same seed, same records; answers unreadable without the key;
+nobody peeks while answering.
+"""
 
 import csv
 import hashlib
@@ -105,7 +107,8 @@ def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
         published = "0" * 64
     elif broken == "key":
         parts["key"] = "00" * 32
-    else:  # a forger who writes a new commitment beside changed answers does not know the key file's
+    # a forger who writes a new commitment beside changed answers does not know the key file's
+    else:
         content[50] ^= 1
         published = hashlib.sha256(bytes(content)).hexdigest()
     (tmp_path / seal.SEALED).write_bytes(bytes(content))
@@ -199,7 +202,8 @@ def small(tmp_path):
             "t,sp,op,pv\n0,1,50,1\n1,1,50,1.1\n2,1,50,1\n3,1,51,1\n"
         )
         (folder / "records" / f"{name}.toml").write_text(
-            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
+            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi ='
+            " 5.0\n[sampling]\nTs = 1.0\n"
         )
     (folder / "answers.csv").write_text("id,block,effect\nr0001,valve,stiction\nr0002,none,none\n")
     return folder

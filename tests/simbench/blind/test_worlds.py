@@ -1,4 +1,6 @@
-"""Every world keeps the contract: pure draws, loadable baselines, answers in the vocabulary's words, loops that run again."""
+"""Every world keeps the contract: pure draws, loadable baselines, answers in the vocabulary's
+words, loops that run again.
+"""
 
 import json
 import os

@@ -16,21 +16,27 @@ from simbench.cli import main
 
 # a word of the program's own where a sentence about the input is due
 LEAKS = re.compile(
-    r"Traceback|fault of the program|object has no attribute|pydantic|NoneType|errors\.|site-packages"
+    r"Traceback|fault of the program|object has no"
+    r" attribute|pydantic|NoneType|errors\.|site-packages"
 )
 
 
 # what would do instead: a range, a list, the nearest name, the kind of thing that is needed
 ALLOWED = re.compile(
-    r"needed|needs|known|allowed|did you mean|must be|should be|at least|at most|\d to -?\d|either|ends in|asked for with"
+    r"needed|needs|known|allowed|did you mean|must be|should be|at least|at most|\d to"
+    r" -?\d|either|ends in|asked for with"
     r"|columns are",
     re.I,
 )
-# a file, folder, option or argument that is not there or cannot be used: its name is all there is to say
+# a file, folder, option or argument that is not there or cannot be used: its name is all there is
+# to say
 ABSENT = re.compile(
-    r"does not exist|no such file|cannot be (made|written)|holds no|exists already|is read by this command|no loop record found"
-    r"|no records/|has neither|^error: (missing |option .* requires|a verb is missing|no such option)", re.I
-)  # fmt: skip
+    r"does not exist|no such file|cannot be (made|written)|holds no|exists already|is read by this"
+    r" command|no loop record found"
+    r"|no records/|has neither|^error: (missing |option .* requires|a verb is missing|no such"
+    r" option)",
+    re.I,
+)
 TOKEN = re.compile(r'"[^"]*"|[-+]?[\w.]+(?:[-+:.]\w+)*')
 COUNT: Counter[str] = Counter()
 
@@ -41,7 +47,9 @@ def tokens(text: str) -> list[str]:
 
 
 def new_tokens(old: str, new: str) -> list[str]:
-    """What a change brought in: the values, or the misspelt names, that a sentence about it should quote."""
+    """What a change brought in: the values, or the misspelt names, that a sentence about it should
+    quote.
+    """
     known = tokens(old)
     return [t for t in tokens(new) if t not in known]
 
@@ -68,9 +76,9 @@ def pytest_terminal_summary(terminalreporter) -> None:
     """Say how many sentences were held against what was wrong; of one process, so with `-n 0`."""
     if COUNT["refused"]:
         terminalreporter.write_line(
-            f"boundary: {COUNT['refused']} refused in one sentence that names its place; {COUNT['allowed']} were held to say "
-            f"what is allowed, {COUNT['value']} of them to quote the value; {COUNT['absent']} are about what is not there or "
-            "cannot be used"
+            f"boundary: {COUNT['refused']} refused in one sentence that names its place;"
+            f" {COUNT['allowed']} were held to say what is allowed, {COUNT['value']} of them to"
+            f" quote the value; {COUNT['absent']} are about what is not there or cannot be used"
         )
 
 
@@ -79,7 +87,9 @@ SECONDS, MEMORY = 60.0, 2 << 20  # of CPU; KiB
 
 @contextlib.contextmanager
 def bounded() -> Iterator[None]:
-    """Whatever is asked takes at most 60 s of CPU, that of processes it started and ended included, and 2 GiB."""
+    """Whatever is asked takes at most 60 s of CPU, that of processes it started and ended included,
+    and 2 GiB.
+    """
     with contextlib.suppress(
         OSError
     ):  # the highest memory counts anew from here on, where the system can do that
@@ -104,7 +114,9 @@ def _memory() -> int:
 
 
 def held(sentence: str, values: list[str] | None = None) -> None:
-    """Hold a sentence to quote what was wrong, and to say what is allowed; about what is not there it need not."""
+    """Hold a sentence to quote what was wrong, and to say what is allowed; about what is not there
+    it need not.
+    """
     COUNT["refused"] += 1
     if ABSENT.search(sentence):
         COUNT["absent"] += 1
@@ -117,7 +129,8 @@ def held(sentence: str, values: list[str] | None = None) -> None:
 
 @pytest.fixture
 def refused(capsys) -> Callable[..., str]:
-    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on stdout.
+    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on
+    stdout.
 
     `values`: what was wrong, which the sentence must quote, and beside it say what is allowed.
     """

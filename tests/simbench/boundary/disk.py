@@ -1,4 +1,6 @@
-"""A disk on which the n-th file operation fails: no space, an I/O error, or a kill before or after it."""
+"""A disk on which the n-th file operation fails: no space, an I/O error, or a kill before or after
+it.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ class Killed(BaseException):
 
 
 class Disk:
-    """Counts what `simbench.files` does to the disk, and lets one operation fail; `end` is what a kill is."""
+    """Counts what `simbench.files` does to the disk, and lets one operation fail; `end` is what a
+    kill is.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,6 @@
-"""One sample of a size that no transmitter sends, and a user without a home folder: no verb prints a raw warning."""
+"""One sample of a size that no transmitter sends, and a user without a home folder: no verb prints
+a raw warning.
+"""
 
 import os
 import shutil
@@ -50,7 +52,9 @@ def test_report_of_samples_of_1e59_warns_of_nothing(large, tmp_path, capfd):
 
 
 def stranger(folder, *words):
-    """Run a verb as a user whom no table of users knows, with nothing to write to but one folder."""
+    """Run a verb as a user whom no table of users knows, with nothing to write to but one
+    folder.
+    """
     python = Path("/usr/bin/python3")
     setpriv = shutil.which("setpriv")
     if os.getuid() or setpriv is None or not python.exists():
@@ -64,8 +68,13 @@ def stranger(folder, *words):
         pytest.skip("the Python of the system is another version")
     folder.chmod(0o777)
     packages = [p for p in sys.path if p.endswith("site-packages")]
-    given = {"PATH": "/usr/bin:/bin", "TMPDIR": str(folder), "PYTHONPATH": os.pathsep.join([str(ROOT), *packages]),
-             "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+    given = {
+        "PATH": "/usr/bin:/bin",
+        "TMPDIR": str(folder),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), *packages]),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     command = [
         setpriv,
         "--reuid=54321",
@@ -89,9 +98,13 @@ def open_folder():
 
 
 # each compiles what it needs anew, as nothing is kept for such a user
-SLOW = ["detect rec.csv --method horch --html v.html", "report . -o page.html -j 2",
-        "run smoke -o run --method horch_histogram -j 2 --set disturbance=none",
-        "gap diagnose rec.csv --identify --html g.html", "trust rec.csv --method horch --html t.html"]  # fmt: skip
+SLOW = [
+    "detect rec.csv --method horch --html v.html",
+    "report . -o page.html -j 2",
+    "run smoke -o run --method horch_histogram -j 2 --set disturbance=none",
+    "gap diagnose rec.csv --identify --html g.html",
+    "trust rec.csv --method horch --html t.html",
+]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Every file operation of a run failed once, in four ways: nothing is lost, nothing stands half, going on gives the same."""
+"""Every file operation of a run failed once, in four ways: nothing is lost, nothing stands half,
+going on gives the same.
+"""
 
 from __future__ import annotations
 

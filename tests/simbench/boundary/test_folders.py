@@ -1,4 +1,6 @@
-"""A run folder or baseline with one thing changed: `score`, `check`, `report`, `simulate --from` and `--resume` notice."""
+"""A run folder or baseline with one thing changed: `score`, `check`, `report`, `simulate --from`
+and `--resume` notice.
+"""
 
 from __future__ import annotations
 
@@ -31,10 +33,40 @@ SMALL = {
 }
 TABLES = ("scenarios", "verdicts")
 CHANGED = {
-    "scenarios": ("scenario_id", "cell", "repeat", "block", "member", "process", "noise_ratio", "seed", "sticky", "predicted",
-                  "refined", "theory", "cycled", "Ts", "n", "oscillating", "record_hash", "loop", "tags", "error"),
-    "verdicts": ("scenario_id", "method", "verdict", "score", "verdict_raw", "applicable", "reason", "error", "S_unit"),
-}  # fmt: skip
+    "scenarios": (
+        "scenario_id",
+        "cell",
+        "repeat",
+        "block",
+        "member",
+        "process",
+        "noise_ratio",
+        "seed",
+        "sticky",
+        "predicted",
+        "refined",
+        "theory",
+        "cycled",
+        "Ts",
+        "n",
+        "oscillating",
+        "record_hash",
+        "loop",
+        "tags",
+        "error",
+    ),
+    "verdicts": (
+        "scenario_id",
+        "method",
+        "verdict",
+        "score",
+        "verdict_raw",
+        "applicable",
+        "reason",
+        "error",
+        "S_unit",
+    ),
+}
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +96,9 @@ def unfinished(tmp_path_factory):
 
 
 def ways(kind: str) -> list[tuple[str, str]]:
-    """Single faults of one table: a value in a column, a row, a column, a type, bytes of the file."""
+    """Single faults of one table: a value in a column, a row, a column, a type, bytes of the
+    file.
+    """
     cells = [("cell", f"{c} {row}") for c in CHANGED[kind] for row in ("first", "last")]
     rows = [
         ("rows", w)
@@ -106,9 +140,14 @@ def _changed(table: pa.Table, what: str, how: str) -> pa.Table:
     n = table.num_rows
     if what == "rows":
         order = {
-            "drop first": range(1, n), "drop last": range(n - 1), "drop all": [], "twice": [*range(n), n - 1],
-            "swapped": [1, 0, *range(2, n)], "reversed": range(n - 1, -1, -1), "half": range(n // 2),
-        }[how]  # fmt: skip
+            "drop first": range(1, n),
+            "drop last": range(n - 1),
+            "drop all": [],
+            "twice": [*range(n), n - 1],
+            "swapped": [1, 0, *range(2, n)],
+            "reversed": range(n - 1, -1, -1),
+            "half": range(n // 2),
+        }[how]
         return table.take(pa.array(list(order), type=pa.int64()))
     name = how.split(" ")[1 if what == "column" else 0]
     at = table.schema.get_field_index(name)

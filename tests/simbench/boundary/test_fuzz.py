@@ -1,6 +1,8 @@
-"""Loop files, grids and records at random: never a traceback, a hang or a sentence that says nothing.
+"""Loop files, grids and records at random: never a traceback, a hang or a sentence that says
+nothing.
 
-`FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without it they stay the same.
+`FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without
+it they stay the same.
 """
 
 from __future__ import annotations
@@ -71,7 +73,9 @@ CUTS = st.lists(
 
 
 def asked(arguments: list) -> tuple[int, str]:
-    """Run a command: exit 0 or 1 with JSON, 2 with one sentence, 130 where it was stopped; return code and sentence."""
+    """Run a command: exit 0 or 1 with JSON, 2 with one sentence, 130 where it was stopped; return
+    code and sentence.
+    """
     out, err = io.StringIO(), io.StringIO()
     with bounded(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main([str(a) for a in arguments])

@@ -1,4 +1,6 @@
-"""Grids nobody should run: refused before the first simulation, all mistakes at once; what fails later is a row."""
+"""Grids nobody should run: refused before the first simulation, all mistakes at once; what fails
+later is a row.
+"""
 
 from __future__ import annotations
 
@@ -85,9 +87,22 @@ RANGES = [
     if line.endswith("]") and " = [" in line and line[0] in "KTSspa" and '"' not in line
 ]
 BAD_RANGES = [
-    "[2.0, 1.0]", "[0.0, 1.0]", "[-1.0, 1.0]", "[nan, 1.0]", "[1.0, inf]", "[]", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 2.0]',
-    "nan", "true", '"fast"', "{}", "[true, 2.0]", "2024-01-01",
-]  # fmt: skip
+    "[2.0, 1.0]",
+    "[0.0, 1.0]",
+    "[-1.0, 1.0]",
+    "[nan, 1.0]",
+    "[1.0, inf]",
+    "[]",
+    "[1.0]",
+    "[1.0, 2.0, 3.0]",
+    '["a", 2.0]',
+    "nan",
+    "true",
+    '"fast"',
+    "{}",
+    "[true, 2.0]",
+    "2024-01-01",
+]
 CHANGES = {
     "unknown load type": ('type = "sine"', 'type = "sinus"', "sine"),
     "unknown load place": ('at = "output"', 'at = "outlet"', "output"),
@@ -236,19 +251,40 @@ def test_a_wrong_grid_of_one_loop(refused, tmp_path, name):
 @pytest.mark.parametrize(
     ("option", "word"),
     [
-        (["--set", "repeats=0"], "repeats"), (["--set", "seed=x"], "seed"), (["--set", "colour=1"], "colour"),
-        (["--set", "K"], "NAME=VALUE"), (["--set", "=1"], "NAME=VALUE"), (["--set", "K=fast"], "K"), (["--set", "K=nan"], "K"),
-        (["--set", "repeats=nan"], "repeats"), (["--set", "repeats=1e300"], "repeats"), (["--set", "seed=1.5"], "seed"),
-        (["--set", "plant.Q=1"], "Q"), (["--set", "plant.=1"], "plant"), (["--set", "controller.Kc=-1"], "Kc"),
-        (["--axis", "Td_over_T="], "Td_over_T"), (["--axis", "Td_over_T=a,b"], "Td_over_T"), (["--axis", "x=1"], "x"),
-        (["--axis", "Td_over_T=1,1"], "twice"), (["--axis", "disturbance=sinus"], "sine"), (["--until-width", "nan"], "width"),
-        (["--until-width", "-1"], "width"), (["-j", "0"], "-j"), (["-j", "100000"], "-j"), (["-j", "-7"], "-j"),
-        (["--backend", "spark"], "dask"), (["--backend", "dask"], "address"), (["--method", ""], "detector"),
-        (["--method", ","], "detector"), (["--method", "horhc"], "horch"), (["--seed", "1"], "--seed"),
-        (["--allow-failed", "2"], "allow-failed"), (["--backend", "dask", "--address", "nowhere"], "nowhere"),
+        (["--set", "repeats=0"], "repeats"),
+        (["--set", "seed=x"], "seed"),
+        (["--set", "colour=1"], "colour"),
+        (["--set", "K"], "NAME=VALUE"),
+        (["--set", "=1"], "NAME=VALUE"),
+        (["--set", "K=fast"], "K"),
+        (["--set", "K=nan"], "K"),
+        (["--set", "repeats=nan"], "repeats"),
+        (["--set", "repeats=1e300"], "repeats"),
+        (["--set", "seed=1.5"], "seed"),
+        (["--set", "plant.Q=1"], "Q"),
+        (["--set", "plant.=1"], "plant"),
+        (["--set", "controller.Kc=-1"], "Kc"),
+        (["--axis", "Td_over_T="], "Td_over_T"),
+        (["--axis", "Td_over_T=a,b"], "Td_over_T"),
+        (["--axis", "x=1"], "x"),
+        (["--axis", "Td_over_T=1,1"], "twice"),
+        (["--axis", "disturbance=sinus"], "sine"),
+        (["--until-width", "nan"], "width"),
+        (["--until-width", "-1"], "width"),
+        (["-j", "0"], "-j"),
+        (["-j", "100000"], "-j"),
+        (["-j", "-7"], "-j"),
+        (["--backend", "spark"], "dask"),
+        (["--backend", "dask"], "address"),
+        (["--method", ""], "detector"),
+        (["--method", ","], "detector"),
+        (["--method", "horhc"], "horch"),
+        (["--seed", "1"], "--seed"),
+        (["--allow-failed", "2"], "allow-failed"),
+        (["--backend", "dask", "--address", "nowhere"], "nowhere"),
     ],
     ids=lambda v: " ".join(v) if isinstance(v, list) else v,
-)  # fmt: skip
+)
 def test_a_wrong_option_of_run(refused, tmp_path, option, word):
     key, _, value = option[-1].rpartition("=")
     # where the key itself is wrong, it is what the sentence quotes

@@ -1,4 +1,6 @@
-"""Input that once ended in a fault of the program, in silence or in minutes of nothing: one sentence each."""
+"""Input that once ended in a fault of the program, in silence or in minutes of nothing: one
+sentence each.
+"""
 
 import math
 import os
@@ -15,9 +17,12 @@ from tests.simbench.boundary.test_fuzz import asked
 from tests.simbench.boundary.test_loops import text as loop_text
 
 MANY = settings(
-    max_examples=int(os.environ.get("FUZZ", "60")), derandomize="FUZZ" not in os.environ, deadline=None, database=None,
+    max_examples=int(os.environ.get("FUZZ", "60")),
+    derandomize="FUZZ" not in os.environ,
+    deadline=None,
+    database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)  # fmt: skip
+)
 
 
 @pytest.fixture
@@ -106,7 +111,9 @@ Kc = 1
 
 
 def test_thousands_of_columns_are_read_in_a_moment(here):
-    """In time that grows with their number, not with its square: 9 s of the names' comparisons alone would be more."""
+    """In time that grows with their number, not with its square: 9 s of the names' comparisons
+    alone would be more.
+    """
     names = [f"x{k}" for k in range(20_000)]
     rows = [",".join([str(k), str(k % 7), str(k % 5), *["1"] * 20_000]) for k in range(4)]
     (here / "wide.csv").write_text("\n".join(["t,op,pv," + ",".join(names), *rows]))
@@ -149,9 +156,12 @@ def test_a_load_of_period_0_is_refused_before_anything_is_simulated(here, refuse
 
 
 CLOSED = [
-    "simulate loop.toml -o closed/r.csv", "run smoke -o closed/run", "detect rec.csv --method horch --csv closed/v.csv",
-    "figure table-11-4 -o closed", "trust rec.csv --html closed/t.html",
-]  # fmt: skip
+    "simulate loop.toml -o closed/r.csv",
+    "run smoke -o closed/run",
+    "detect rec.csv --method horch --csv closed/v.csv",
+    "figure table-11-4 -o closed",
+    "trust rec.csv --html closed/t.html",
+]
 
 
 @pytest.mark.skipif(
@@ -180,17 +190,64 @@ def test_a_folder_closed_to_its_reader_is_named(here, refused):
 
 
 VERBS = [
-    "detect rec.csv", "diagnose rec.csv", "run smoke -o run", "simulate loop.toml -o out.csv", "list grids", "score run",
-    "check run --against b", "figure table-11-4 -o f", "valve --model kano op.csv -o v.csv", "gap study . --grid smoke",
-]  # fmt: skip
+    "detect rec.csv",
+    "diagnose rec.csv",
+    "run smoke -o run",
+    "simulate loop.toml -o out.csv",
+    "list grids",
+    "score run",
+    "check run --against b",
+    "figure table-11-4 -o f",
+    "valve --model kano op.csv -o v.csv",
+    "gap study . --grid smoke",
+]
 OPTIONS = [
-    "--op-span", "--pv-span", "--ts", "--method", "--columns", "--kind", "--loop", "--set", "--axis", "--seed", "--kick",
-    "--param", "-j", "--time-limit", "--until-width", "--front-end", "--address", "--backend", "-o", "--html", "--csv",
-]  # fmt: skip
+    "--op-span",
+    "--pv-span",
+    "--ts",
+    "--method",
+    "--columns",
+    "--kind",
+    "--loop",
+    "--set",
+    "--axis",
+    "--seed",
+    "--kick",
+    "--param",
+    "-j",
+    "--time-limit",
+    "--until-width",
+    "--front-end",
+    "--address",
+    "--backend",
+    "-o",
+    "--html",
+    "--csv",
+]
 HOSTILE = [
-    "0", "-1", "nan", "1e309", "a=b", "K=1", "op=pv", "..", "", "s3://k:secret@h/x", "ftp://me:secret@127.0.0.1:1/a",
-    "memory://x", "local:///proc/x", "data:/x", "::", "1_0", "seed=1_0", "\udcff", "=1", "x" * 300, "self", "pipe.csv",
-]  # fmt: skip
+    "0",
+    "-1",
+    "nan",
+    "1e309",
+    "a=b",
+    "K=1",
+    "op=pv",
+    "..",
+    "",
+    "s3://k:secret@h/x",
+    "ftp://me:secret@127.0.0.1:1/a",
+    "memory://x",
+    "local:///proc/x",
+    "data:/x",
+    "::",
+    "1_0",
+    "seed=1_0",
+    "\udcff",
+    "=1",
+    "x" * 300,
+    "self",
+    "pipe.csv",
+]
 WORDS = st.one_of(
     st.sampled_from(HOSTILE),
     st.floats().map(str),

@@ -1,4 +1,6 @@
-"""Hostile names and texts on every page: in a browser no script runs and no request leaves the page."""
+"""Hostile names and texts on every page: in a browser no script runs and no request leaves the
+page.
+"""
 
 import shutil
 
@@ -26,7 +28,8 @@ def detect(prepared):
         raise ValueError({" ".join(TEXTS)!r})
     return Verdict("hostile", STICTION, 1.0, reason={" ".join(TEXTS)!r})
 '''
-# whatever would run or load: an event handler, a script that is not the page's own, a link that is no place on the page
+# whatever would run or load: an event handler, a script that is not the page's own, a link that is
+# no place on the page
 FOREIGN = """[...document.querySelectorAll("*")].filter(e =>
   [...e.attributes].some(a => a.name.startsWith("on") || (["href", "src", "xlink:href", "action"].includes(a.name)
     && !a.value.startsWith("#") && !a.value.startsWith("data:")))).map(e => e.outerHTML.slice(0, 100))"""

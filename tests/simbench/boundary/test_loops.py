@@ -1,4 +1,6 @@
-"""Loop files nobody should write: refused in one sentence that names the key, or simulated to finite numbers."""
+"""Loop files nobody should write: refused in one sentence that names the key, or simulated to
+finite numbers.
+"""
 
 from __future__ import annotations
 
@@ -92,8 +94,11 @@ def test_what_is_no_number_is_refused(refused, tmp_path, section, key, value):
         len(value) < 5000,
     )  # of longer ones Python reads no digit
     said = refused(
-        ["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if short else "digits", values=[value] if short else None
-    )  # fmt: skip
+        ["simulate", path, "-o", tmp_path / "r.csv"],
+        "loop.toml",
+        key if short else "digits",
+        values=[value] if short else None,
+    )
     if short:
         assert re.search(rf"\b{key} = .*(is no number|is not finite|should be|needed)", said), said
         assert said.count("; ") <= 1, said

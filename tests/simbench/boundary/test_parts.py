@@ -1,4 +1,6 @@
-"""Hostile valves and effects: what one does is a sentence or a row with its name, and no other record or verdict notices."""
+"""Hostile valves and effects: what one does is a sentence or a row with its name, and no other
+record or verdict notices.
+"""
 
 from __future__ import annotations
 
@@ -99,9 +101,11 @@ def loop_file(tmp_path: Path, valve: str = "deadband", effect: str = "noise") ->
     text = loop().replace('model = "choudhury"', f'model = "{valve}"').replace("J = 2.0\n", "")
     return put(
         tmp_path,
-        text
-        if effect == "noise"
-        else text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"'),
+        (
+            text
+            if effect == "noise"
+            else text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"')
+        ),
     )
 
 
@@ -127,9 +131,19 @@ def test_a_hostile_valve_is_one_sentence_that_names_it(refused, tmp_path, short,
     file = hostile(tmp_path, PLAY, place, deed)
     limit = {"never ends": 3, "never steps": 20}.get(name, 60)
     refused(
-        ["simulate", loop_file(tmp_path, "mine"), "-o", tmp_path / "r.csv", "--valve-plugin", file, "--time-limit", limit],
-        "mine", word,
-    )  # fmt: skip
+        [
+            "simulate",
+            loop_file(tmp_path, "mine"),
+            "-o",
+            tmp_path / "r.csv",
+            "--valve-plugin",
+            file,
+            "--time-limit",
+            limit,
+        ],
+        "mine",
+        word,
+    )
     assert not (tmp_path / "r.csv").exists()
 
 
@@ -171,9 +185,13 @@ def test_a_hostile_valve_refuses_a_column_in_one_sentence(refused, tmp_path, sho
 
 @pytest.mark.parametrize(
     "deed",
-    ["np.random.seed(1); np.pi = 3.0; os.nice(1); sys.setrecursionlimit(300)", "os.chdir('/'); os.environ.clear()",
-     "print('noise'); os.write(1, b'noise'); os.write(2, b'noise')", "VALVES = None; import gc; gc.disable()"],
-)  # fmt: skip
+    [
+        "np.random.seed(1); np.pi = 3.0; os.nice(1); sys.setrecursionlimit(300)",
+        "os.chdir('/'); os.environ.clear()",
+        "print('noise'); os.write(1, b'noise'); os.write(2, b'noise')",
+        "VALVES = None; import gc; gc.disable()",
+    ],
+)
 def test_what_a_valve_changes_changes_nothing_outside_it(tmp_path, capfd, deed):
     import numpy as np
 
@@ -197,9 +215,17 @@ def test_what_a_valve_changes_changes_nothing_outside_it(tmp_path, capfd, deed):
 
 @pytest.mark.parametrize(
     ("option", "name"),
-    [("--valve-plugin", "deadband"), ("--valve-plugin", "Mine"), ("--valve-plugin", "a b"), ("--valve-plugin", "absent"),
-     ("--effect-plugin", "noise"), ("--effect-plugin", "none"), ("--effect-plugin", "unknown"), ("--effect-plugin", "my-file")],
-)  # fmt: skip
+    [
+        ("--valve-plugin", "deadband"),
+        ("--valve-plugin", "Mine"),
+        ("--valve-plugin", "a b"),
+        ("--valve-plugin", "absent"),
+        ("--effect-plugin", "noise"),
+        ("--effect-plugin", "none"),
+        ("--effect-plugin", "unknown"),
+        ("--effect-plugin", "my-file"),
+    ],
+)
 def test_a_name_that_means_something_already_is_refused(refused, tmp_path, option, name):
     file = tmp_path / f"{name}.py"
     if name != "absent":
@@ -261,7 +287,9 @@ MEMBER = '[[block.member]]\nname = "{0}"\nvalve = "{0}"\n'
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_run_keeps_every_row_of_the_house_and_names_the_offender(tmp_path, capsys, jobs):
-    """The siblings of a hostile valve, from the same cell, have the bits they have without it; a fine one has its twin's."""
+    """The siblings of a hostile valve, from the same cell, have the bits they have without it; a
+    fine one has its twin's.
+    """
     deeds = {
         "loud": (REST, "raise ValueError('on purpose')"),
         "gone": (REST, "os._exit(3)"),

@@ -1,4 +1,6 @@
-"""Plug-ins that misbehave: whatever one does by mistake, every other verdict is bit-equal, and the offender is named."""
+"""Plug-ins that misbehave: whatever one does by mistake, every other verdict is bit-equal, and the
+offender is named.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ seen = []
 def detect(prepared, **thresholds):
     {body}
 """
-# right when first asked, as the example record is: what is wrong from the start is refused before anything is judged
+# right when first asked, as the example record is: what is wrong from the start is refused before
+# anything is judged
 LATER = "seen.append(1)\n    if len(seen) > 1: return "
 FINE = 'return Verdict("x", "stiction", score=1.0, reason="because")'
 # what it does: body of `detect`, and a word of the reason that names it
@@ -81,11 +84,14 @@ HARMLESS = {
     "prints": 'print("x" * 100_000)\n    ' + FINE,
     "writes to both": "os.write(1, b'noise'); os.write(2, b'noise')\n    " + FINE,
     "changes numpy": "np.random.seed(0); np.seterr(all='raise'); np.mean = None\n    " + FINE,
-    "changes the others": "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    "
-    + FINE,
+    "changes the others": (
+        "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    " + FINE
+    ),
     "changes the folder": "os.chdir('/'); os.environ.clear(); sys.path.clear()\n    " + FINE,
     "changes what is shared": "prepared.shared.clear(); prepared.__dict__.clear\n    " + FINE,
-    "numpy numbers": 'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")',
+    "numpy numbers": (
+        'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")'
+    ),
     "no score": 'return Verdict("x", "no_decision", reason="r")',
 }
 T = np.arange(600.0)
@@ -207,7 +213,9 @@ def test_missing_plug_ins_are_named(refused, tmp_path):
 
 
 def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, capsys):
-    """Every verdict but its own equal, its failures counted, exit 1: it failed on more records than allowed."""
+    """Every verdict but its own equal, its failures counted, exit 1: it failed on more records than
+    allowed.
+    """
     small = [
         "--set",
         "disturbance=none",
@@ -333,12 +341,14 @@ def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribu
 
 
 CONTRACTS = {
-    "raises": ("raise ValueError('on purpose')", "on purpose"), "exits": ("sys.exit(0)", "SystemExit"),
-    "exits hard": ("os._exit(0)", "exit status 0"), "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
+    "raises": ("raise ValueError('on purpose')", "on purpose"),
+    "exits": ("sys.exit(0)", "SystemExit"),
+    "exits hard": ("os._exit(0)", "exit status 0"),
+    "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
     "never ends": ("while True: pass", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
     "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CONTRACTS)
@@ -365,14 +375,17 @@ REACHING = {
     "links_elsewhere": "os.symlink(__file__, {outside!r}); " + FINE,
     "writes_where_it_works": "open('litter', 'w').write('x'); " + FINE,
     "starts_a_shell": "os.system('sleep 1000 &'); " + FINE,
-    "leaves_a_thread": "import threading; threading.Thread(target=time.sleep, args=(1000,)).start(); " + FINE,
+    "leaves_a_thread": (
+        "import threading; threading.Thread(target=time.sleep, args=(1000,)).start(); " + FINE
+    ),
     "leaves_a_process": """import ctypes; c = ctypes.CDLL(None)
     if c.fork() == 0:
         c.setsid()
         if c.fork() == 0: time.sleep(1000)
         os._exit(0)
-    """ + FINE,
-}  # fmt: skip
+    """
+    + FINE,
+}
 RUN = f"""
 import sys
 import detectors.plugins.host as host
@@ -398,8 +411,10 @@ def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_n
     import pandas as pd
 
     bodies = {**{k: body for k, (body, _) in HOSTILE.items()}, **HARMLESS, **REACHING}
-    bodies = {"_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / "outside")))
-              for k, body in bodies.items()}  # fmt: skip
+    bodies = {
+        "_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / "outside")))
+        for k, body in bodies.items()
+    }
     assert len(bodies) == 46
     files = []
     for name, body in bodies.items():

@@ -1,4 +1,6 @@
-"""What runs where a platform has no fcntl, no resource, no fork, no alarm and no /proc: everything but a plug-in's limits."""
+"""What runs where a platform has no fcntl, no resource, no fork, no alarm and no /proc: everything
+but a plug-in's limits.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +91,8 @@ def test_every_module_imports(blocked):
 def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
     names = "'fcntl', 'resource', 'detectors.plugins.process'"
     said = blocked(
-        f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in sys.modules])",
+        f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in"
+        " sys.modules])",
         False,
     )
     assert "detectors.plugins.process" not in said
@@ -105,8 +108,11 @@ def test_commands_answer_with_the_same_bits_as_without_the_blockade(blocked, tmp
     for table in ("verdicts", "scenarios"):
         free, *others = (pd.read_parquet(tmp_path / n / "run" / f"{table}.parquet") for n in said)
         for other in others:
-            pd.testing.assert_frame_equal(free.drop(columns="runtime_s", errors="ignore"), other[free.columns].drop(
-                columns="runtime_s", errors="ignore"), check_exact=True)  # fmt: skip
+            pd.testing.assert_frame_equal(
+                free.drop(columns="runtime_s", errors="ignore"),
+                other[free.columns].drop(columns="runtime_s", errors="ignore"),
+                check_exact=True,
+            )
 
 
 def test_a_plug_in_is_asked_in_a_process_of_its_own_and_told_what_is_lacking(blocked, tmp_path):

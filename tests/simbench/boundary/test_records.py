@@ -1,4 +1,6 @@
-"""Record files nobody should trust: refused in one sentence that names the file, or judged with JSON that is JSON."""
+"""Record files nobody should trust: refused in one sentence that names the file, or judged with
+JSON that is JSON.
+"""
 
 from __future__ import annotations
 

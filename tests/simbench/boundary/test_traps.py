@@ -1,4 +1,6 @@
-"""Every file that is read back, replaced by one that executes when it is unpickled: it is refused, and nothing runs."""
+"""Every file that is read back, replaced by one that executes when it is unpickled: it is refused,
+and nothing runs.
+"""
 
 import json
 import os

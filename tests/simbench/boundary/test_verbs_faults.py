@@ -1,4 +1,6 @@
-"""Every file operation of every verb that writes failed once: one sentence, nothing half-written, the same bits on going on."""
+"""Every file operation of every verb that writes failed once: one sentence, nothing half-written,
+the same bits on going on.
+"""
 
 from __future__ import annotations
 
@@ -128,7 +130,9 @@ def cheap(monkeypatch):
 
 
 def bits(folder) -> dict[str, bytes]:
-    """All files below a folder; of parquet and of times nothing, which `test_file_faults` compares."""
+    """All files below a folder; of parquet and of times nothing, which `test_file_faults`
+    compares.
+    """
     files = {str(f.relative_to(folder)): f for f in sorted(folder.rglob("*")) if f.is_file()}
     timed = (".parquet", "manifest.json", "cost.csv", "scores.csv", "scores_by_axis.csv")
     return {name: b"" if name.endswith(timed) else f.read_bytes() for name, f in files.items()}
@@ -212,8 +216,13 @@ def test_a_table_that_grows_keeps_its_digits(home, cheap, monkeypatch):
 
 
 def started(words, folder):
-    return subprocess.Popen([sys.executable, "-m", "simbench.cli", *words], cwd=folder, stdout=subprocess.DEVNULL,
-                            stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+    return subprocess.Popen(
+        [sys.executable, "-m", "simbench.cli", *words],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
 
 
 @pytest.mark.slow

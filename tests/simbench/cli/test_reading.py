@@ -1,4 +1,6 @@
-"""Six verbs read one export the same way, from one set of options; a refusal ends with the command that works."""
+"""Six verbs read one export the same way, from one set of options; a refusal ends with the command
+that works.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ def export(tmp_path_factory):
     ]
     (place / "unit.csv").write_text("\n".join(lines) + "\n")
     (place / "loop.toml").write_text(
-        '[plant]\ntype = "foptd"\nK = 1\nT = 10\nTd = 1\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 1\n'
+        '[plant]\ntype = "foptd"\nK = 1\nT = 10\nTd = 1\n[controller]\ntype = "PI"\nKc = 1\nTi ='
+        " 10\n[sampling]\nTs = 1\n"
     )
     return place
 

@@ -1,4 +1,6 @@
-"""Gain change: stiction, a sine from outside, the neighbourhood of the stability limit, and coupled loops."""
+"""Gain change: stiction, a sine from outside, the neighbourhood of the stability limit, and coupled
+loops.
+"""
 
 import json
 
@@ -44,7 +46,8 @@ def test_a_sticky_loop_with_noise_is_still_confirmed(loop):
 def test_near_its_stability_limit_a_healthy_loop_moves_its_period_but_is_not_called_sticky(loop):
     healthy = loop(valve={"model": "ideal"}, Kc=5.2, noise=0.05, n=3000)
     found = gain_change(healthy, 0.7, seed=1)
-    # the bare rule, a shift of more than 10 %, would be a false alarm wherever both periods are seen
+    # the bare rule, a shift of more than 10 %, would be a false alarm wherever both periods are
+    # seen
     assert found.verdict == "no_decision"
     unstable = gain_change(loop(valve={"model": "ideal"}, Kc=6.9, noise=0.05), 0.6)
     assert unstable.shift > SHIFT

@@ -107,7 +107,9 @@ def test_the_band_counts_from_where_the_valve_last_moved_however_op_wandered_bef
 
 
 def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth():
-    """Cycles of 90 s and 150 s on the average, each of its own length: the interval of the mean is that of the draw."""
+    """Cycles of 90 s and 150 s on the average, each of its own length: the interval of the mean is
+    that of the draw.
+    """
     rng = np.random.default_rng(5)
     held = 0
     for _ in range(40):

@@ -1,4 +1,6 @@
-"""`simbench contract FILE`: the kind is seen from the file; 0 kept, 1 broken, 2 no plug-in at all."""
+"""`simbench contract FILE`: the kind is seen from the file; 0 kept, 1 broken, 2 no plug-in at
+all.
+"""
 
 import json
 import subprocess
@@ -88,8 +90,9 @@ def test_what_is_no_plugin_is_exit_2_in_one_sentence(tmp_path, capsys, name, tex
 
 def test_the_contract_of_detectors_needs_no_simulator():
     code = (
-        "import sys; from detectors.contract.detector import check_detector; assert check_detector('he').kept\n"
-        "print(','.join(m for m in sys.modules if m.split('.')[0] in ('simbench', 'scenarios')))"
+        "import sys; from detectors.contract.detector import check_detector; assert"
+        " check_detector('he').kept\nprint(','.join(m for m in sys.modules if m.split('.')[0] in"
+        " ('simbench', 'scenarios')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

@@ -34,25 +34,52 @@ def step(u, state, p):
 """
 ADDED = "    setup.pv_add += p.size\n"
 BROKEN = [
-    (ADDED, "    setup.pv_add += 0.1 + p.size\n", "is not the identity at no strength: the record changes at size = 0"),
+    (
+        ADDED,
+        "    setup.pv_add += 0.1 + p.size\n",
+        "is not the identity at no strength: the record changes at size = 0",
+    ),
     (ADDED, "    setup.pv_add += 0.0 * p.size\n", "does nothing at any strength tried"),
     (ADDED, "    setup.pv_add += p.size * np.random.random()\n", "is not deterministic"),
     (ADDED, "    if p.size > 0.0:\n        print(p.size)\n", "prints '0.4', at size = 0.4"),
     (ADDED, "    setup.pv_add += p.size / p.size\n", "raises ZeroDivisionError"),
-    (ADDED, ADDED + "    setup.sp[4]\n", "out of bounds for axis 0 with size 3), in a loop of 3 samples"),
-    (ADDED, "    if p.size > 0.0:\n        setup.pv_add[3:] = np.nan\n", "finite numbers are needed"),
+    (
+        ADDED,
+        ADDED + "    setup.sp[4]\n",
+        "out of bounds for axis 0 with size 3), in a loop of 3 samples",
+    ),
+    (
+        ADDED,
+        "    if p.size > 0.0:\n        setup.pv_add[3:] = np.nan\n",
+        "finite numbers are needed",
+    ),
     ('ACTS = "loop"', 'ACTS = "record"', "says ACTS = 'record', but OP changes too"),
-    (ADDED, "    setup.recorders.append(lambda pv: pv + p.size)\n", "says ACTS = 'loop', but OP stays as it was"),
+    (
+        ADDED,
+        "    setup.recorders.append(lambda pv: pv + p.size)\n",
+        "says ACTS = 'loop', but OP stays as it was",
+    ),
     ('ACTS = "loop"', 'ACTS = "plant"', "ACTS = 'plant', allowed: loop, record"),
     ('BLOCK = "sensor"', 'BLOCK = "actuator"', "BLOCK = 'actuator', allowed: controller, valve"),
-    ("identity=0.0", "identity=20.0", "identity = 20; a value in 0..10 that does nothing is needed"),
+    (
+        "identity=0.0",
+        "identity=20.0",
+        "identity = 20; a value in 0..10 that does nothing is needed",
+    ),
     ("identity=0.0, ", "", "identity = nan"),
     ("low=0.0, high=10.0", "low=10.0, high=0.0", "parameter size has no range"),
     ("Bias: the", "Bias of the", 'does not begin with "Name: what it does."'),
     ("PARAMETERS = {", "PARAMETERS = {} if True else {", "PARAMETERS is empty"),
-    (ADDED, "    if p.size > 0.0:\n        setup.add_valve(sys.modules[__name__], {'size': p.size})\n" + STAGE,
-     "brings a valve stage that maps on S = 0, but MV follows a reversal of OP only after 4 % of travel"),
-]  # fmt: skip
+    (
+        ADDED,
+        "    if p.size > 0.0:\n        setup.add_valve(sys.modules[__name__], {'size': p.size})\n"
+        + STAGE,
+        (
+            "brings a valve stage that maps on S = 0, but MV follows a reversal of OP only after 4"
+            " % of travel"
+        ),
+    ),
+]
 
 
 @pytest.mark.parametrize("name", PLUGINS.names())

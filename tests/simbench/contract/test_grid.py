@@ -1,4 +1,6 @@
-"""A grid's contract: every built-in keeps it, and what a run would stumble over is told beforehand."""
+"""A grid's contract: every built-in keeps it, and what a run would stumble over is told
+beforehand.
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""Plants and controllers of others: their contract, their process, and that a FOPTD by hand is FOPTD."""
+"""Plants and controllers of others: their contract, their process, and that a FOPTD by hand is
+FOPTD.
+"""
 
 from pathlib import Path
 

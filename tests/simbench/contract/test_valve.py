@@ -1,4 +1,6 @@
-"""A valve's contract: every built-in keeps it, and a wrong label or a step that is no step is caught."""
+"""A valve's contract: every built-in keeps it, and a wrong label or a step that is no step is
+caught.
+"""
 
 import pytest
 
@@ -29,8 +31,16 @@ def mapped_SJ(p):
 '''
 INPUT = "    x = min(max(u, 0.0), 100.0)\n"
 BROKEN = [
-    ("return p.h, 0.0", "return 2.0 * p.h, 0.0", "maps on S = 8, but MV follows a reversal of OP only after 4 % of travel"),
-    ("return p.h, 0.0", "return 4.0, 0.0", "but MV follows a reversal of OP only after 7 % of travel, with h = 7"),
+    (
+        "return p.h, 0.0",
+        "return 2.0 * p.h, 0.0",
+        "maps on S = 8, but MV follows a reversal of OP only after 4 % of travel",
+    ),
+    (
+        "return p.h, 0.0",
+        "return 4.0, 0.0",
+        "but MV follows a reversal of OP only after 7 % of travel, with h = 7",
+    ),
     ("return p.h, 0.0", "return p.h, 2.0", "maps on J = 2, but MV slips by 0 % of travel"),
     ("return p.h, 0.0", "return 0.0, 0.0", "says FRICTION = True and maps on S = 0"),
     ("FRICTION = True", "FRICTION = False", "says FRICTION = False and maps on S = 4"),
@@ -44,12 +54,16 @@ BROKEN = [
     (INPUT, INPUT + "    x = x + 1e-9 * np.random.random()\n", "is not deterministic"),
     (INPUT, INPUT + "    print(x)\n", "prints"),
     (INPUT, "    x = CALLS or min(max(u, 0.0), 100.0)\n", "compiled"),
-    ("(min(max(u0, 0.0), 100.0),)", "(0.5 * min(max(u0, 0.0), 100.0),)", "does not stay at rest: MV goes from 18.75 to"),
+    (
+        "(min(max(u0, 0.0), 100.0),)",
+        "(0.5 * min(max(u0, 0.0), 100.0),)",
+        "does not stay at rest: MV goes from 18.75 to",
+    ),
     ("state[0])),)", "state[1])),)", "raises IndexError"),
     ('says="width"', 'says=""', "parameter h does not say what it is"),
     ("low=0.0, high=100.0", "low=5.0, high=5.0", "parameter h has no range: 5 to 5"),
     ('"""A play."""\n', "", "does not begin with a sentence"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("name", VALVES.names())

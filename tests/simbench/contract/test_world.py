@@ -1,4 +1,6 @@
-"""A world's contract: the three of the house and the tutorial's keep it, and each broken point is told."""
+"""A world's contract: the three of the house and the tutorial's keep it, and each broken point is
+told.
+"""
 
 import re
 from pathlib import Path

@@ -14,7 +14,9 @@ REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 
 @pytest.fixture(scope="session")
 def drawn():
-    """Return a function: figure module name -> the numbers it draws (of the real records, where it needs them)."""
+    """Return a function: figure module name -> the numbers it draws (of the real records, where it
+    needs them).
+    """
 
     @functools.cache
     def numbers(name: str, *given):

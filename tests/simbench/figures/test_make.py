@@ -1,4 +1,6 @@
-"""Figures as files: what is written, what is left out and why, and that no text is cut off or covers another."""
+"""Figures as files: what is written, what is left out and why, and that no text is cut off or
+covers another.
+"""
 
 from __future__ import annotations
 

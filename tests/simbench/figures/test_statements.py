@@ -199,7 +199,8 @@ def test_dead_zone_has_no_memory_and_the_others_have(drawn):
 def test_a_sticky_valve_runs_through_the_three_phases_in_order(drawn):
     phase = drawn("fig_11_5").phase
     order = phase[phase != phase.shift()].tolist()
-    # up: stick, jump, move, pause at D, jump, move; back: stick, jump, move; and the first reversal again
+    # up: stick, jump, move, pause at D, jump, move; back: stick, jump, move; and the first reversal
+    # again
     assert order == ["sticking", "jump", "motion"] * 3 + ["sticking"]
 
 

@@ -1,4 +1,6 @@
-"""All effects on one record: what looks alike agrees with the judge, and what could be seen is as large as is said."""
+"""All effects on one record: what looks alike agrees with the judge, and what could be seen is as
+large as is said.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -49,12 +51,19 @@ def plain():
 @pytest.mark.parametrize(
     ("effect", "parameters"),
     [
-        ("stiction", {"S": 3.0, "J": 0.4}), ("stiction", {}), ("deadband", {"S": 2.0}), ("noise", {"factor": 2.0}),
-        ("drift", {"rate": 0.0, "walk": 1e-4}), ("drift", {"rate": 5.0, "walk": 0.0}), ("drift", {"rate": 5.0, "walk": 1.0}),
-        ("load_drift", {"rate": 0.003, "walk": 0.0}), ("load_drift", {"rate": 0.001, "walk": 0.001}),
-        ("load_steps", {"size": 0.05}), ("load_steps", {"size": 5.0}),
+        ("stiction", {"S": 3.0, "J": 0.4}),
+        ("stiction", {}),
+        ("deadband", {"S": 2.0}),
+        ("noise", {"factor": 2.0}),
+        ("drift", {"rate": 0.0, "walk": 1e-4}),
+        ("drift", {"rate": 5.0, "walk": 0.0}),
+        ("drift", {"rate": 5.0, "walk": 1.0}),
+        ("load_drift", {"rate": 0.003, "walk": 0.0}),
+        ("load_drift", {"rate": 0.001, "walk": 0.001}),
+        ("load_steps", {"size": 0.05}),
+        ("load_steps", {"size": 5.0}),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize(
     "base", [FLOW, VESSEL, FLOW | {"setpoint": {"value": 50}}], ids=["foptd", "vessel", "at rest"]
 )
@@ -114,11 +123,21 @@ def sizes(plain):
     return smallest_detectable(plain, engine.base(), load_memory(plain))
 
 
-@pytest.mark.parametrize(("effect", "name"), [
-    ("deadband", "S"), ("noise", "factor"), *(pytest.param(effect, name, marks=pytest.mark.slow) for effect, name in (
-        ("extra_lag", "tau"), ("sensor_lag", "tau"), ("dead_time_mismatch", "extra"),
-    )),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "name"),
+    [
+        ("deadband", "S"),
+        ("noise", "factor"),
+        *(
+            pytest.param(effect, name, marks=pytest.mark.slow)
+            for effect, name in (
+                ("extra_lag", "tau"),
+                ("sensor_lag", "tau"),
+                ("dead_time_mismatch", "extra"),
+            )
+        ),
+    ],
+)
 def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(
     sizes, effect, name
 ):
@@ -180,7 +199,9 @@ SLOW = FLOW | {"plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 12.0}, "noise
 
 
 def lagged(Td, tau):
-    """Return the effects that bring anything once the plant may be of higher order, and the base; the baseline says Td = 12."""
+    """Return the effects that bring anything once the plant may be of higher order, and the base;
+    the baseline says Td = 12.
+    """
     quiet = [{"type": "coloured", "amplitude": 0.15, "period": 30.0}]
     plant = SLOW["plant"] | {"Td": Td}
     s = situation(SLOW, plant=plant, disturbance=quiet, effect=[{"name": "extra_lag", "tau": tau}])

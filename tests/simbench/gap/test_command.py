@@ -1,4 +1,6 @@
-"""`simbench gap diagnose` end to end: the contract's JSON, a loop file that simulates like the plant, one-sentence refusals."""
+"""`simbench gap diagnose` end to end: the contract's JSON, a loop file that simulates like the
+plant, one-sentence refusals.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ STICKY = {**HEALTHY, "valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A record of a sticky loop, with MV and without, and the loop file that knows nothing of the friction."""
+    """A record of a sticky loop, with MV and without, and the loop file that knows nothing of the
+    friction.
+    """
     place = tmp_path_factory.mktemp("gap")
     record = simulate(Loop.from_table(STICKY), seed=3, kick=6.0).record
     write_record(record, place / "FIC101.csv")
@@ -60,19 +64,32 @@ def answer(place):
         "fixed.toml",
     ]
     done = subprocess.run(
-        [sys.executable, "-m", "simbench.cli", *words], cwd=place, capture_output=True, text=True, timeout=120,
+        [sys.executable, "-m", "simbench.cli", *words],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=120,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 def test_the_json_has_the_contracts_keys_and_no_others(answer):
     assert set(answer) == {
-        "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
+        "block",
+        "effect",
+        "effects",
+        "group",
+        "ranking",
+        "gap",
+        "shrinkage",
+        "blocks",
+        "next_test",
+        "notes",
         "probability_of_stiction",
         "conclusion",
-    }  # fmt: skip
+    }
     for named in answer["effects"]:
         assert set(named) == {"block", "effect", "parameters", "probability"}
     for line in answer["ranking"]:
@@ -111,7 +128,9 @@ def test_missing_stiction_is_found_in_the_valve_and_closes_the_gap(answer):
 
 
 def likeness(record):
-    """Logarithms of the sizes of PV, OP and OP's changes and of OP's mean frequency, between two set-point changes."""
+    """Logarithms of the sizes of PV, OP and OP's changes and of OP's mean frequency, between two
+    set-point changes.
+    """
     settled = slice(800, 1300)
     pv, op = record.pv[settled], record.op[settled]
     f, power = welch(op, nperseg=op.size)
@@ -172,7 +191,9 @@ def test_records_of_one_loop_give_one_answer_and_no_baseline_is_needed(place, ca
 
 
 def refused(capsys, place, arguments, *words):
-    """Check exit 2, one sentence on stderr with these words in it, nothing on stdout, and no file written."""
+    """Check exit 2, one sentence on stderr with these words in it, nothing on stdout, and no file
+    written.
+    """
     before = {p.name for p in place.iterdir()}
     where = [str(place / a) if a.endswith((".csv", ".toml", ".html")) else a for a in arguments]
     code = main(

@@ -1,4 +1,6 @@
-"""diagnose() as a whole: the contract's keys, plain cases answered right, wrong files refused in one sentence."""
+"""diagnose() as a whole: the contract's keys, plain cases answered right, wrong files refused in
+one sentence.
+"""
 
 import json
 from dataclasses import replace
@@ -49,10 +51,19 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
     found = sticky.as_json()
     assert json.loads(json.dumps(found)) == found
     assert set(found) == {
-        "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
+        "block",
+        "effect",
+        "effects",
+        "group",
+        "ranking",
+        "gap",
+        "shrinkage",
+        "blocks",
+        "next_test",
+        "notes",
         "probability_of_stiction",
         "conclusion",
-    }  # fmt: skip
+    }
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
     assert set(found["ranking"][0]) == {
         "effect",
@@ -80,14 +91,27 @@ def slow(effect, parameters):
     return pytest.param(effect, parameters, marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("effect", "parameters"), [
-    ("stiction", {"S": 6.0, "J": 3.0}), ("gain_mismatch", {"factor": 1.7}), ("quantisation", {"step": 0.4, "at": "loop"}),
-    ("oscillation", {"amplitude": 3.0, "period": 77.0}), ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
-    slow("deadband", {"S": 5.0}), slow("valve_characteristic", {"R": 60.0}), slow("time_constant_mismatch", {"factor": 2.0}),
-    slow("dead_time_mismatch", {"extra": 6.0}), slow("noise", {"factor": 2.5}), slow("compression", {"band": 0.4}),
-    slow("outliers", {"rate": 0.01, "size": 2.0}), slow("sensor_lag", {"tau": 5.0}), slow("error_deadband", {"width": 0.4}),
-    slow("saturation", {"lo": 48.5, "hi": 100.0}), slow("op_quantisation", {"step": 0.5}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        ("stiction", {"S": 6.0, "J": 3.0}),
+        ("gain_mismatch", {"factor": 1.7}),
+        ("quantisation", {"step": 0.4, "at": "loop"}),
+        ("oscillation", {"amplitude": 3.0, "period": 77.0}),
+        ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
+        slow("deadband", {"S": 5.0}),
+        slow("valve_characteristic", {"R": 60.0}),
+        slow("time_constant_mismatch", {"factor": 2.0}),
+        slow("dead_time_mismatch", {"extra": 6.0}),
+        slow("noise", {"factor": 2.5}),
+        slow("compression", {"band": 0.4}),
+        slow("outliers", {"rate": 0.01, "size": 2.0}),
+        slow("sensor_lag", {"tau": 5.0}),
+        slow("error_deadband", {"width": 0.4}),
+        slow("saturation", {"lo": 48.5, "hi": 100.0}),
+        slow("op_quantisation", {"step": 0.5}),
+    ],
+)
 def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     found = ask(blind(record((effect, parameters))))
     assert found.effect == effect
@@ -235,10 +259,12 @@ def test_records_of_another_pace_are_not_judged_together():
 )
 def test_a_loop_without_noise_is_no_riddle(effect, mv):
     table = {
-        "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-        "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.0},
+        "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+        "sampling": {"Ts": 1.0, "n": 1500},
+        "noise": {"std": 0.0},
         "setpoint": {"value": 50.0, "steps": [[200, 55.0], [700, 50.0], [1100, 53.0]]},
-    }  # fmt: skip
+    }
     record = simulate(
         Loop.from_table({**table, "effect": [effect] if effect else []}), seed=1
     ).record
@@ -248,10 +274,13 @@ def test_a_loop_without_noise_is_no_riddle(effect, mv):
 
 def test_without_a_baseline_friction_is_found_with_its_size_though_the_plant_bent_around_it():
     table = {
-        "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0}, "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-        "noise": {"std": 0.05}, "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-        "sampling": {"Ts": 2.0, "n": 1500}, "valve": {"model": "choudhury", "S": 6.0, "J": 4.0},
-    }  # fmt: skip
+        "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
+        "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
+        "noise": {"std": 0.05},
+        "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
+        "sampling": {"Ts": 2.0, "n": 1500},
+        "valve": {"model": "choudhury", "S": 6.0, "J": 4.0},
+    }
     found = diagnose(simulate(Loop.from_table(table), 1, kick=5.0).record.without_mv(), None)
     assert found.effect == "stiction"
     # the gain's scale is the record's, S is OP's

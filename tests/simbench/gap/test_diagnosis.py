@@ -1,4 +1,6 @@
-"""From scores and probabilities to the answer: what is named, refuted, compared, advised and noted, on stand-ins."""
+"""From scores and probabilities to the answer: what is named, refuted, compared, advised and noted,
+on stand-ins.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -49,20 +51,32 @@ def situation(
 ):
     pv = np.resize([1.0, -1.0], 100)
     return SimpleNamespace(
-        op=np.array(op), data=SimpleNamespace(K=K), integrating=integrating, record=SimpleNamespace(pv=pv, mv=mv),
-        law=SimpleNamespace(known=known), archive=SimpleNamespace(faithful=faithful), notes=["noted"],
+        op=np.array(op),
+        data=SimpleNamespace(K=K),
+        integrating=integrating,
+        record=SimpleNamespace(pv=pv, mv=mv),
+        law=SimpleNamespace(known=known),
+        archive=SimpleNamespace(faithful=faithful),
+        notes=["noted"],
         trusted=trusted,
-    )  # fmt: skip
+    )
 
 
 def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
     return SimpleNamespace(
-        chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
-        situation=s or situation(), unexplained={"valve": "MV strays"},
+        chosen=list(chosen),
+        parameters=NUMBERS if parameters is None else parameters,
+        shown=lambda e: e in shown,
+        situation=s or situation(),
+        unexplained={"valve": "MV strays"},
         base=SimpleNamespace(theta={"noise_std": noise}, residual=np.array([1.0, -1.0])),
-        log_likelihood_gains=dict.fromkeys(EFFECTS, 0.0), log_likelihood_gains_on_top={},
-        stiction=0.5, asked=(), tested=tested, tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
-    )  # fmt: skip
+        log_likelihood_gains=dict.fromkeys(EFFECTS, 0.0),
+        log_likelihood_gains_on_top={},
+        stiction=0.5,
+        asked=(),
+        tested=tested,
+        tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
+    )
 
 
 class Loops:
@@ -91,23 +105,36 @@ class Loops:
         return tuple(effects)
 
 
-@pytest.mark.parametrize(("p", "chosen", "named"), [
-    (P, ["stiction"], ["stiction"]), (P, ["stiction", "quantisation"], ["stiction", "quantisation"]),
-    (P, ["quantisation", "stiction"], ["stiction", "quantisation"]),
-    # of one block there is one effect; one that was not found by itself is named alone
-    (P, ["stiction", "deadband"], ["stiction"]), (P, ["quantisation"], ["stiction"]),
-    ({"none": 0.6, "stiction": 0.4}, ["stiction"], ["none"]), ({"unknown": 0.6, "stiction": 0.4}, ["stiction"], ["unknown"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("p", "chosen", "named"),
+    [
+        (P, ["stiction"], ["stiction"]),
+        (P, ["stiction", "quantisation"], ["stiction", "quantisation"]),
+        (P, ["quantisation", "stiction"], ["stiction", "quantisation"]),
+        # of one block there is one effect; one that was not found by itself is named alone
+        (P, ["stiction", "deadband"], ["stiction"]),
+        (P, ["quantisation"], ["stiction"]),
+        ({"none": 0.6, "stiction": 0.4}, ["stiction"], ["none"]),
+        ({"unknown": 0.6, "stiction": 0.4}, ["stiction"], ["unknown"]),
+    ],
+)
 def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, named):
     assert named_by(weighed(**p), found(*chosen)) == named
 
 
-@pytest.mark.parametrize(("shrinkage", "shown", "refuted"), [
-    (gap(), (), False), (gap(after=4.0), (), True), (gap(after=4.1), (), True), (gap(after=9.0, resolvable=False), (), False),
-    # what single samples show stands unless the gap surely widens
-    (gap(after=4.1, hi=0.01), ("stiction",), False), (gap(after=4.1, hi=-0.01), ("stiction",), True),
-    (gap(after=4.1, hi=-0.01, resolvable=False), ("stiction",), False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("shrinkage", "shown", "refuted"),
+    [
+        (gap(), (), False),
+        (gap(after=4.0), (), True),
+        (gap(after=4.1), (), True),
+        (gap(after=9.0, resolvable=False), (), False),
+        # what single samples show stands unless the gap surely widens
+        (gap(after=4.1, hi=0.01), ("stiction",), False),
+        (gap(after=4.1, hi=-0.01), ("stiction",), True),
+        (gap(after=4.1, hi=-0.01, resolvable=False), ("stiction",), False),
+    ],
+)
 def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkage, shown, refuted):
     weights = closing(weighed(), found("stiction", shown=shown), Loops(shrinkage))
     assert weights.probability["stiction"] == (0.0 if refuted else 0.5)

@@ -1,4 +1,6 @@
-"""Laws that need no likelihood: silent where the baseline's law holds, exact where a term is missing."""
+"""Laws that need no likelihood: silent where the baseline's law holds, exact where a term is
+missing.
+"""
 
 from dataclasses import replace
 
@@ -13,9 +15,12 @@ from simbench.gap.law import FoundLaw
 from simbench.loop.simulate import simulate
 
 TABLE = {
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1200}, "noise": {"std": 0.1}, "setpoint": {"value": 50.0, "steps": [[300, 54], [800, 49]]},
-}  # fmt: skip
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1200},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[300, 54], [800, 49]]},
+}
 TOLD = Loop.from_table(TABLE)
 
 

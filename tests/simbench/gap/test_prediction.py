@@ -1,4 +1,6 @@
-"""What the plant will do under other settings: right on a known loop, open about its range, one sentence for bad settings."""
+"""What the plant will do under other settings: right on a known loop, open about its range, one
+sentence for bad settings.
+"""
 
 from __future__ import annotations
 
@@ -118,11 +120,18 @@ def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
     assert found.lo == pytest.approx(1.0 / found.hi)
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    ({}, "--set"), ({"plant.K": "2"}, "plant.K is not a setting"), ({"controller": "2"}, "not a setting"),
-    ({"controller.Kcc": "2"}, "Kc"), ({"controller.Kc": "fast"}, "number"), ({"controller.Kc": "-1"}, "greater than 0"),
-    ({"controller.direction": '"direct"'}, "positive feedback"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({}, "--set"),
+        ({"plant.K": "2"}, "plant.K is not a setting"),
+        ({"controller": "2"}, "not a setting"),
+        ({"controller.Kcc": "2"}, "Kc"),
+        ({"controller.Kc": "fast"}, "number"),
+        ({"controller.Kc": "-1"}, "greater than 0"),
+        ({"controller.direction": '"direct"'}, "positive feedback"),
+    ],
+)
 def test_bad_settings_are_refused_in_one_sentence(words, said):
     with pytest.raises(Exception, match=said) as error:
         read_settings(words, MODEL)

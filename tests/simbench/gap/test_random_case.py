@@ -1,4 +1,6 @@
-"""Loops drawn at random: every number within its range, both ends of the range met, and the answer kept apart."""
+"""Loops drawn at random: every number within its range, both ends of the range met, and the answer
+kept apart.
+"""
 
 import numpy as np
 import pytest

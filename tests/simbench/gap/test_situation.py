@@ -42,14 +42,29 @@ def situation(
     record = LoopRecord(op=op, pv=PV, sp=sp, mv=mv, Ts=2.0, tag="FIC1")
     data = Data(np.zeros(n), np.zeros(n), K, T, Td, noise)
     return Situation(
-        record, Loop.from_table(table | ({"valve": valve} if valve else {})), True, True, op, np.zeros(N),
-        law or Law(0.0, 0.0, 0.5, 20.0), SimpleNamespace(), archive or Archive(), PV, data,
-    )  # fmt: skip
+        record,
+        Loop.from_table(table | ({"valve": valve} if valve else {})),
+        True,
+        True,
+        op,
+        np.zeros(N),
+        law or Law(0.0, 0.0, 0.5, 20.0),
+        SimpleNamespace(),
+        archive or Archive(),
+        PV,
+        data,
+    )
 
 
-@pytest.mark.parametrize(("T", "Td", "n", "memory"), [
-    (15.0, 3.0, 1000, 72.0), (0.5, 0.5, 1000, 5.0), (60.0, 30.0, 1000, 200.0), (60.0, 30.0, 4000, 360.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("T", "Td", "n", "memory"),
+    [
+        (15.0, 3.0, 1000, 72.0),
+        (0.5, 0.5, 1000, 5.0),
+        (60.0, 30.0, 1000, 200.0),
+        (60.0, 30.0, 4000, 360.0),
+    ],
+)
 def test_an_ordinary_load_remembers_four_time_scales_of_the_plant(T, Td, n, memory):
     assert load_memory(situation(T=T, Td=Td, n=n)) == pytest.approx(memory)
 
@@ -62,12 +77,19 @@ def test_a_vessels_time_scale_is_its_loops(K, memory):
     assert load_memory(situation(plant=VESSEL, T=0.0, K=K)) == pytest.approx(memory)
 
 
-@pytest.mark.parametrize(("archive", "law", "facts"), [
-    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"band": 0.1}, {}, {"band": "sensor"}),
-    ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}), ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
-    ({}, {"gap": 0.1}, {"gap": "controller"}), ({}, {"step": 0.1}, {"step": "controller"}),
-    ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("archive", "law", "facts"),
+    [
+        ({}, {}, {}),
+        ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}),
+        ({"band": 0.1}, {}, {"band": "sensor"}),
+        ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}),
+        ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
+        ({}, {"gap": 0.1}, {"gap": "controller"}),
+        ({}, {"step": 0.1}, {"step": "controller"}),
+        ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),
+    ],
+)
 def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive, law, facts):
     s = situation(archive=Archive(**archive), law=Law(0.0, 0.0, 0.5, 20.0, **law))
     assert {name: block for name, (block, _) in s.facts.items()} == facts

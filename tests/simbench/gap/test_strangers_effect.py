@@ -1,4 +1,6 @@
-"""A stranger's effect: two files in a package of its own, and it is simulated, listed, fitted, ranked and found."""
+"""A stranger's effect: two files in a package of its own, and it is simulated, listed, fitted,
+ranked and found.
+"""
 
 import json
 import os
@@ -131,9 +133,17 @@ def answer(tmp_path_factory):
         """)
     )
     done = subprocess.run(
-        [sys.executable, "-c", WORK], capture_output=True, text=True, timeout=300,
-        env={**os.environ, "PYTHONPATH": str(place), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
+        [sys.executable, "-c", WORK],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(place),
+            "OPENBLAS_NUM_THREADS": "1",
+            "OMP_NUM_THREADS": "1",
+        },
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout)
 

@@ -1,4 +1,6 @@
-"""Every effect: the vocabulary's words, nothing at strength zero, something at strength one, where it says it acts."""
+"""Every effect: the vocabulary's words, nothing at strength zero, something at strength one, where
+it says it acts.
+"""
 
 import subprocess
 import sys
@@ -24,17 +26,33 @@ LOOP = Loop.from_table({
 })  # fmt: skip
 
 STRONG = {
-    "stiction": {"S": 4.0, "J": 1.5}, "deadband": {"S": 4.0}, "deadzone": {"D": 4.0}, "valve_lag": {"tau": 8.0},
-    "valve_characteristic": {"R": 8.0}, "gain_mismatch": {"factor": 1.5}, "time_constant_mismatch": {"factor": 1.5},
-    "dead_time_mismatch": {"extra": 2.5}, "extra_lag": {"tau": 8.0}, "noise": {"factor": 3.0}, "quantisation": {"step": 0.5},
-    "sensor_lag": {"tau": 5.0}, "compression": {"band": 0.4}, "outliers": {"rate": 0.02, "size": 3.0},
-    "drift": {"rate": 0.01, "walk": 0.05}, "oscillation": {"amplitude": 3.0, "period": 60.0},
-    "load_steps": {"rate": 0.01, "size": 4.0}, "load_drift": {"rate": 0.01, "walk": 0.2},
+    "stiction": {"S": 4.0, "J": 1.5},
+    "deadband": {"S": 4.0},
+    "deadzone": {"D": 4.0},
+    "valve_lag": {"tau": 8.0},
+    "valve_characteristic": {"R": 8.0},
+    "gain_mismatch": {"factor": 1.5},
+    "time_constant_mismatch": {"factor": 1.5},
+    "dead_time_mismatch": {"extra": 2.5},
+    "extra_lag": {"tau": 8.0},
+    "noise": {"factor": 3.0},
+    "quantisation": {"step": 0.5},
+    "sensor_lag": {"tau": 5.0},
+    "compression": {"band": 0.4},
+    "outliers": {"rate": 0.02, "size": 3.0},
+    "drift": {"rate": 0.01, "walk": 0.05},
+    "oscillation": {"amplitude": 3.0, "period": 60.0},
+    "load_steps": {"rate": 0.01, "size": 4.0},
+    "load_drift": {"rate": 0.01, "walk": 0.2},
     "saturation": {"lo": 49.0, "hi": 51.0},
-    "detuning": {"Kc_factor": 1.8, "Ti_factor": 0.6}, "error_deadband": {"width": 0.5}, "op_quantisation": {"step": 0.5},
-    "derivative_action": {"Td": 5.0, "filter": 1.0}, "frozen_sensor": {"share": 0.2, "length": 15.0},
-    "missed_executions": {"share": 0.2, "length": 15.0}, "slew_limit": {"slowness": 4.0},
-}  # fmt: skip
+    "detuning": {"Kc_factor": 1.8, "Ti_factor": 0.6},
+    "error_deadband": {"width": 0.5},
+    "op_quantisation": {"step": 0.5},
+    "derivative_action": {"Td": 5.0, "filter": 1.0},
+    "frozen_sensor": {"share": 0.2, "length": 15.0},
+    "missed_executions": {"share": 0.2, "length": 15.0},
+    "slew_limit": {"slowness": 4.0},
+}
 
 
 def with_effects(*effects):
@@ -62,7 +80,10 @@ def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
 
 
 def test_the_vocabulary_is_data_and_loads_no_model():
-    code = "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS); print(','.join(sys.modules))"
+    code = (
+        "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS);"
+        " print(','.join(sys.modules))"
+    )
     loaded = (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         .stdout.strip()
@@ -74,7 +95,8 @@ def test_the_vocabulary_is_data_and_loads_no_model():
         if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")
     }
     # simbench.lazy: how the package finds its public names; it loads none of them
-    # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their steps load when they act
+    # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their
+    # steps load when they act
     laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
     assert own == {"simbench.lazy", "simbench.loop", "simbench.loop.parameters", *laws}
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
@@ -82,10 +104,11 @@ def test_the_vocabulary_is_data_and_loads_no_model():
 
 def test_simulating_an_effect_asks_nothing_of_the_diagnosis():
     code = (
-        "import sys; from scenarios.spec import Loop; from simbench.loop.simulate import simulate\n"
-        "table = {'plant': {'type': 'foptd', 'K': 1, 'T': 10}, 'controller': {'type': 'PI', 'Kc': 1, 'Ti': 10},"
-        " 'sampling': {'Ts': 1, 'n': 50}, 'effect': [{'name': 'stiction', 'S': 2, 'J': 1}]}\n"
-        "simulate(Loop.from_table(table)); print(','.join(m for m in sys.modules if m.startswith('simbench')))"
+        "import sys; from scenarios.spec import Loop; from simbench.loop.simulate import"
+        " simulate\ntable = {'plant': {'type': 'foptd', 'K': 1, 'T': 10}, 'controller': {'type':"
+        " 'PI', 'Kc': 1, 'Ti': 10}, 'sampling': {'Ts': 1, 'n': 50}, 'effect': [{'name': 'stiction',"
+        " 'S': 2, 'J': 1}]}\nsimulate(Loop.from_table(table)); print(','.join(m for m in"
+        " sys.modules if m.startswith('simbench')))"
     )
     loaded = (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -166,9 +189,14 @@ def test_no_sample_leaves_the_door():
 
 
 def test_the_parts_of_a_loop_are_its_valve_stages_and_its_effects():
-    loop = Loop.from_table({
-        "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
-        "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}],
-    })  # fmt: skip
+    loop = Loop.from_table(
+        {
+            "plant": {"type": "integrating", "K": 1},
+            "controller": {"type": "P", "Kc": 1},
+            "sampling": {"Ts": 1},
+            "valve": {"model": "lag", "T": 2.0},
+            "effect": [{"name": "stiction", "S": 5, "J": 2}],
+        }
+    )
     assert parts_of_loop(loop) == {("effect", "stiction"), ("valve", "lag")}
     assert host_of(parts_of_loop(loop)) is None

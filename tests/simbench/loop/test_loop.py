@@ -68,7 +68,8 @@ def test_step_response_equals_python_control(num, den, Td):
     Ts, n = 0.5, 120
     ours = step_response(num, den, Td, Ts, n)
     t = np.arange(n) * Ts
-    # python-control has no dead time: its response at t - Td, asked for on a grid that holds these times exactly
+    # python-control has no dead time: its response at t - Td, asked for on a grid that holds these
+    # times exactly
     late = t[t >= Td - 1e-12] - Td
     grid = np.union1d(late.round(10), [0.0])
     fine = np.arange(0, grid[-1] + 0.05, 0.1)
@@ -271,17 +272,27 @@ def test_a_tail_leaves_the_record_as_it_was():
 
 @settings(max_examples=40, deadline=None)
 @given(
-    K=st.floats(0.1, 5), T=st.floats(0.5, 50), Td=st.floats(0, 20), Kc=st.floats(0.05, 5), Ti=st.floats(1, 100),
-    S=st.floats(0, 10), J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10),
-    integrating=st.booleans(), P=st.booleans(),
-)  # fmt: skip
+    K=st.floats(0.1, 5),
+    T=st.floats(0.5, 50),
+    Td=st.floats(0, 20),
+    Kc=st.floats(0.05, 5),
+    Ti=st.floats(1, 100),
+    S=st.floats(0, 10),
+    J=st.floats(0, 10),
+    std=st.floats(0, 1),
+    kick=st.floats(-10, 10),
+    integrating=st.booleans(),
+    P=st.booleans(),
+)
 def test_compiled_and_plain_loop_give_the_same_bits(
     K, T, Td, Kc, Ti, S, J, std, kick, integrating, P
 ):
     table = {
-        "plant": {"type": "integrating", "K": K / 20, "Td": Td}
-        if integrating
-        else {"type": "foptd", "K": K, "T": T, "Td": Td},
+        "plant": (
+            {"type": "integrating", "K": K / 20, "Td": Td}
+            if integrating
+            else {"type": "foptd", "K": K, "T": T, "Td": Td}
+        ),
         "controller": {"type": "P", "Kc": Kc} if P else {"type": "PI", "Kc": Kc, "Ti": Ti},
         "valve": {"model": "choudhury", "S": S, "J": J},
         "sampling": {"Ts": 1.0, "n": 200},

@@ -1,4 +1,6 @@
-"""Whether a valve sticks is asked of what it maps on, whatever it and its numbers are called and wherever it stands."""
+"""Whether a valve sticks is asked of what it maps on, whatever it and its numbers are called and
+wherever it stands.
+"""
 
 import pytest
 
@@ -37,9 +39,12 @@ def play(tmp_path_factory):
 
 def loop(valve=None, *effects):
     table = {
-        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2}, "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-        "sampling": {"Ts": 1, "n": 200}, "valve": valve or {"model": "ideal"}, "effect": list(effects),
-    }  # fmt: skip
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "sampling": {"Ts": 1, "n": 200},
+        "valve": valve or {"model": "ideal"},
+        "effect": list(effects),
+    }
     return Loop.from_table(table)
 
 

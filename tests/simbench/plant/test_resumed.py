@@ -1,4 +1,6 @@
-"""Answers that are kept: read back to the same bits, never executed, and asked again where they are not what was written."""
+"""Answers that are kept: read back to the same bits, never executed, and asked again where they are
+not what was written.
+"""
 
 import json
 import os

@@ -1,4 +1,6 @@
-"""The report of a run: one file that asks for nothing, whose pictures are seen and whose tables sort."""
+"""The report of a run: one file that asks for nothing, whose pictures are seen and whose tables
+sort.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The pieces of theory on cases that need no computer: gains, thresholds, starts, small arrays, printed words."""
+"""The pieces of theory on cases that need no computer: gains, thresholds, starts, small arrays,
+printed words.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -52,7 +54,9 @@ def test_responses_of_a_loop_by_their_formulas(loop):
 
 
 def test_how_long_a_loop_is_waited_for(loop):
-    """Ten times the way of OP through the band at its slowest, and fifty times the slowest time constant."""
+    """Ten times the way of OP through the band at its slowest, and fifty times the slowest time
+    constant.
+    """
     p = sampled_loop(loop(T=10.0, Td=2.0, Ti=None, Ts=0.5))
     assert p.patience == 100 + 50 * 20
     pi = sampled_loop(loop(K=1.0, Kc=1.0, T=10.0, Td=2.0, Ti=8.0, S=5.0, J=2.0, Ts=0.5))
@@ -111,7 +115,9 @@ def test_where_a_run_begins_at_rest_and_after_a_kick(loop):
 
 @pytest.mark.parametrize(("Ti", "v", "w"), [(None, 2.0, -2.0), (10.0, 3.0, 0.0)])
 def test_a_load_that_steps_back_leaves_the_loop_where_it_held(loop, Ti, v, w):
-    """Gain 2, load 3: a P controller holds OP = -PV = 2 against it, a PI controller takes all of it."""
+    """Gain 2, load 3: a P controller holds OP = -PV = 2 against it, a PI controller takes all of
+    it.
+    """
     made = sampled_loop(loop(K=2.0, Kc=1.0, Ti=Ti, Ts=0.5))
     x, s, past = after_load_step(made, 3.0)
     assert s.tolist() == pytest.approx([v, w, v, 0.0, 0.0])
@@ -168,7 +174,9 @@ def test_a_product_of_small_arrays():
 
 @pytest.mark.parametrize("Ti", [None, 10.0])
 def test_the_head_of_a_half_cycle_is_the_march_with_the_valve_set_free(loop, Ti):
-    """Sample by sample: MV follows OP at `fd` for m samples, then stands; the delay empties for two more."""
+    """Sample by sample: MV follows OP at `fd` for m samples, then stands; the delay empties for two
+    more.
+    """
     made = sampled_loop(loop(Ti=Ti, Ts=0.5, Td=1.0))
     m, c = made.delay + 3, made.order + 2
     head = np.full((c, c + 1), np.nan)
@@ -328,7 +336,9 @@ def test_errors_and_starts_of_the_check_of_theory(loop):
 
 
 def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
-    """K e^(-2 s)/(10 s + 1): its phase is -pi where tan(2 w) = -10 w (w = 0.8501); sampled finely, P control."""
+    """K e^(-2 s)/(10 s + 1): its phase is -pi where tan(2 w) = -10 w (w = 0.8501); sampled finely,
+    P control.
+    """
     made = sampled_loop(loop(K=1.0, T=10.0, Td=2.0, Kc=1.0, Ti=None, Ts=0.002))
     w = 0.844
     for _ in range(50):
@@ -348,7 +358,9 @@ def test_half_periods_that_vary_by_more_than_a_hundredth_are_said(loop, irregula
 
 
 def test_kicks_are_counted_from_nought(monkeypatch):
-    """Of three loops one has no cycle, one no kick, and the third starts from the larger kick alone."""
+    """Of three loops one has no cycle, one no kick, and the third starts from the larger kick
+    alone.
+    """
     cycles = iter([None, "a cycle", "a cycle"])
     monkeypatch.setattr(verify, "drawn_loops", lambda seed: iter("abc"))
     monkeypatch.setattr(verify, "sampled_loop", lambda loop: loop)
@@ -396,7 +408,9 @@ def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
 
 
 def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
-    """Four loops: no cycle; a cycle that none, one and both of two load steps reach; the condition is wrong of the last."""
+    """Four loops: no cycle; a cycle that none, one and both of two load steps reach; the condition
+    is wrong of the last.
+    """
     reached = {"b": repeat(False), "c": cycle_through([True, False]), "d": repeat(True)}
     monkeypatch.setattr(table_check, "_loops", lambda *key: iter("abcd"))
     monkeypatch.setattr(

@@ -51,7 +51,8 @@ def test_integrating_p_loop_gives_the_closed_form(loop):
 def test_exact_cycle_equals_the_golden_simulations(loop, settings, period, amplitude):
     cycle = exact_cycle(sampled_loop(loop(**settings, Ts=0.01)))
     assert cycle.period == pytest.approx(period, rel=3e-3)
-    # the golden amplitude is the largest of a tail, which settles slowly where the multiplier is near 1
+    # the golden amplitude is the largest of a tail, which settles slowly where the multiplier is
+    # near 1
     assert cycle.amplitude == pytest.approx(amplitude, rel=8e-3)
     assert cycle.multiplier < 1
 
@@ -95,7 +96,8 @@ def test_standing_matrix_is_one_sample_of_the_march(loop):
 
 
 def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
-    # integrating PI, J = 0: no jump, hence regular; swings approach the cycle by the multiplier per half cycle
+    # integrating PI, J = 0: no jump, hence regular; swings approach the cycle by the multiplier per
+    # half cycle
     sampled = sampled_loop(loop("integrating", K=0.1, Td=1, Kc=0.5, Ti=30, J=0, Ts=0.02))
     [half] = half_cycles(sampled)
     x, s, past = on_half_cycle(sampled, half)

@@ -1,4 +1,6 @@
-"""Describing functions against published numbers, quadrature and the valves themselves; intersections against golden ones."""
+"""Describing functions against published numbers, quadrature and the valves themselves;
+intersections against golden ones.
+"""
 
 import numpy as np
 import pytest
@@ -116,7 +118,8 @@ def test_every_intersection_solves_the_harmonic_balance(loop):
 
 
 def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
-    # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so the cycle repels
+    # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so
+    # the cycle repels
     [found] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
     assert not found.stable
     assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []

@@ -1,4 +1,6 @@
-"""The compiled march against an obvious loop of the project's own valve and plant, and against the simulator."""
+"""The compiled march against an obvious loop of the project's own valve and plant, and against the
+simulator.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from simbench.theory.sampled import sampled_loop
 
 
 def slow_march(sampled, kick, n, model=choudhury):
-    """OP and MV of the first n samples after a kick, every signal kept, the valve from its own file around 50 %."""
+    """OP and MV of the first n samples after a kick, every signal kept, the valve from its own file
+    around 50 %.
+    """
     p = valve_parameters(model, {"S": sampled.S, "J": sampled.J}, sampled.Ts)
     op, mv, y = [], [], []
     x, valve = np.zeros(sampled.order), model.start(50.0, p)

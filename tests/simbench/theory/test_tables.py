@@ -1,4 +1,6 @@
-"""Table 11.3 and its conditions; what the benchmark's truth columns hold; what `predict` answers."""
+"""Table 11.3 and its conditions; what the benchmark's truth columns hold; what `predict`
+answers.
+"""
 
 import json
 

@@ -1,4 +1,6 @@
-"""Where a valve begins, when its friction changes, and which numbers it just allows; all by hand."""
+"""Where a valve begins, when its friction changes, and which numbers it just allows; all by
+hand.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""What holds for every valve model and stage beyond its contract; a new file in valves/ is found here by itself."""
+"""What holds for every valve model and stage beyond its contract; a new file in valves/ is found
+here by itself.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from simbench.loop.response import valve_response
 
 
 def example(name):
-    """Return some allowed value for each number that has no default, and a common band where one may be given."""
+    """Return some allowed value for each number that has no default, and a common band where one
+    may be given.
+    """
     schema = VALVES.load(name).PARAMETERS
     table = {"S": 4.0, "J": 2.0} if {"S", "J"} <= set(schema) else {}
     for key, rule in schema.items():

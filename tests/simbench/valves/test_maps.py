@@ -1,4 +1,6 @@
-"""The data-driven valves: published sequences, equalities between models, and what no valve may break."""
+"""The data-driven valves: published sequences, equalities between models, and what no valve may
+break.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ from hypothesis import strategies as st
 from detectors.errors import ParameterError
 from simbench.loop.response import valve_response
 
-# Open-loop sequences worked out for S/J models before this package existed (golden numbers of the reference sheet).
+# Open-loop sequences worked out for S/J models before this package existed (golden numbers of the
+# reference sheet).
 # fmt: off
 U = [50, 52, 54, 56, 58, 60, 59, 58, 57, 56, 55, 54, 53, 52, 51, 50, 50, 51, 52, 53, 54, 55, 56, 57, 58, 58,
      58, 59, 60, 61, 62, 63]

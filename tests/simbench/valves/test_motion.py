@@ -1,4 +1,6 @@
-"""The pieces of a valve's motion against solvers that know nothing of them: matrix exponentials, tableaux, Jacobians."""
+"""The pieces of a valve's motion against solvers that know nothing of them: matrix exponentials,
+tableaux, Jacobians.
+"""
 
 import numpy as np
 import pytest
@@ -66,7 +68,8 @@ def test_the_slow_mode_alone_fades_where_the_rate_is_at_rest():
     assert r == pytest.approx(rest, rel=1e-5)
     slow = a - np.sqrt(a * a - W2)
     assert z == pytest.approx(-rest / slow, rel=1e-5)
-    # a fast mode that is still there, a rate that is at rest already, an underdamped valve: no closed form
+    # a fast mode that is still there, a rate that is at rest already, an underdamped valve: no
+    # closed form
     for args in (
         (-2.0, 0.0, 1.0, 15.0, a, W2),
         (-1e-12, 0.0, 1.0, rest, a, W2),

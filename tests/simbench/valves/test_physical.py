@@ -1,4 +1,6 @@
-"""The friction models against fixed steps, against other solvers, and against the maps they are meant to be."""
+"""The friction models against fixed steps, against other solvers, and against the maps they are
+meant to be.
+"""
 
 import math
 
@@ -37,7 +39,9 @@ def _steps(op, Fs, Fc, Fv, vs, m, k, stroke, dv, n, h, mv):
 
 
 def friction_in_steps(op, p, h, vs=0.0):
-    """Karnopp's discrete rule, semi-implicit Euler, `h` s per step; op (n,) in %, returns MV (n,) in %."""
+    """Karnopp's discrete rule, semi-implicit Euler, `h` s per step; op (n,) in %, returns MV (n,)
+    in %.
+    """
     mv = np.empty(op.size)
     n = round(p.Ts / h)
     _steps(op, p.Fs, p.Fc, p.Fv, vs, p.m, p.k, p.stroke, getattr(p, "dv", 1e-9), n, p.Ts / n, mv)

@@ -1,4 +1,6 @@
-"""Loops of the study of causes are what they say: stamped in weeks of their own, archived as said, and counted as named."""
+"""Loops of the study of causes are what they say: stamped in weeks of their own, archived as said,
+and counted as named.
+"""
 
 import numpy as np
 import pytest
@@ -27,7 +29,8 @@ def test_causes_are_counted_as_named(loops):
         n: Causes(Cause(says.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
     }
     lines = told(loops, named, [["4s", "4v"], ["0", "1"]])
-    # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream, sensor and saturation wrong
+    # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream,
+    # sensor and saturation wrong
     assert "of 9 loops: right 4, wrong 4, cannot tell 1" in lines[-1]
     assert "events 2, across weeks 1" in lines[-1]
 

@@ -1,4 +1,6 @@
-"""Without a baseline: what MV, samples and set point show is said, the likelier plant is taken; plant records are counted."""
+"""Without a baseline: what MV, samples and set point show is said, the likelier plant is taken;
+plant records are counted.
+"""
 
 from __future__ import annotations
 
@@ -182,7 +184,9 @@ def test_flags_are_counted_where_they_are_and_where_they_are_not():
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder laid out like the plant data, with a quantised record, one that is too short, and one not to be used."""
+    """A folder laid out like the plant data, with a quantised record, one that is too short, and
+    one not to be used.
+    """
     record = record_of(FLOW | {"effect": [{"name": "quantisation", "step": 0.37, "at": "loop"}]})
     frame = pd.DataFrame({"t_s": record.t, "sp": record.sp, "pv": record.pv, "op": record.op})
     frame.to_csv(tmp_path / "FIC1.csv", index=False)

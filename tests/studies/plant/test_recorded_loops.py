@@ -35,10 +35,15 @@ def test_exception_keeps_every_change_beyond_its_band(wave):
 
 
 def test_a_unit_is_called_by_most_of_its_records_and_by_the_likelihood_from_all_of_them():
-    rows = pd.DataFrame({
-        "unit": list("aaabbc"), "loop": list("aaabbc"), "sticky": [True] * 3 + [False] * 3,
-        "procedure": [True, False, False, True, False, False], "odds": [4.0, 4.0, -1.0, 3.0, -3.0, None],
-    })  # fmt: skip
+    rows = pd.DataFrame(
+        {
+            "unit": list("aaabbc"),
+            "loop": list("aaabbc"),
+            "sticky": [True] * 3 + [False] * 3,
+            "procedure": [True, False, False, True, False, False],
+            "odds": [4.0, 4.0, -1.0, 3.0, -3.0, None],
+        }
+    )
     by_record, by_loop, by_unit = counted(rows, "likelihood")
     assert "found 2 of 3" in by_record
     assert "false alarms 1 of 3" in by_record

@@ -1,4 +1,6 @@
-"""What the probability of stiction is learned on: records as plants write them, and every simulator counted the same."""
+"""What the probability of stiction is learned on: records as plants write them, and every simulator
+counted the same.
+"""
 
 import numpy as np
 import pytest

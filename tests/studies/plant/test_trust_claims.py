@@ -12,11 +12,18 @@ from results.studies.plant.trust_claims import TESTING, kept, loops
 def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot tell"):
     power = [{"S": s, "J": s, "found": f} for s, f in ((1.0, 0.0), (4.0, 1.0))]
     return {
-        "sticky": sticky, "probability": probability, "said": said, "S": S, "J": S, "healthy": {"he": healthy},
+        "sticky": sticky,
+        "probability": probability,
+        "said": said,
+        "S": S,
+        "J": S,
+        "healthy": {"he": healthy},
         "methods": [{"method": "he", "verdict": verdict, "false_alarms": 0.1, "power": power}],
-        "best": {"method": "he", "says": verdict}, "with_friction": None if found is None else {"he": found}, "fitted": found,
+        "best": {"method": "he", "says": verdict},
+        "with_friction": None if found is None else {"he": found},
+        "fitted": found,
         "smallest_visible": None if visible is None else {"S": visible, "J": visible},
-    }  # fmt: skip
+    }
 
 
 ROWS = [

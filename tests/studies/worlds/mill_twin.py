@@ -1,4 +1,6 @@
-"""Slow, obvious twins of the mill's compiled code: sums of step responses, controllers and valves as prose would have them."""
+"""Slow, obvious twins of the mill's compiled code: sums of step responses, controllers and valves
+as prose would have them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ import numpy as np
 def step_response(
     t: float, kind: str, K: float, T: float | None, Td: float, lags: tuple[float, ...] = ()
 ) -> float:
-    """PV at time t after the input has stepped by 1 at time 0, by partial fractions (distinct time constants)."""
+    """PV at time t after the input has stepped by 1 at time 0, by partial fractions (distinct time
+    constants).
+    """
     s = t - Td
     if s <= 0.0:
         return 0.0
@@ -133,7 +137,9 @@ def he_flow_chart(op, S, J):
 
 
 def sliding_stem(op, S, J, slow, fast, steps=20000):
-    """Positions of a stem of mass and spring under dry friction, each sample in many small steps (Karnopp's stop rule)."""
+    """Positions of a stem of mass and spring under dry friction, each sample in many small steps
+    (Karnopp's stop rule).
+    """
     fs, fd = (S + J) / 2, (S - J) / 2
     mass, damping, h = slow * fast, slow + fast, 1.0 / steps
     x, v, out = op[0], 0.0, []

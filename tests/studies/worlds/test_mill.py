@@ -1,4 +1,6 @@
-"""The mill's records: pure, complete, as visible as they say, and told apart by nothing but the effect itself."""
+"""The mill's records: pure, complete, as visible as they say, and told apart by nothing but the
+effect itself.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,23 @@ from simbench.blind.world import WORLD_EFFECTS
 from simbench.loop.effects import BLOCKS, Choice
 
 KEYS = {
-    "kind", "block", "effect", "effect2", "block2", "strength", "ratio", "parameters", "parameters2", "foreign", "mv", "plant",
-    "controller", "sp_moves", "case", "seed",
-}  # fmt: skip
+    "kind",
+    "block",
+    "effect",
+    "effect2",
+    "block2",
+    "strength",
+    "ratio",
+    "parameters",
+    "parameters2",
+    "foreign",
+    "mv",
+    "plant",
+    "controller",
+    "sp_moves",
+    "case",
+    "seed",
+}
 SEED = 404
 ENTRIES = [
     *(
@@ -152,10 +168,11 @@ def test_nothing_is_not_visible():
 
 
 def test_the_loop_comes_from_seed_and_index_and_not_from_the_effect():
-    """No leak by construction: whatever is drawn into a loop, its baseline, length and set point were there before.
+    """No leak by construction: whatever is drawn into a loop, its baseline, length and set point
+    were there before.
 
-    A known dead-band belongs to records without a valve effect, as the order says; other loops are replaced only where they
-    cannot hold the effect at the visibility asked for.
+    A known dead-band belongs to records without a valve effect, as the order says; other loops are
+    replaced only where they cannot hold the effect at the visibility asked for.
     """
     same = []
     for number in range(len(ENTRIES)):

@@ -1,4 +1,6 @@
-"""Each effect of the mill does what the contract says, on cases that can be checked by hand; at identity it does nothing."""
+"""Each effect of the mill does what the contract says, on cases that can be checked by hand; at
+identity it does nothing.
+"""
 
 from __future__ import annotations
 
@@ -50,13 +52,26 @@ def a_case(product="velocity_backward", kind="foptd", **changes):
     if product == "bias_p":
         del tuning["Ti"]
     case = {
-        "Ts": 1.0, "n": 800, "warm": 300, "span": 100.0, "op0": 50.0, "plant": plant, "nominal": dict(plant),
-        "known_band": 0.0, "friction": "choudhury", "controller": tuning, "transmitter": {"count": 0.0, "count_at": 0.0},
+        "Ts": 1.0,
+        "n": 800,
+        "warm": 300,
+        "span": 100.0,
+        "op0": 50.0,
+        "plant": plant,
+        "nominal": dict(plant),
+        "known_band": 0.0,
+        "friction": "choudhury",
+        "controller": tuning,
+        "transmitter": {"count": 0.0, "count_at": 0.0},
         "load": {"kind": "none", "pace": 1.0, "std": 0.0, "mean": 0.0},
         "noise": {"kind": "white", "shape": 0.0, "std": 0.0, "flow": 0.0},
-        "setpoint": {"kind": "steps", "value": 40.0, "moves": [[100.0, 100.0, 44.0], [450.0, 450.0, 38.0]]},
+        "setpoint": {
+            "kind": "steps",
+            "value": 40.0,
+            "moves": [[100.0, 100.0, 44.0], [450.0, 450.0, 38.0]],
+        },
         "archive": {"pv": [], "op": [], "mv": [], "sp": [], "op_late": False},
-    }  # fmt: skip
+    }
     return case | changes
 
 

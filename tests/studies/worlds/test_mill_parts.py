@@ -1,4 +1,6 @@
-"""The mill's parts against slow twins and textbook cases: plants, controllers, valves, archive, loads."""
+"""The mill's parts against slow twins and textbook cases: plants, controllers, valves, archive,
+loads.
+"""
 
 from __future__ import annotations
 
@@ -153,7 +155,9 @@ def test_exact_stem_agrees_with_small_steps():
 
 @pytest.mark.parametrize("model", valve.FRICTION)
 def test_every_friction_model_shows_its_band_and_its_jump(model):
-    """On a slow triangle: OP must turn by S, and by S + J where the stem had just stopped; the jump is J."""
+    """On a slow triangle: OP must turn by S, and by S + J where the stem had just stopped; the jump
+    is J.
+    """
     S, J, rate = 4.0, 1.0, 0.02
     up, down = np.arange(40.0, 60.0, rate), np.arange(60.0, 40.0, -rate)
     op = np.concatenate([up, down, up])

@@ -1,4 +1,6 @@
-"""The refinery's historian, loads, noise, set points and baseline fit: each against its definition."""
+"""The refinery's historian, loads, noise, set points and baseline fit: each against its
+definition.
+"""
 
 from __future__ import annotations
 

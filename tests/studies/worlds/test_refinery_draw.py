@@ -1,4 +1,6 @@
-"""What the refinery draws: pure, inside its bounds, accepted as a baseline, the effect as visible as it says."""
+"""What the refinery draws: pure, inside its bounds, accepted as a baseline, the effect as visible
+as it says.
+"""
 
 from __future__ import annotations
 

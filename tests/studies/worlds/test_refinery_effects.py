@@ -13,12 +13,22 @@ from simbench.blind.world import WORLD_EFFECTS
 
 @pytest.fixture(scope="module")
 def answer():
-    """A plain foptd PI loop: white noise, wandering load, archive of full resolution, MV recorded."""
+    """A plain foptd PI loop: white noise, wandering load, archive of full resolution, MV
+    recorded.
+    """
     rng = np.random.default_rng(12)
     classes = loops.draw_classes(rng, "foptd") | {
-        "controller": "PI", "sp": "constant", "n": 3000, "averaging": False, "exceptions": False, "late": False,
-        "known_play": False, "noise": "white", "load": "ou", "higher_order": False,
-    }  # fmt: skip
+        "controller": "PI",
+        "sp": "constant",
+        "n": 3000,
+        "averaging": False,
+        "exceptions": False,
+        "late": False,
+        "known_play": False,
+        "noise": "white",
+        "load": "ou",
+        "higher_order": False,
+    }
     case = loops.draw_case(rng, classes)
     assert case is not None
     case["sensor"] = {"count": 0.0, "count_offset": 0.0}
@@ -38,15 +48,29 @@ def test_every_effect_moves_something(answer):
     plain = record(answer)
     std = answer["case"]["noise"]["std"]
     large = {
-        "stiction": {"S": 4.0, "J": 2.0}, "deadband": {"S": 4.0}, "deadzone": {"D": 4.0}, "valve_lag": {"tau": 30.0},
-        "valve_characteristic": {"R": 20.0}, "gain_mismatch": {"factor": 1.5}, "time_constant_mismatch": {"factor": 2.0},
-        "dead_time_mismatch": {"extra": 10.0}, "extra_lag": {"tau": 20.0}, "noise": {"factor": 3.0},
-        "quantisation": {"step": 5 * std}, "sensor_lag": {"tau": 10.0}, "compression": {"band": 3 * std},
-        "outliers": {"rate": 0.01, "size": 20 * std}, "drift": {"rate": 1e-3},
+        "stiction": {"S": 4.0, "J": 2.0},
+        "deadband": {"S": 4.0},
+        "deadzone": {"D": 4.0},
+        "valve_lag": {"tau": 30.0},
+        "valve_characteristic": {"R": 20.0},
+        "gain_mismatch": {"factor": 1.5},
+        "time_constant_mismatch": {"factor": 2.0},
+        "dead_time_mismatch": {"extra": 10.0},
+        "extra_lag": {"tau": 20.0},
+        "noise": {"factor": 3.0},
+        "quantisation": {"step": 5 * std},
+        "sensor_lag": {"tau": 10.0},
+        "compression": {"band": 3 * std},
+        "outliers": {"rate": 0.01, "size": 20 * std},
+        "drift": {"rate": 1e-3},
         "oscillation": {"amplitude": 3.0, "period": 90.0},
-        "load_steps": {"rate": 0.002, "size": 3.0}, "load_drift": {"rate": 1e-3}, "saturation": {"hi": answer["case"]["m0"]},
-        "detuning": {"Kc_factor": 1.3}, "error_deadband": {"width": 5 * std}, "op_quantisation": {"step": 1.0},
-    }  # fmt: skip
+        "load_steps": {"rate": 0.002, "size": 3.0},
+        "load_drift": {"rate": 1e-3},
+        "saturation": {"hi": answer["case"]["m0"]},
+        "detuning": {"Kc_factor": 1.3},
+        "error_deadband": {"width": 5 * std},
+        "op_quantisation": {"step": 1.0},
+    }
     assert set(large) == set(WORLD_EFFECTS)
     for effect, parameters in large.items():
         changed = record(answer, effect, **parameters)
@@ -156,7 +180,9 @@ def test_saturation_and_error_deadband_bind(answer):
 
 
 def test_detuning_shows_in_the_law(answer):
-    """Regress OP's steps on the errors: Kc and Kc Ts/Ti come out as the tuning times its factors."""
+    """Regress OP's steps on the errors: Kc and Kc Ts/Ti come out as the tuning times its
+    factors.
+    """
     own, sign = (
         answer["case"]["controller"],
         1.0 if answer["case"]["controller"]["direction"] == "reverse" else -1.0,

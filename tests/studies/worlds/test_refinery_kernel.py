@@ -1,4 +1,6 @@
-"""The compiled loop of the refinery against a slow twin in plain Python, and against cases worked out by hand."""
+"""The compiled loop of the refinery against a slow twin in plain Python, and against cases worked
+out by hand.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ def loop(x, plant=None, controller=None, valve=None, sensor=None):
 
 
 class Twin:
-    """The same loop in lists and loops: no ring buffers, no precomputed factors, the laws written out once more."""
+    """The same loop in lists and loops: no ring buffers, no precomputed factors, the laws written
+    out once more.
+    """
 
     def __init__(self, plant, controller, valve, sensor):
         self.p, self.c, self.v, self.s = plant, controller, valve, sensor
@@ -185,7 +189,9 @@ def test_every_part_of_the_plant_agrees_with_the_slow_twin(parts):
 
 
 def open_loop(step, n=120, **parts):
-    """PV's deviation at the scans after OP goes up by `step` % at scan 10, the controller in manual gain (Kc tiny)."""
+    """PV's deviation at the scans after OP goes up by `step` % at scan 10, the controller in manual
+    gain (Kc tiny).
+    """
     sp = np.where(np.arange(n) < 10, PV0, PV0 + step / 1e-9)
     return loop(signals(n, sp=sp), controller=Controller(Kc=1e-9, Ti=0.0, Ts=TS, bias=M0), **parts)
 
@@ -193,7 +199,8 @@ def open_loop(step, n=120, **parts):
 def test_step_through_the_plant_is_the_textbook_response():
     pv = open_loop(5.0, plant=Plant(False, 2.0, 20.0, 5.0))[0] - PV0
     t = np.maximum(np.arange(120) * TS - 10 * TS - 5.0, 0.0)
-    # dead time between two cells is exact only for the cells around it: 10 (1 - exp) within one fine step
+    # dead time between two cells is exact only for the cells around it: 10 (1 - exp) within one
+    # fine step
     np.testing.assert_allclose(pv, 10 * (1 - np.exp(-t / 20)), atol=10 * (TS / SUBSTEPS) / 20)
 
 

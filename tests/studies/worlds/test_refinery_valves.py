@@ -1,4 +1,6 @@
-"""The refinery's valve: maps worked out by hand, and the S and J that each friction law shows on a slow stroke."""
+"""The refinery's valve: maps worked out by hand, and the S and J that each friction law shows on a
+slow stroke.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +92,8 @@ def test_slow_stroke_shows_the_mapped_band_and_jump(model, S, J):
     mv = stroke(rubbing(model, S, J), op)[SUB - 1 :: SUB]
     top = up.size
     fall = top + int(np.argmax(mv[top:] < mv[top] - 0.3 * J))
-    # from the end of the upward stroke the stem lags by at least (S-J)/2, at most (S+J)/2; it gives way at (S+J)/2 below
+    # from the end of the upward stroke the stem lags by at least (S-J)/2, at most (S+J)/2; it gives
+    # way at (S+J)/2 below
     assert op[fall] - mv[fall - 1] == pytest.approx(-(S + J) / 2, rel=0.12)
     jump = mv[fall - 2] - mv[min(fall + 3, mv.size - 1)]
     assert jump == pytest.approx(J, rel=0.25)

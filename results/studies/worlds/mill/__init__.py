@@ -1,4 +1,6 @@
-"""An independent world in sampled time: exact discrete plants, controllers as products sell them, stems, an archive chain."""
+"""An independent world in sampled time: exact discrete plants, controllers as products sell them,
+stems, an archive chain.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,19 @@ from simbench.blind.menu import TestPlan
 
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 
-TITLE = "mill: sampled time, exact discrete plants, PLC products, pneumatic stems, faults of mills, boilers and water works"
+TITLE = (
+    "mill: sampled time, exact discrete plants, PLC products, pneumatic stems, faults of mills,"
+    " boilers and water works"
+)
 FOREIGN: dict[str, str] = {name: kind.block for name, kind in KINDS.items()}
 
 
 def simulate(
     answer: dict[str, Any], effects: list[dict[str, Any]], seed: int, nominal: bool = False
 ) -> dict[str, np.ndarray]:
-    """Run the loop of a drawn record again: same statistics and set point, other load and noise, the given effects."""
+    """Run the loop of a drawn record again: same statistics and set point, other load and noise,
+    the given effects.
+    """
     record = build(answer["case"], effects, nominal).record(seed)
     return {k: v for k, v in record.items() if answer["mv"] or k != "mv"}
 
@@ -28,7 +35,9 @@ def simulate(
 def test(
     answer: dict[str, Any], effects: list[dict[str, Any]], seed: int, plan: TestPlan
 ) -> dict[str, np.ndarray]:
-    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where the plan has them."""
+    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where
+    the plan has them.
+    """
     case, r = dict(answer["case"]), plan.faster
     load = case["load"]
     # paces of loads are in samples, the controller's law in its own scans

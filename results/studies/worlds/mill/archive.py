@@ -1,4 +1,6 @@
-"""The archive: a chain of stages through which each recorded signal passes, the plant knowing nothing of it."""
+"""The archive: a chain of stages through which each recorded signal passes, the plant knowing
+nothing of it.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,9 @@ def ordered(stages: list[Stage]) -> list[Stage]:
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     """Thin x and rebuild it by straight lines that miss no sample by more than the band.
 
-    From the last archived point a cone is kept that passes every sample since within the band; a sample outside the cone closes
-    the segment at the sample before it (Bristol 1990, in the error-bounded form of plant historians).
+    From the last archived point a cone is kept that passes every sample since within the band; a
+    sample outside the cone closes the segment at the sample before it (Bristol 1990, in the
+    error-bounded form of plant historians).
     """
     if band <= 0.0:
         return x.copy()
@@ -48,7 +51,9 @@ def significant(x: np.ndarray, digits: int) -> np.ndarray:
 
 
 def spikes(n: int, rate: float, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return isolated one-sample errors: no two side by side, heights spread by a tenth about their mean, sign at random."""
+    """Return isolated one-sample errors: no two side by side, heights spread by a tenth about their
+    mean, sign at random.
+    """
     dice, sign, height = rng.random(n), rng.random(n) < 0.5, rng.standard_normal(n)
     # a hit is taken back where the sample before it was hit; the rate is raised for what that costs
     hit = dice < rate / max(1.0 - rate, 0.5)
@@ -71,7 +76,8 @@ def _lattice(x: np.ndarray, stage: Stage, rng: np.random.Generator) -> np.ndarra
     return np.round(x / stage["step"]) * stage["step"] if stage["step"] > 0.0 else x
 
 
-# in the order in which a signal passes them: gateway, exception report, storage, compression, what is printed
+# in the order in which a signal passes them: gateway, exception report, storage, compression, what
+# is printed
 _STAGES = {
     "average": _average,
     "spikes": lambda x, s, rng: x + spikes(len(x), s["rate"], s["size"], rng),
@@ -85,7 +91,9 @@ _STAGES = {
 
 @njit
 def _moved(x, band):
-    """Mark the samples that an exception report sends: the first, the last, each that moved by more than the band."""
+    """Mark the samples that an exception report sends: the first, the last, each that moved by more
+    than the band.
+    """
     n = len(x)
     kept = np.zeros(n, np.bool_)
     kept[0] = kept[n - 1] = True

@@ -1,4 +1,6 @@
-"""Controllers as products sell them: each one a step function with its own form, anti-windup and integral rule."""
+"""Controllers as products sell them: each one a step function with its own form, anti-windup and
+integral rule.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,9 @@ def proportional(e, state, Kc, lo, hi):
 
 @njit
 def velocity(e, state, Kc, ki, now, before, lo, hi):
-    """u = limited last u + Kc (e - e_prev) + ki (now e + before e_prev): the limit itself is the anti-windup."""
+    """u = limited last u + Kc (e - e_prev) + ki (now e + before e_prev): the limit itself is the
+    anti-windup.
+    """
     u = state[2] + Kc * (e - state[1]) + ki * (now * e + before * state[1])
     state[1] = e
     state[2] = clip(u, lo, hi)
@@ -81,7 +85,9 @@ def velocity(e, state, Kc, ki, now, before, lo, hi):
 
 @njit
 def conditional(e, state, Kc, ki, now, before, lo, hi):
-    """u = Kc e + I; the increment of I is dropped while u is beyond a limit and the increment would drive it further."""
+    """u = Kc e + I; the increment of I is dropped while u is beyond a limit and the increment would
+    drive it further.
+    """
     more = ki * (now * e + before * state[1])
     u = Kc * e + state[0] + more
     if (u > hi and more > 0.0) or (u < lo and more < 0.0):
@@ -106,7 +112,9 @@ def tracking(e, state, Kc, ki, now, before, lo, hi, back):
 
 @njit
 def clamped(e, state, Kc, ki, now, before, lo, hi):
-    """u = Kc e + I with I itself limited: at a limit the proportional part can still take OP back."""
+    """u = Kc e + I with I itself limited: at a limit the proportional part can still take OP
+    back.
+    """
     state[0] = clip(state[0] + ki * (now * e + before * state[1]), lo, hi)
     state[1] = e
     state[2] = clip(Kc * e + state[0], lo, hi)

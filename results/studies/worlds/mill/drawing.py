@@ -1,4 +1,6 @@
-"""One record with its truth: a healthy loop, the effect asked for, and its size searched until it is as visible as asked."""
+"""One record with its truth: a healthy loop, the effect asked for, and its size searched until it
+is as visible as asked.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,9 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
 
 
 def sound(case: Case, record: Record, limits: tuple[float, float] = (0.0, 100.0)) -> bool:
-    """Say whether a record is one that a plant would show: OP seldom at its limits, PV in reach of SP, both moving."""
+    """Say whether a record is one that a plant would show: OP seldom at its limits, PV in reach of
+    SP, both moving.
+    """
     op, pv = record["op"], record["pv"]
     if not (np.all(np.isfinite(pv)) and np.all(np.isfinite(op))):
         return False
@@ -94,7 +98,9 @@ def _check(entry: dict[str, Any]) -> None:
 
 
 def _names(entry: dict[str, Any], seed: int, index: int, attempt: int) -> list[str]:
-    """The effects asked for; a pair is tried on ten loops before another is drawn, or easy pairs would crowd out the rest."""
+    """The effects asked for; a pair is tried on ten loops before another is drawn, or easy pairs
+    would crowd out the rest.
+    """
     if entry["kind"] == "two":
         return _pair(np.random.default_rng([seed, index, attempt // 10]))
     return [entry["effect"]] if entry["kind"] != "none" else []
@@ -133,7 +139,9 @@ def _try(
 
 
 def _believed(case: Case, effect: str) -> None:
-    """Take out of a loop what would blur the meaning of an effect's number; the baseline stays, but for a known dead-band."""
+    """Take out of a loop what would blur the meaning of an effect's number; the baseline stays, but
+    for a known dead-band.
+    """
     plant, nominal = case["plant"], case["nominal"]
     if effect == "gain_mismatch":
         plant["K"] = nominal["K"]
@@ -154,7 +162,9 @@ def _search(
     target: float,
     seeds: list[int],
 ) -> _Found | None:
-    """Bisect the logarithm of an effect's size until its ratio is within a tenth of the target, or at least within the band."""
+    """Bisect the logarithm of an effect's size until its ratio is within a tenth of the target, or
+    at least within the band.
+    """
     sizes = family(effect, rng, scales)
     lowest, highest = np.log(sizes.low), np.log(sizes.high)
     low, high, best = lowest, highest, None

@@ -1,4 +1,6 @@
-"""The 22 effects of the vocabulary: each a small function that changes a rig as the contract defines it."""
+"""The 22 effects of the vocabulary: each a small function that changes a rig as the contract
+defines it.
+"""
 
 from __future__ import annotations
 

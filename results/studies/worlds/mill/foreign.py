@@ -1,4 +1,6 @@
-"""Fifteen faults of mills, water works, boilers and compressor stations that the vocabulary has no word for."""
+"""Fifteen faults of mills, water works, boilers and compressor stations that the vocabulary has no
+word for.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ def _steam_feedforward(rig: Rig, p: Parameters) -> None:
         return
     if rig.case["load"]["std"] == 0.0:
         raise ParameterError(
-            "foreign kind 'steam_feedforward' in a loop without load; there is nothing to feed forward"
+            "foreign kind 'steam_feedforward' in a loop without load; there is nothing to feed"
+            " forward"
         )
     error = 0.01 * rig.case["load"]["std"]
 
@@ -180,7 +183,8 @@ def _surge_bursts(rig: Rig, p: Parameters) -> None:
 KINDS: dict[str, _Kind] = {
     "scan_overrun": _Kind(
         "controller",
-        "spells in which an overloaded processor runs the controller at every m-th scan only and holds OP between",
+        "spells in which an overloaded processor runs the controller at every m-th scan only and"
+        " holds OP between",
         {
             "share": _Quantity("-", 0.0, 0.95, 0.0, "share of the time"),
             "length": _Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
@@ -192,7 +196,8 @@ KINDS: dict[str, _Kind] = {
     ),
     "steam_feedforward": _Kind(
         "controller",
-        "a feedforward from the measured load that the baseline does not know (three-element drum level)",
+        "a feedforward from the measured load that the baseline does not know (three-element drum"
+        " level)",
         {"gain": _Quantity("-", 0.0, 3.0, 0.0, "1 would cancel the load; measured with 1 % error")},
         _steam_feedforward,
     ),
@@ -231,7 +236,8 @@ KINDS: dict[str, _Kind] = {
     ),
     "shrink_swell": _Kind(
         "process",
-        "inverse response (1 - a s)/(1 + .3 a s): drum level after feedwater, bark boiler after fuel",
+        "inverse response (1 - a s)/(1 + .3 a s): drum level after feedwater, bark boiler after"
+        " fuel",
         {"lead": _Quantity("s", 0.0, _BIG, 0.0, "a")},
         _shrink_swell,
     ),
@@ -263,7 +269,8 @@ KINDS: dict[str, _Kind] = {
     ),
     "white_water_recycle": _Kind(
         "process",
-        "a share of the flow comes back to the inlet after a long delay (white water, recycled condensate)",
+        "a share of the flow comes back to the inlet after a long delay (white water, recycled"
+        " condensate)",
         {
             "share": _Quantity("-", 0.0, 0.95, 0.0, "of the flow"),
             "delay": _Quantity("s", 0.0, _BIG, 0.0, "round trip"),
@@ -281,7 +288,8 @@ KINDS: dict[str, _Kind] = {
     ),
     "scanner_hold": _Kind(
         "sensor",
-        "PV is held for part of every cycle (traversing scanner off the sheet, analyser while it purges)",
+        "PV is held for part of every cycle (traversing scanner off the sheet, analyser while it"
+        " purges)",
         {
             "cycle": _Quantity("s", 0.0, _BIG, 100.0, "cycle time"),
             "held": _Quantity("-", 0.0, 0.98, 0.0, "share of the cycle"),
@@ -290,7 +298,8 @@ KINDS: dict[str, _Kind] = {
     ),
     "entrained_air": _Kind(
         "sensor",
-        "PV dips at random times and recovers over several samples (air in a flow tube, bubbles at a probe)",
+        "PV dips at random times and recovers over several samples (air in a flow tube, bubbles at"
+        " a probe)",
         {
             "rate": _Quantity("1/s", 0.0, _BIG, 0.0, "dips per second"),
             "depth": _Quantity("PV units", 0.0, _BIG, 0.0, "mean depth"),

@@ -1,4 +1,6 @@
-"""Drawing the set point's plan and the archive's chain: how a loop's life was led and how it was written down."""
+"""Drawing the set point's plan and the archive's chain: how a loop's life was led and how it was
+written down.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from results.studies.worlds.mill.rig import Case, Rig
 
 
 def draw_set_point(rng: np.random.Generator, case: Case, pace: float) -> dict[str, Any]:
-    """Draw a plan for the set point: half of all loops hold it, the others step, ramp or follow a cascade's master."""
+    """Draw a plan for the set point: half of all loops hold it, the others step, ramp or follow a
+    cascade's master.
+    """
     span = case["span"]
     zero = 0.0 if rng.random() < 0.5 else float(np.round(rng.uniform(-2.0, 4.0) * span))
     value = float(f"{zero + span * rng.uniform(0.25, 0.75):.4g}")
@@ -48,7 +52,9 @@ def draw_set_point(rng: np.random.Generator, case: Case, pace: float) -> dict[st
 
 
 def draw_archive(rng: np.random.Generator, case: Case) -> None:
-    """Draw transmitter, output card and archive into a case; every step of theirs is a fifth of the noise at most."""
+    """Draw transmitter, output card and archive into a case; every step of theirs is a fifth of the
+    noise at most.
+    """
     std, value = case["noise"]["std"], abs(case["setpoint"]["value"])
     if rng.random() < 0.35:  # 10 to 16 bits over the span, wherever the first count lies
         counts = case["span"] / 2.0 ** np.arange(10, 17)

@@ -1,4 +1,6 @@
-"""The compiled loop: PV is measured, OP computed, the valve moves, the plant takes one exact step."""
+"""The compiled loop: PV is measured, OP computed, the valve moves, the plant takes one exact
+step.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +98,9 @@ def _titrate(y, width, shape):
 
 @njit
 def _valve(u, memory, ring_state, band, kind, first, second, R, keep, rate, stop_lo, stop_hi, ring):
-    """One sample of the final control element; memory: play, lag, stroke, then the friction model's own."""
+    """One sample of the final control element; memory: play, lag, stroke, then the friction model's
+    own.
+    """
     memory[0] = play(u, memory[0], band)
     v = memory[0]
     if kind == DEADZONE:
@@ -169,9 +173,20 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
         op[k] = clip(out, law.lo, law.hi)
 
         mv[k] = _valve(
-            op[k], memory, ring_state, element.band, element.kind, element.first, element.second, element.R,
-            element.keep, element.rate, element.stop_lo, element.stop_hi, element.ring,
-        )  # fmt: skip
+            op[k],
+            memory,
+            ring_state,
+            element.band,
+            element.kind,
+            element.first,
+            element.second,
+            element.R,
+            element.keep,
+            element.rate,
+            element.stop_lo,
+            element.stop_hi,
+            element.ring,
+        )
         before_mv = mv[k]
 
         flow = mv[k] - place.mv0 + s.load[k]

@@ -1,4 +1,6 @@
-"""Drawing a healthy loop: plant, tuning, baseline, load, noise, set point and archive, each within ranges met in plants."""
+"""Drawing a healthy loop: plant, tuning, baseline, load, noise, set point and archive, each within
+ranges met in plants.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from results.studies.worlds.mill.plant import discretise, fitted, margins
 from results.studies.worlds.mill.rig import Case, Rig
 from results.studies.worlds.mill.valve import FRICTION
 
-# time constant (integrating: the time the level or pressure takes to notice) in s, and Td over it; ranges of practice in
-# paper mills, water works, boiler houses and compressor stations (Bialkowski 1993; Shinskey, Process Control Systems, 4th ed.)
+# time constant (integrating: the time the level or pressure takes to notice) in s, and Td over it;
+# ranges of practice in paper mills, water works, boiler houses and compressor stations (Bialkowski
+# 1993; Shinskey, Process Control Systems, 4th ed.)
 _SERVICES = {
     "flow": ("foptd", (0.5, 6.0), (0.05, 0.6)),
     "steam pressure": ("foptd", (2.0, 40.0), (0.05, 0.5)),
@@ -120,7 +123,9 @@ def _try(rng: np.random.Generator, wish: str | None) -> Case | None:
 
 
 def _plant(rng: np.random.Generator, kind: str, T: float, Td: float, span: float) -> dict[str, Any]:
-    """True plant; PV moves .4 to 2.5 % of span per % of travel; a third has one or two lags of 5 to 15 % of T besides."""
+    """True plant; PV moves .4 to 2.5 % of span per % of travel; a third has one or two lags of 5 to
+    15 % of T besides.
+    """
     gain = logu(rng, 0.4, 2.5) * span / 100.0 * (-1.0 if rng.random() < 0.35 else 1.0)
     count = int(rng.integers(1, 3)) if rng.random() < 0.35 else 0
     lags = [signif(T * rng.uniform(0.05, 0.15), 4) for _ in range(count)]
@@ -143,7 +148,9 @@ def _nominal(plant: dict[str, Any], off: np.ndarray) -> dict[str, Any]:
 
 
 def _tuning(rng: np.random.Generator, plant: dict[str, Any], Ts: float, T: float) -> dict[str, Any]:
-    """SIMC (Skogestad 2003) with a closed-loop time constant of .3 to 4 times what it recommends, Ti spread about it."""
+    """SIMC (Skogestad 2003) with a closed-loop time constant of .3 to 4 times what it recommends,
+    Ti spread about it.
+    """
     late = plant["Td"] + 0.5 * Ts + 0.5 * sum(plant["lags"])
     wanted = max(late, 0.25 * T) * logu(rng, 0.5, 4.0)
     proportional = rng.random() < 0.15
@@ -178,7 +185,9 @@ def _sound(plant: dict[str, Any], tuning: dict[str, Any], Ts: float) -> bool:
 
 
 def _weather(rng: np.random.Generator, case: Case, pace: float) -> bool:
-    """Load and noise of ordinary size, then the archive, fine beside both. False where OP would swing too far."""
+    """Load and noise of ordinary size, then the archive, fine beside both. False where OP would
+    swing too far.
+    """
     target = case["span"] * logu(rng, 0.003, 0.03)
     kind = str(rng.choice(LOADS, p=[0.1, 0.3, 0.18, 0.16, 0.13, 0.13]))
     if kind == "none" and case["setpoint"]["kind"] == "constant":

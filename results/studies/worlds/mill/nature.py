@@ -1,4 +1,6 @@
-"""What nobody commands: loads at the plant's input, measurement noise; and the set point that operators and cascades move."""
+"""What nobody commands: loads at the plant's input, measurement noise; and the set point that
+operators and cascades move.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ SETPOINTS = ("constant", "steps", "ramps", "cascade")
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return a random stream of its own for each name, so that one part's draws never shift another's."""
+    """Return a random stream of its own for each name, so that one part's draws never shift
+    another's.
+    """
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
@@ -34,7 +38,8 @@ def load(kind: str, pace: float, n: int, rng: np.random.Generator) -> np.ndarray
     if kind == "shot":
         rate, keep = 0.15 / pace, np.exp(-1.0 / pace)
         pulses = rng.exponential(1.0, n) * (rng.random(n) < rate)
-        # variance of filtered Poisson pulses: rate E[height^2] / (1 - keep^2), less the square of the mean's share
+        # variance of filtered Poisson pulses: rate E[height^2] / (1 - keep^2), less the square of
+        # the mean's share
         x = lfilter([1.0], [1.0, -keep], pulses - rate)
         return x / np.sqrt((2.0 * rate - rate**2) / (1.0 - keep**2))
     flips = rng.random(n) < 1.0 / pace

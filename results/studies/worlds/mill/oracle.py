@@ -1,4 +1,6 @@
-"""How visible is an effect? Records with it against the cloud of records of the same loop without it."""
+"""How visible is an effect? Records with it against the cloud of records of the same loop without
+it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ _ENOUGH = 12.0  # spreads at which a statistic's vote ends: what shows in one al
 
 
 class Cloud(NamedTuple):
-    """Records of one loop: their statistics' mean and spread, and how far one of them lies from the others."""
+    """Records of one loop: their statistics' mean and spread, and how far one of them lies from the
+    others.
+    """
 
     mean: np.ndarray
     spread: np.ndarray
@@ -43,11 +47,12 @@ def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
 def ratio(
     case: Case, effects: list[dict[str, Any]], seeds: list[int], without: Cloud
 ) -> tuple[float, list[Record]]:
-    """Return how many times further than the cloud's own records those with the effects lie from it, and the records.
+    """Return how many times further than the cloud's own records those with the effects lie from
+    it, and the records.
 
-    Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some sixty statistics
-    (`statistics.measure`): what shows in few of them (single samples of PV, say) is not drowned by the others, and what shows
-    in one alone is not called strong.
+    Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some
+    sixty statistics (`statistics.measure`): what shows in few of them (single samples of PV, say)
+    is not drowned by the others, and what shows in one alone is not called strong.
     """
     rig = build(case, effects)
     records = [rig.record(seed) for seed in seeds]

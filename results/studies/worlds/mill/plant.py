@@ -1,4 +1,6 @@
-"""The plant as an exact discrete state-space model: sections in series, zero-order hold, fractional dead time."""
+"""The plant as an exact discrete state-space model: sections in series, zero-order hold, fractional
+dead time.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ _Plant = dict[str, Any]
 
 
 class Discrete(NamedTuple):
-    """x(k+1) = A x(k) + old w(k-delay-1) + new w(k-delay), y(k) = c x(k); nothing passes straight through."""
+    """x(k+1) = A x(k) + old w(k-delay-1) + new w(k-delay), y(k) = c x(k); nothing passes straight
+    through.
+    """
 
     A: np.ndarray
     old: np.ndarray
@@ -25,8 +29,10 @@ class Discrete(NamedTuple):
 def discretise(plant: _Plant, Ts: float) -> Discrete:
     """Return the plant sampled at Ts: exact for an input held over each sample, for any dead time.
 
-    With Td = d Ts + phi the delayed input is w(k-d-1) during the first phi of a sample and w(k-d) after it, so old = exp(A (Ts
-    - phi)) integral_0^phi exp(A s) ds B and new = integral_0^(Ts - phi) exp(A s) ds B (Astrom and Wittenmark,
+    With Td = d Ts + phi the delayed input is w(k-d-1) during the first phi of a sample and w(k-d)
+    after it, so old = exp(A (Ts
+    - phi)) integral_0^phi exp(A s) ds B and new = integral_0^(Ts - phi) exp(A s) ds B (Astrom and
+      Wittenmark,
     Computer-Controlled Systems, 3rd ed., section 2.3).
     """
     A, B, C = _continuous(plant)
@@ -62,10 +68,11 @@ def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None, float]:
-    """Return T and Td of the first-order model whose step response agrees with that of a plant with small extra lags.
+    """Return T and Td of the first-order model whose step response agrees with that of a plant with
+    small extra lags.
 
-    The mean residence time T + Td is kept (the responses enclose the same area), the split is the one with the least squared
-    difference. An integrating plant's ramp is late by Td plus all lags.
+    The mean residence time T + Td is kept (the responses enclose the same area), the split is the
+    one with the least squared difference. An integrating plant's ramp is late by Td plus all lags.
     """
     if T is None or not lags:
         return T, Td + sum(lags)
@@ -90,7 +97,9 @@ def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None,
 def margins(
     g: Discrete, Kc: float, per_sample: float, now: float, before: float
 ) -> tuple[float, float]:
-    """Return the largest sensitivity and the loop gain at the phase crossover of plant and PI controller, both sampled."""
+    """Return the largest sensitivity and the loop gain at the phase crossover of plant and PI
+    controller, both sampled.
+    """
     w = np.geomspace(1e-3, math.pi, 400)
     z = np.exp(1j * w)
     m = len(g.c)
@@ -121,7 +130,9 @@ def _held(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
 
 
 def _section(part: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(A, B, C, D) of one section: integrator K | lag tau K | swell lead (1 - a s)/(1 + .3 a s) | resonance period damping."""
+    """(A, B, C, D) of one section: integrator K | lag tau K | swell lead (1 - a s)/(1 + .3 a s) |
+    resonance period damping.
+    """
     kind = part[0]
     if kind == "integrator":
         return np.zeros((1, 1)), np.array([part[1]]), np.ones(1), 0.0

@@ -1,4 +1,6 @@
-"""A loop made ready to run: the parts of one case, which effects change, and the record that comes out of it."""
+"""A loop made ready to run: the parts of one case, which effects change, and the record that comes
+out of it.
+"""
 
 from __future__ import annotations
 
@@ -47,18 +49,49 @@ class Rig:
             dict(case["nominal"] if nominal else case["plant"]),
             tuning["Kc"],
             tuning.get("Ti"),
-            law={"now": now, "before": before, "lo": 0.0, "hi": 100.0, "deadband": 0.0, "step": 0.0, "hand": 0.0},
-            element={
-                "band": case["known_band"], "kind": valve.NO_FRICTION, "first": 0.0, "second": 0.0, "R": 1.0, "keep": 0.0,
-                "rate": math.inf, "stop_lo": 0.0, "stop_hi": 100.0, "ring": np.zeros((2, 3)),
+            law={
+                "now": now,
+                "before": before,
+                "lo": 0.0,
+                "hi": 100.0,
+                "deadband": 0.0,
+                "step": 0.0,
+                "hand": 0.0,
             },
-            sensor={"keep": 0.0, "step": 0.0, "width": 0.0, "shape": 1.0, **case["transmitter"], "flow": case["noise"]["flow"]},
-            place={"pv0": case["setpoint"]["value"], "mv0": case["op0"], "op0": case["op0"], "share": 0.0, "back": 0},
+            element={
+                "band": case["known_band"],
+                "kind": valve.NO_FRICTION,
+                "first": 0.0,
+                "second": 0.0,
+                "R": 1.0,
+                "keep": 0.0,
+                "rate": math.inf,
+                "stop_lo": 0.0,
+                "stop_hi": 100.0,
+                "ring": np.zeros((2, 3)),
+            },
+            sensor={
+                "keep": 0.0,
+                "step": 0.0,
+                "width": 0.0,
+                "shape": 1.0,
+                **case["transmitter"],
+                "flow": case["noise"]["flow"],
+            },
+            place={
+                "pv0": case["setpoint"]["value"],
+                "mv0": case["op0"],
+                "op0": case["op0"],
+                "share": 0.0,
+                "back": 0,
+            },
             stages=list(case["archive"]["pv"]),
-        )  # fmt: skip
+        )
 
     def record(self, seed: int, plan: TestPlan | None = None) -> dict[str, np.ndarray]:
-        """Run under a seed and return the record's columns t, sp, op, pv, mv (all of them), each (n,); or those of a test."""
+        """Run under a seed and return the record's columns t, sp, op, pv, mv (all of them), each
+        (n,); or those of a test.
+        """
         case, warm = self.case, self.case["warm"]
         rows, _ = self.rows(seed)
         if plan is not None:
@@ -72,7 +105,8 @@ class Rig:
         out = run(
             plant, self._law(), self._element(), self._sensor(), Signals(**rows), self._place()
         )
-        # a late logger writes what stood in the output register before this scan, the valve's answer with it
+        # a late logger writes what stood in the output register before this scan, the valve's
+        # answer with it
         raw = plan is not None and plan.raw
         late = 1 if case["archive"]["op_late"] and not raw else 0
         first = {"sp": warm, "pv": warm, "op": warm - late, "mv": warm - late}
@@ -115,9 +149,20 @@ class Rig:
         back = 0.0 if self.Ti is None else min(1.0, Ts / (tuning["tracking"] * self.Ti))
         sign = 1.0 if tuning["direction"] == "reverse" else -1.0
         return Law(
-            product, sign, self.Kc, self.Kc * per_scan, p["now"], p["before"], back, float(p["lo"]), float(p["hi"]),
-            float(p["deadband"]), float(p["step"]), float(tuning["resolution"]), float(p["hand"]),
-        )  # fmt: skip
+            product,
+            sign,
+            self.Kc,
+            self.Kc * per_scan,
+            p["now"],
+            p["before"],
+            back,
+            float(p["lo"]),
+            float(p["hi"]),
+            float(p["deadband"]),
+            float(p["step"]),
+            float(tuning["resolution"]),
+            float(p["hand"]),
+        )
 
     def _element(self) -> Element:
         e = self.element
@@ -142,5 +187,7 @@ class Rig:
 
 
 def keep(tau: float, Ts: float) -> float:
-    """Return exp(-Ts/tau), what a first-order lag keeps of its state over one sample; 0 for tau = 0."""
+    """Return exp(-Ts/tau), what a first-order lag keeps of its state over one sample; 0 for tau =
+    0.
+    """
     return math.exp(-Ts / tau) if tau > 0.0 else 0.0

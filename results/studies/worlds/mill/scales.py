@@ -1,4 +1,6 @@
-"""What sizes are measured by: the scales of a healthy loop, and parameters as a function of one size."""
+"""What sizes are measured by: the scales of a healthy loop, and parameters as a function of one
+size.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ Parameters = dict[str, Any]
 
 
 class Family(NamedTuple):
-    """Parameters as a function of a size between two bounds: the least that is no nuisance, the most that is believable."""
+    """Parameters as a function of a size between two bounds: the least that is no nuisance, the
+    most that is believable.
+    """
 
     low: float
     high: float

@@ -1,4 +1,6 @@
-"""How large an effect can be: for each one, a family of parameters that grows with one number, drawn anew for each record."""
+"""How large an effect can be: for each one, a family of parameters that grows with one number,
+drawn anew for each record.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from simbench.loop.effects import Choice
 
 
 def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
-    """Draw what an effect's size does not settle (direction, period, ratio of its numbers) and return its family."""
+    """Draw what an effect's size does not settle (direction, period, ratio of its numbers) and
+    return its family.
+    """
     low, high, at = _FAMILIES[effect](rng, s)
     rules = (
         WORLD_EFFECTS[effect].parameters if effect in WORLD_EFFECTS else KINDS[effect].parameters
@@ -35,7 +39,8 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
     return Family(low, high, within)
 
 
-# --- valve: S from .3 %, the least a positioner test shows, to 15 % (backlash, dead-zone: 20 %), a valve due for repair
+# --- valve: S from .3 %, the least a positioner test shows, to 15 % (backlash, dead-zone: 20 %), a
+# valve due for repair
 
 
 def _stiction(rng, s):

@@ -1,4 +1,6 @@
-"""Phase-free statistics of one record: what a control engineer would measure, whatever the moment at which it began."""
+"""Phase-free statistics of one record: what a control engineer would measure, whatever the moment
+at which it began.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,28 @@ _BANDS = (
 )  # bins of a segment's spectrum
 _CROSS = 7  # bands in which the two signals' coherency says something
 
-# smallest spread granted to a statistic, by the first word of its name (sizes and powers in decades): about a tenth of a size,
-# a quarter of a power, a tenth of a share, so that a visible effect is one that matters and not only one that can be counted
+# smallest spread granted to a statistic, by the first word of its name (sizes and powers in
+# decades): about a tenth of a size, a quarter of a power, a tenth of a share, so that a visible
+# effect is one that matters and not only one that can be counted
 _FLOORS = {
-    "power": 0.10, "coherency": 0.05, "size": 0.05, "kurtosis": 0.10, "skew": 0.10, "standing": 0.10, "distinct": 0.40,
-    "slow": 0.05, "trend": 0.10, "ends": 0.02, "straight": 0.10, "peaks": 0.10, "longest": 0.25, "misfit": 0.10, "gain": 0.08,
-    "surprise": 0.05, "offset": 0.10,
-}  # fmt: skip
+    "power": 0.10,
+    "coherency": 0.05,
+    "size": 0.05,
+    "kurtosis": 0.10,
+    "skew": 0.10,
+    "standing": 0.10,
+    "distinct": 0.40,
+    "slow": 0.05,
+    "trend": 0.10,
+    "ends": 0.02,
+    "straight": 0.10,
+    "peaks": 0.10,
+    "longest": 0.25,
+    "misfit": 0.10,
+    "gain": 0.08,
+    "surprise": 0.05,
+    "offset": 0.10,
+}
 
 
 @cache
@@ -57,7 +74,9 @@ def floors() -> np.ndarray:
 
 
 def measure(record: Record, Kc: float, late: int) -> np.ndarray:
-    """Return the statistics of SP, OP and PV; MV is left out, so that visibility does not depend on its being recorded."""
+    """Return the statistics of SP, OP and PV; MV is left out, so that visibility does not depend on
+    its being recorded.
+    """
     pv, op = record["pv"], record["op"]
     error = record["sp"] - pv
     e, u = error - error.mean(), op - op.mean()
@@ -86,7 +105,9 @@ def _log(x: np.ndarray | float) -> np.ndarray:
 
 
 def _spectra(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Powers of two signals and their cross power in bands, by Welch's method with half overlapping Hann windows."""
+    """Powers of two signals and their cross power in bands, by Welch's method with half overlapping
+    Hann windows.
+    """
     starts = np.arange(0, len(x) - _SEGMENT + 1, _SEGMENT // 2)
     rows = starts[:, None] + np.arange(_SEGMENT)
     window = np.hanning(_SEGMENT)
@@ -135,7 +156,9 @@ def _levels(x: np.ndarray) -> list[float]:
 
 
 def _law(error: np.ndarray, op: np.ndarray, Kc: float, late: int) -> list[float]:
-    """Gains of the PI law fitted to the record, over Kc, and the share of OP's moves that it leaves."""
+    """Gains of the PI law fitted to the record, over Kc, and the share of OP's moves that it
+    leaves.
+    """
     n = len(error) - late
     e, moves = error[:n], np.diff(op[late:])
     before = np.column_stack([np.diff(e), e[:-1], np.ones(n - 1)])
@@ -154,7 +177,9 @@ def _surprise(pv: np.ndarray, op: np.ndarray) -> float:
 
 
 def _least_squares(table: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients and what they leave, by the normal equations of scaled columns, kept solvable by a small diagonal."""
+    """Coefficients and what they leave, by the normal equations of scaled columns, kept solvable by
+    a small diagonal.
+    """
     scale = np.sqrt(np.mean(table**2, axis=0)) + 1e-15
     a = table / scale
     gram = a.T @ a / len(y) + 1e-10 * np.eye(a.shape[1])

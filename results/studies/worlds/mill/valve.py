@@ -1,4 +1,6 @@
-"""The final control element: backlash, five friction models, dead-zone, and the slow stems of pneumatic actuators."""
+"""The final control element: backlash, five friction models, dead-zone, and the slow stems of
+pneumatic actuators.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ def deadzone(u, width, centre):
 
 @njit
 def choudhury(u, state, fs, fd):
-    """The two-parameter automaton (equations.md 1.5). State: position, direction of motion (0 = stuck), previous OP."""
+    """The two-parameter automaton (equations.md 1.5). State: position, direction of motion (0 =
+    stuck), previous OP.
+    """
     v, motion, before = state[0], state[1], state[2]
     if motion != 0.0 and (u - before) * motion <= 0.0:
         motion = 0.0
@@ -85,9 +89,11 @@ def he(u, state, fs, fd):
 
 @njit
 def coulomb(u, state, fs, fd, creep):
-    """One sample of m x'' = u - x - friction, exact: each phase of motion is a sum of two exponentials (equations.md 1.8).
+    """One sample of m x'' = u - x - friction, exact: each phase of motion is a sum of two
+    exponentials (equations.md 1.8).
 
-    State: position, speed (% per sample). At the sample's end a stem slower than `creep` counts as stopped.
+    State: position, speed (% per sample). At the sample's end a stem slower than `creep` counts as
+    stopped.
     """
     x, v, left = state[0], state[1], 1.0
     l1, l2 = -1.0 / _SLOW, -1.0 / _FAST
@@ -120,7 +126,8 @@ def coulomb(u, state, fs, fd, creep):
 
 @njit
 def stribeck(u, state, fs, fd):
-    """A stem under a pressure that ramps from the last OP to this one; friction fs - fd fades with speed (equations.md 1.8).
+    """A stem under a pressure that ramps from the last OP to this one; friction fs - fd fades with
+    speed (equations.md 1.8).
 
     State: position, speed (% per sample), previous OP.
     """
@@ -146,7 +153,9 @@ def stribeck(u, state, fs, fd):
 
 @njit
 def friction(kind, u, state, fs, fd):
-    """Return the position after one sample of the friction model `kind`, whose memory is `state`."""
+    """Return the position after one sample of the friction model `kind`, whose memory is
+    `state`.
+    """
     if kind == CHOUDHURY:
         return choudhury(u, state, fs, fd)
     if kind == _HE:

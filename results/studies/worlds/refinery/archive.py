@@ -1,4 +1,6 @@
-"""The historian: exception reports, swinging door, coarse lattice, decimals; all act on the record, never on the loop."""
+"""The historian: exception reports, swinging door, coarse lattice, decimals; all act on the record,
+never on the loop.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,9 @@ STYLES = ("digits", "decimals")
 def swinging_door(x, band):
     """Thin a series by a swinging door of half width `band` and rebuild it by straight lines.
 
-    The door keeps every point between two archived ones within `band` of their line (Bristol 1990, US patent 4669097): the
-    slopes allowed by the points so far narrow until no line is left; then the point before is archived.
+    The door keeps every point between two archived ones within `band` of their line (Bristol 1990,
+    US patent 4669097): the slopes allowed by the points so far narrow until no line is left; then
+    the point before is archived.
     """
     n = x.size
     out = x.copy()
@@ -38,9 +41,11 @@ def swinging_door(x, band):
 
 @numba.njit
 def exceptions(x, band):
-    """Report a value only when it differs by more than `band` from the last reported one; rebuild by straight lines.
+    """Report a value only when it differs by more than `band` from the last reported one; rebuild
+    by straight lines.
 
-    As plant historians do, the value just before an exception is reported too, so that a sudden change stays sudden.
+    As plant historians do, the value just before an exception is reported too, so that a sudden
+    change stays sudden.
     """
     n = x.size
     out = x.copy()
@@ -70,7 +75,9 @@ def printed(x: np.ndarray, style: str, places: int) -> np.ndarray:
 
 
 def places_for(resolution: float, centre: float, style: str) -> int:
-    """Return the fewest digits (3 to 8) or decimals that print numbers near `centre` finer than `resolution`."""
+    """Return the fewest digits (3 to 8) or decimals that print numbers near `centre` finer than
+    `resolution`.
+    """
     decimals = int(np.ceil(-np.log10(resolution)))
     if style == "decimals":
         return max(decimals, 0)

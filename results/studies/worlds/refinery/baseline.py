@@ -1,4 +1,6 @@
-"""The baseline's first-order model of a plant with small extra lags: the step responses agree as well as they can."""
+"""The baseline's first-order model of a plant with small extra lags: the step responses agree as
+well as they can.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from scipy.optimize import least_squares
 
 
 def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndarray:
-    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of its modes."""
+    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of
+    its modes.
+    """
     taus = [x for x in (T, *lags) if x > 0.0]
     y = np.ones_like(t)
     for i, tau in enumerate(taus):
@@ -19,7 +23,9 @@ def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndar
 
 
 def fitted(plant: dict) -> dict:
-    """Return type, K, T, Td of the first-order model whose step response comes closest to the plant's."""
+    """Return type, K, T, Td of the first-order model whose step response comes closest to the
+    plant's.
+    """
     lags = (plant["lag1"], plant["lag2"])
     model = {name: plant[name] for name in ("type", "K", "T", "Td")}
     if plant["type"] == "integrating":

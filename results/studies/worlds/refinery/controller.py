@@ -1,7 +1,9 @@
-"""The DCS controller, once per scan: P and PI in velocity and positional form, three integral rules, three anti-windups.
+"""The DCS controller, once per scan: P and PI in velocity and positional form, three integral
+rules, three anti-windups.
 
-The foreign kinds of this block live here too, since they are other laws: error squared, derivative action, a ramp on
-closing, manual episodes. Textbook: Astrom and Hagglund, Advanced PID Control (2006), ch. 3 and 13.
+The foreign kinds of this block live here too, since they are other laws: error squared, derivative
+action, a ramp on closing, manual episodes. Textbook: Astrom and Hagglund, Advanced PID Control
+(2006), ch. 3 and 13.
 """
 
 from __future__ import annotations
@@ -14,12 +16,15 @@ import numpy as np
 FORMS = ("positional", "velocity")
 RULES = ("backward", "forward", "trapezoidal")
 WINDUPS = ("conditional", "back_calculation", "clamped")
-# places in the state array: integral, last error, last OP before rounding, last PV, filtered derivative, first scan done
+# places in the state array: integral, last error, last OP before rounding, last PV, filtered
+# derivative, first scan done
 _INTEGRAL, ERROR, OUT, PV, _DERIVATIVE, _STARTED = range(6)
 
 
 class Controller(NamedTuple):
-    """Numbers of the controller: Kc in % per PV unit (signed by the action), times in s, OP in %."""
+    """Numbers of the controller: Kc in % per PV unit (signed by the action), times in s, OP in
+    %.
+    """
 
     Kc: float
     Ti: float  # 0 = P
@@ -117,7 +122,9 @@ def execute(sp, pv, manual, state, c):
 
 @numba.njit
 def take(sp, pv, out, state, c):
-    """One scan in an operator's hand: OP (%) is his, rounded and limited as ever; the law goes on from it without a bump."""
+    """One scan in an operator's hand: OP (%) is his, rounded and limited as ever; the law goes on
+    from it without a bump.
+    """
     state[OUT] = min(max(out, c.lo), c.hi)
     return execute(sp, pv, True, state, c)
 

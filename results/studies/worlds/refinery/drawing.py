@@ -31,7 +31,9 @@ NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
 
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
-    """Two effects of different blocks, each block as likely as the other, that can be told apart."""
+    """Two effects of different blocks, each block as likely as the other, that can be told
+    apart.
+    """
     blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
     while True:
         chosen = rng.choice(len(blocks), 2, replace=False)
@@ -145,7 +147,8 @@ def draw(seed: int, index: int, entry: dict) -> Item:
 def simulate(
     answer: dict, effects: list[dict], seed: int, nominal: bool = False
 ) -> dict[str, np.ndarray]:
-    """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
+    """Run the loop of a drawn record again: other load and noise, the same statistics and set
+    point.
 
     >>> item = draw(1, 0, {"kind": "none"})
     >>> again = simulate(item.answer, [], item.answer["seed"])
@@ -157,7 +160,9 @@ def simulate(
 
 
 def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
-    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where the plan has them."""
+    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where
+    the plan has them.
+    """
     case, r = dict(answer["case"]), plan.faster
     steady = {"kind": "constant", "value": case["setpoint"]["value"]}
     case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}

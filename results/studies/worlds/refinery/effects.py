@@ -1,7 +1,9 @@
-"""What each of the 22 effects does to the loop or to the record, by the vocabulary's own definitions.
+"""What each of the 22 effects does to the loop or to the record, by the vocabulary's own
+definitions.
 
-Mismatches multiply (or add to) the plant of the case. Where a mismatch is the truth, the case's plant agrees with the
-baseline in that very number, so that the parameter is the ratio to the baseline, as the vocabulary says.
+Mismatches multiply (or add to) the plant of the case. Where a mismatch is the truth, the case's
+plant agrees with the baseline in that very number, so that the parameter is the ratio to the
+baseline, as the vocabulary says.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ Apply = Callable[[Setup, dict, dict], None]
 
 
 def complete(effect: str, parameters: dict, case: dict) -> dict:
-    """Return every parameter of an effect, absent ones at identity, each inside the vocabulary's bounds."""
+    """Return every parameter of an effect, absent ones at identity, each inside the vocabulary's
+    bounds.
+    """
     known = WORLD_EFFECTS[effect].parameters
     for name in parameters:
         if name not in known:
@@ -82,7 +86,9 @@ def valve_lag(setup: Setup, p: dict, case: dict) -> None:
 
 
 def valve_characteristic(setup: Setup, p: dict, case: dict) -> None:
-    """Inherent characteristic; the controller's rest moves to the travel that gives the balance flow."""
+    """Inherent characteristic; the controller's rest moves to the travel that gives the balance
+    flow.
+    """
     setup.valve = setup.valve._replace(R=float(p["R"]))
 
 
@@ -97,7 +103,8 @@ def time_constant_mismatch(setup: Setup, p: dict, case: dict) -> None:
         if p["factor"] == 1.0:
             return
         raise ParameterError(
-            f"time_constant_mismatch: factor = {p['factor']!r} needs a foptd plant; this one integrates"
+            f"time_constant_mismatch: factor = {p['factor']!r} needs a foptd plant; this one"
+            " integrates"
         )
     setup.plant = setup.plant._replace(T=setup.plant.T * p["factor"])
 
@@ -209,8 +216,27 @@ def op_quantisation(setup: Setup, p: dict, case: dict) -> None:
 APPLY: dict[str, Apply] = {
     f.__name__: f
     for f in (
-        stiction, deadband, deadzone, valve_lag, valve_characteristic, gain_mismatch, time_constant_mismatch,
-        dead_time_mismatch, extra_lag, noise, quantisation, sensor_lag, compression, outliers, drift, oscillation,
-        load_steps, load_drift, saturation, detuning, error_deadband, op_quantisation,
+        stiction,
+        deadband,
+        deadzone,
+        valve_lag,
+        valve_characteristic,
+        gain_mismatch,
+        time_constant_mismatch,
+        dead_time_mismatch,
+        extra_lag,
+        noise,
+        quantisation,
+        sensor_lag,
+        compression,
+        outliers,
+        drift,
+        oscillation,
+        load_steps,
+        load_drift,
+        saturation,
+        detuning,
+        error_deadband,
+        op_quantisation,
     )
-}  # fmt: skip
+}

@@ -1,9 +1,11 @@
-"""Faults of refinery practice that the vocabulary has no word for: what each does, with its own parameters.
+"""Faults of refinery practice that the vocabulary has no word for: what each does, with its own
+parameters.
 
-None is an effect of the vocabulary under another name: each is nonlinear, episodic or of another structure where the
-nearest effect is linear, stationary or first order. Sources: Shinskey, Process Control Systems (1996) for error-squared
-averaging level control and inverse response; Kister, Distillation Operation (1990) and Luyben, Plantwide Process Control
-(1998) for recycles and column dynamics; Liptak, Instrument Engineers' Handbook for displacers, impulse lines, actuators.
+None is an effect of the vocabulary under another name: each is nonlinear, episodic or of another
+structure where the nearest effect is linear, stationary or first order. Sources: Shinskey, Process
+Control Systems (1996) for error-squared averaging level control and inverse response; Kister,
+Distillation Operation (1990) and Luyben, Plantwide Process Control (1998) for recycles and column
+dynamics; Liptak, Instrument Engineers' Handbook for displacers, impulse lines, actuators.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ FOREIGN: dict[str, str] = {
     "one_way_ramp": "controller",  # anti-surge practice: opens at will, closes at a fixed ramp
     "manual_episodes": "controller",  # the operator takes the loop in hand and gives it back
     "stroke_speed_limit": "valve",  # starved air supply: largest stroking speed
-    "jammed_travel": "valve",  # coke or a forgotten handwheel: the stem stops, the integral does not
+    # coke or a forgotten handwheel: the stem stops, the integral does not
+    "jammed_travel": "valve",
     "inverse_response": "process",  # shrink and swell: a fast opposite path
     "asymmetric_response": "process",  # heating and cooling with different time constants
     "heat_recycle": "process",  # feed-effluent exchanger: part of the output comes back later
     "plugged_line_freeze": "sensor",  # impulse line that plugs and clears: the reading stands still
-    "sticking_float": "sensor",  # displacer that rubs in its cage: the reading reverses only after a lost travel
+    # displacer that rubs in its cage: the reading reverses only after a lost travel
+    "sticking_float": "sensor",
     "range_clip": "sensor",  # upper or lower range value too tight
     "slug_flow": "disturbance",  # slow build-ups with sudden ends, irregular
     "rain_bursts": "disturbance",  # showers on air coolers: episodes of strong load
@@ -119,7 +123,9 @@ def asymmetric_response(setup: Setup, p: dict, case: dict) -> None:
 
 
 def heat_recycle(setup: Setup, p: dict, case: dict) -> None:
-    """The steady gain stays K; the share comes back after the delay, so that the response climbs in stairs."""
+    """The steady gain stays K; the share comes back after the delay, so that the response climbs in
+    stairs.
+    """
     if setup.plant.integrating:
         raise ParameterError("heat_recycle needs a foptd plant; this one integrates")
     setup.plant = setup.plant._replace(recycle=float(p["share"]), recycle_delay=float(p["delay"]))

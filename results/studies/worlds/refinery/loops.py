@@ -1,7 +1,9 @@
-"""Draws a loop: service, plant, baseline, controller, archive, load, noise and set point, with the reason of each range.
+"""Draws a loop: service, plant, baseline, controller, archive, load, noise and set point, with the
+reason of each range.
 
-The classes of a loop (plant type, controller, pattern of SP, archive, sampling, length ...) come first and from the index
-alone, so that they cannot tell the hidden effect; only a class that cannot hold the effect is drawn anew.
+The classes of a loop (plant type, controller, pattern of SP, archive, sampling, length ...) come
+first and from the index alone, so that they cannot tell the hidden effect; only a class that cannot
+hold the effect is drawn anew.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from results.studies.worlds.refinery.simulation import build, run
 
 
 class _Service(NamedTuple):
-    """A measured variable of the refinery: its range in engineering units and customary scan periods (s)."""
+    """A measured variable of the refinery: its range in engineering units and customary scan
+    periods (s).
+    """
 
     name: str
     integrating: bool
@@ -123,7 +127,9 @@ def _plants(
 def _tuning(
     rng: np.random.Generator, classes: dict, base: dict, time: float
 ) -> tuple[float, float | None]:
-    """SIMC rules (Skogestad 2003) with a closed-loop time from brisk to sluggish, and an operator's hand on Ti."""
+    """SIMC rules (Skogestad 2003) with a closed-loop time from brisk to sluggish, and an operator's
+    hand on Ti.
+    """
     K, Td = abs(base["K"]), base["Td"]
     if classes["plant"] == "foptd":
         wanted = max(Td * rng.uniform(0.8, 2.0), base["T"] * rng.uniform(0.25, 1.2))
@@ -148,7 +154,9 @@ def _setpoint(
     Kc: float,
     time: float,
 ) -> dict:
-    """Moves of 2 to 10 % of span, small enough that the valve can follow and the kick Kc times step stays below 20 %."""
+    """Moves of 2 to 10 % of span, small enough that the valve can follow and the kick Kc times step
+    stays below 20 %.
+    """
     kind, n = classes["sp"], classes["n"]
     size = min(span * log_uniform(rng, 0.02, 0.1), 20.0 / Kc)
     if classes["plant"] == "foptd":
@@ -193,7 +201,9 @@ def draw_case(
     exact: frozenset = frozenset(),
     valve_effect: bool = False,
 ) -> dict | None:
-    """Return a loop of these classes as JSON types, or None when it does not behave like a working loop."""
+    """Return a loop of these classes as JSON types, or None when it does not behave like a working
+    loop.
+    """
     service = next(s for s in _SERVICES if s.name == classes["service"])
     # transmitters are ranged to the service: a span of 40 to 100 % of the tag's customary one
     span = (service.high - service.low) * rng.uniform(0.4, 1.0)
@@ -211,20 +221,46 @@ def draw_case(
     }  # fmt: skip
     m0 = rounded(float(rng.uniform(25.0, 75.0)), 3)
     case = {
-        "service": service.name, "Ts": Ts, "n": n, "span": span, "m0": m0, "pv0": value, "time": time,
+        "service": service.name,
+        "Ts": Ts,
+        "n": n,
+        "span": span,
+        "m0": m0,
+        "pv0": value,
+        "time": time,
         # ten closed-loop settling times of earlier life
         "warm": int(np.clip(10 * (time + true["Td"] + (Ti or 0.0)) / Ts, 150, 1500)),
-        "plant": true, "controller": own, "mv": False, "known_play": 0.0,
+        "plant": true,
+        "controller": own,
+        "mv": False,
+        "known_play": 0.0,
         "setpoint": {"kind": "constant", "value": value},
-        "load": {"kind": classes["load"], "time": time * log_uniform(rng, 0.3, 10.0), "rate": 0.0, "scale": 1.0},
+        "load": {
+            "kind": classes["load"],
+            "time": time * log_uniform(rng, 0.3, 10.0),
+            "rate": 0.0,
+            "scale": 1.0,
+        },
         "noise": {"kind": classes["noise"], "std": 0.0, "phi": float(rng.uniform(0.3, 0.8))},
         "sensor": {"count": 0.0, "count_offset": 0.0},
         "friction": _friction(rng, Ts),
-        "archive": {"averaging": False, "late": False, "band": 0.0, "style": "digits",
-                    "places": dict.fromkeys(("sp", "op", "pv", "mv"), 12)},
-        "baseline": {"plant": base, "controller": {k: own[k] for k in ("type", "Kc", "Ti", "direction") if own[k] is not None},
-                     "sampling": {"Ts": Ts, "n": n}, "noise": {"std": 0.0}, "valve": {"model": "ideal"}},
-    }  # fmt: skip
+        "archive": {
+            "averaging": False,
+            "late": False,
+            "band": 0.0,
+            "style": "digits",
+            "places": dict.fromkeys(("sp", "op", "pv", "mv"), 12),
+        },
+        "baseline": {
+            "plant": base,
+            "controller": {
+                k: own[k] for k in ("type", "Kc", "Ti", "direction") if own[k] is not None
+            },
+            "sampling": {"Ts": Ts, "n": n},
+            "noise": {"std": 0.0},
+            "valve": {"model": "ideal"},
+        },
+    }
     if classes["load"] == "pink":
         case["load"]["time"] = time * log_uniform(rng, 0.1, 0.5)
     rates = {"shot": (0.2, 2.0), "telegraph": (0.04, 0.3), "steps": (0.02, 0.08)}
@@ -235,10 +271,11 @@ def draw_case(
 
 
 def _friction(rng: np.random.Generator, Ts: float) -> dict:
-    """The stem's own friction law, used when friction is asked for; an actuator travels fast against the scan.
+    """The stem's own friction law, used when friction is asked for; an actuator travels fast
+    against the scan.
 
-    LuGre slips near its break-away force only with short bristles and a Stribeck speed well above the bristles' and well below
-    the slip's; else the stem creeps.
+    LuGre slips near its break-away force only with short bristles and a Stribeck speed well above
+    the bristles' and well below the slip's; else the stem creeps.
     """
     model = pick(rng, ("choudhury", "he", "karnopp", "stribeck", "lugre"))
     return {
@@ -253,7 +290,9 @@ def _friction(rng: np.random.Generator, Ts: float) -> dict:
 
 
 def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: bool) -> dict | None:
-    """Scale load and noise by what they do to PV in closed loop, then settle resolutions and archive."""
+    """Scale load and noise by what they do to PV in closed loop, then settle resolutions and
+    archive.
+    """
     span, wanted = case["span"], log_uniform(rng, 0.003, 0.03)
     noise, seed = log_uniform(rng, 0.03, 0.5), int(rng.integers(2**31))
     sp, case["setpoint"] = case["setpoint"], {"kind": "constant", "value": case["pv0"]}
@@ -292,7 +331,10 @@ def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: b
     if case["controller"]["op_step"] > 0.1 * dop:
         case["controller"]["op_step"] = 0.0
     case["scales"] = {
-        "e": float(np.std(seen["sp"] - seen["pv"])), "op": float(np.std(seen["op"])), "dop": dop, "load_pv": load_std,
-    }  # fmt: skip
+        "e": float(np.std(seen["sp"] - seen["pv"])),
+        "op": float(np.std(seen["op"])),
+        "dop": dop,
+        "load_pv": load_std,
+    }
     case["archive"] = _archive(rng, classes, case, dop)
     return case

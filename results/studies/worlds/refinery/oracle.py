@@ -1,12 +1,14 @@
-"""How visible is an effect? The ratio of two distances to the cloud of records of the same loop without it.
+"""How visible is an effect? The ratio of two distances to the cloud of records of the same loop
+without it.
 
-A record is described by statistics of SP - PV, OP and PV that do not depend on phase: sizes, spectra, shapes of the
-distributions, correlations, regularity, slow movement, and single-sample signs (repeated values, straight stretches,
-lone spikes). MV is left out, so that an effect is as large where MV is recorded as where it is not. The
-distance of a record is the largest, over the groups of statistics, of the root mean square of its standardised deviations
-from the cloud's mean. The ratio is the mean distance of records with the effect over the mean distance of each of the
-cloud's own records from the others: ordinary loads and noise of the same family are in both, so an effect counts only
-as far as it stands above them.
+A record is described by statistics of SP - PV, OP and PV that do not depend on phase: sizes,
+spectra, shapes of the distributions, correlations, regularity, slow movement, and single-sample
+signs (repeated values, straight stretches, lone spikes). MV is left out, so that an effect is as
+large where MV is recorded as where it is not. The distance of a record is the largest, over the
+groups of statistics, of the root mean square of its standardised deviations from the cloud's mean.
+The ratio is the mean distance of records with the effect over the mean distance of each of the
+cloud's own records from the others: ordinary loads and noise of the same family are in both, so an
+effect counts only as far as it stands above them.
 """
 
 from __future__ import annotations
@@ -53,7 +55,9 @@ def _correlations(x: np.ndarray, y: np.ndarray, lags: tuple[int, ...]) -> list[f
 
 
 def _slow(x: np.ndarray) -> list[float]:
-    """How far the means of tenths of the record lie apart, and how far the last third from the first."""
+    """How far the means of tenths of the record lie apart, and how far the last third from the
+    first.
+    """
     means = np.array([part.mean() for part in np.array_split(x, 10)])
     spread = max(float(np.std(x)), 1e-12)
     return [
@@ -131,6 +135,8 @@ class Cloud:
         return worst
 
     def ratio(self, records: list[list[np.ndarray]]) -> float:
-        """Return the mean distance of `records` (their features) in units of the cloud's own spread."""
+        """Return the mean distance of `records` (their features) in units of the cloud's own
+        spread.
+        """
         every = np.ones(len(self._groups[0]), dtype=bool)
         return float(np.mean([self._distance(r, every) for r in records])) / self.spread

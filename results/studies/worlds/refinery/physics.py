@@ -1,7 +1,9 @@
-"""The closed loop in continuous time: plant, valve, load and transmitter on a fine grid, the controller once per scan.
+"""The closed loop in continuous time: plant, valve, load and transmitter on a fine grid, the
+controller once per scan.
 
-Every first-order element is advanced by its exact solution for an input held (or taken as its mean) over the fine step
-of Ts/24; dead time is a delay line read between two cells. Within a scan: measure, control, then move for one Ts.
+Every first-order element is advanced by its exact solution for an input held (or taken as its mean)
+over the fine step of Ts/24; dead time is a delay line read between two cells. Within a scan:
+measure, control, then move for one Ts.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ SUBSTEPS = 24
 
 
 class Plant(NamedTuple):
-    """Numbers of the plant: K in PV units per % (integrating: per % and s), times in s; both small lags may be 0."""
+    """Numbers of the plant: K in PV units per % (integrating: per % and s), times in s; both small
+    lags may be 0.
+    """
 
     integrating: bool
     K: float
@@ -52,7 +56,9 @@ class Sensor(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What drives the loop from outside, shape (N,) except load (N * SUBSTEPS,): PV units, load in %."""
+    """What drives the loop from outside, shape (N,) except load (N * SUBSTEPS,): PV units, load in
+    %.
+    """
 
     sp: np.ndarray
     load: np.ndarray
@@ -76,7 +82,9 @@ def _delayed(line, head, steps):
 
 @numba.njit
 def _lagged(state, old, new, keep):
-    """First-order lag over one fine step with the input's mean; `keep` = exp(-h/tau), 0 passes the input."""
+    """First-order lag over one fine step with the input's mean; `keep` = exp(-h/tau), 0 passes the
+    input.
+    """
     if keep == 0.0:
         return new
     middle = 0.5 * (old + new)
@@ -101,7 +109,9 @@ def _digitise(y, s):
 
 @numba.njit
 def _react(x, w, back, h, p, keeps):
-    """One fine step of the main plant from delayed input `w`; x[0] main state, x[1] swell; `back` the recycled output."""
+    """One fine step of the main plant from delayed input `w`; x[0] main state, x[1] swell; `back`
+    the recycled output.
+    """
     if p.integrating:
         x[0] += p.K * h * w
         if p.swell > 0.0:
@@ -120,7 +130,9 @@ def _react(x, w, back, h, p, keeps):
 
 @numba.njit
 def _keeps(h, p, sensor_lag, valve_lag):
-    """exp(-h/tau) of every first-order element: T rising, T falling, swell, three lags, transmitter, valve."""
+    """exp(-h/tau) of every first-order element: T rising, T falling, swell, three lags,
+    transmitter, valve.
+    """
     taus = (p.T, p.T * p.slower, p.swell_time, p.lag1, p.lag2, p.extra_lag, sensor_lag, valve_lag)
     keeps = np.empty(8)
     for i in range(8):
@@ -130,10 +142,11 @@ def _keeps(h, p, sensor_lag, valve_lag):
 
 @numba.njit
 def close_loop(p, c, v, s, x, m0, pv0, stem):
-    """Run the loop over all scans of `x` (Signals) about the balance (MV `m0` %, PV `pv0`); `stem` is the valve's state.
+    """Run the loop over all scans of `x` (Signals) about the balance (MV `m0` %, PV `pv0`); `stem`
+    is the valve's state.
 
-    Returns PV as the controller sees it, OP, MV at the end of each scan, PV and MV averaged over the scan before, and PV as it
-    is.
+    Returns PV as the controller sees it, OP, MV at the end of each scan, PV and MV averaged over
+    the scan before, and PV as it is.
     """
     n, h = x.sp.size, c.Ts / SUBSTEPS
     pv, op, mv, pv_mean, mv_mean, true = (

@@ -27,7 +27,9 @@ class Misfit(Exception):
 
 
 def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
-    """Return the numbers of the loop of `case` with effects (ids of the vocabulary or foreign kinds) put in."""
+    """Return the numbers of the loop of `case` with effects (ids of the vocabulary or foreign
+    kinds) put in.
+    """
     setup = build(case, nominal)
     for item in wanted:
         name, parameters = item["effect"], dict(item.get("parameters", {}))
@@ -41,7 +43,9 @@ def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
 
 
 def healthy(record: dict[str, np.ndarray], case: dict, effects: list[dict]) -> bool:
-    """Whether the loop works: OP off its limits (unless they are the effect), PV near SP, both alive, the valve moving."""
+    """Whether the loop works: OP off its limits (unless they are the effect), PV near SP, both
+    alive, the valve moving.
+    """
     op, e = record["op"], record["sp"] - record["pv"]
     if not (np.all(np.isfinite(op)) and np.all(np.isfinite(e))):
         return False
@@ -95,7 +99,8 @@ def sized(
     band: tuple[float, float],
     rng: np.random.Generator,
 ) -> tuple[dict, float]:
-    """Search the size at which the ratio falls into `band`; return the effect's table and the ratio.
+    """Search the size at which the ratio falls into `band`; return the effect's table and the
+    ratio.
 
     The first size is random; then the bracket is halved, in the logarithm, towards the band.
     """
@@ -119,7 +124,9 @@ def sized(
 def one(
     name: str, band: tuple[float, float], case: dict, seeds: np.ndarray, rng: np.random.Generator
 ) -> tuple[list[dict], float]:
-    """Return one effect whose ratio on this loop lies in `band`, and the ratio; Misfit where there is none."""
+    """Return one effect whose ratio on this loop lies in `band`, and the ratio; Misfit where there
+    is none.
+    """
     bench = Bench(case, [], seeds)
     size = SIZES[name] if name in SIZES else FOREIGN_SIZES[name]
     shape = size.shape(rng, case, bench.first)
@@ -130,7 +137,9 @@ def one(
 def two(
     names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator
 ) -> tuple[list[dict], float]:
-    """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit where there are none."""
+    """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit
+    where there are none.
+    """
     bench = Bench(case, [], seeds)
     found = []
     for name in names:

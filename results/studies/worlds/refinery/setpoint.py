@@ -1,4 +1,6 @@
-"""Set-point patterns: constant, operator's steps, slow ramps, cascade (a master controller's slowly wandering output)."""
+"""Set-point patterns: constant, operator's steps, slow ramps, cascade (a master controller's slowly
+wandering output).
+"""
 
 from __future__ import annotations
 

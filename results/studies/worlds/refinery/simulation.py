@@ -1,4 +1,6 @@
-"""From a case and its effects to the recorded columns: build the numbers, run the loop, archive the record."""
+"""From a case and its effects to the recorded columns: build the numbers, run the loop, archive the
+record.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from results.studies.worlds.refinery.setpoint import pattern
 from results.studies.worlds.refinery.valves import Valve
 from simbench.blind.menu import TestPlan, operated
 
-# random streams of one realisation: an added effect never changes the load or the noise of the loop itself
+# random streams of one realisation: an added effect never changes the load or the noise of the loop
+# itself
 _LOAD, _NOISE, _WHITE, _DRIFT, _SPIKES_LOOP, _SPIKES_RECORD, _HELD, _MANUAL, _EFFECT_LOAD = range(9)
 
 _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
@@ -115,7 +118,9 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
 
 
 def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> dict[str, np.ndarray]:
-    """Run the loop, or a test on it, once and return what the archive holds; `mv` is always there."""
+    """Run the loop, or a test on it, once and return what the archive holds; `mv` is always
+    there.
+    """
     signals = _signals(setup, case, seed)
     if plan is not None:
         signals.sp[case["warm"] :] += plan.sp
@@ -153,7 +158,8 @@ def _archive(
         pv = archive.exceptions(pv, how["band"])
     if setup.door > 0.0:
         pv = archive.swinging_door(pv, setup.door)
-    # the mean of the scan before, or a historian that reads before the controller writes: OP and MV are one scan old
+    # the mean of the scan before, or a historian that reads before the controller writes: OP and MV
+    # are one scan old
     shift = 1 if how["late"] or how["averaging"] else 0
     past = slice(warm - shift, warm + n - shift)
     columns = {

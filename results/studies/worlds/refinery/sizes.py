@@ -1,10 +1,12 @@
-"""How large each effect and each foreign fault is drawn: its shape at random, then one size that the oracle searches.
+"""How large each effect and each foreign fault is drawn: its shape at random, then one size that
+the oracle searches.
 
-A `Size` gives (1) `shape`, the random choices that stay while the size is searched, (2) `parameters`, the numbers at one
-size, (3) the sizes between which a plant may lie. Sizes are multiples of the loop's own noise, error, OP or time, so that
-no absolute number tells the effect; the lower ends stand clear of the nuisances in `loops` (a lattice from .4 noise std
-against at most .19, an OP lattice from .25 of OP's scan-to-scan std against .1, a door that thins the record from .3
-noise std against exception reports of at most .3).
+A `Size` gives (1) `shape`, the random choices that stay while the size is searched, (2)
+`parameters`, the numbers at one size, (3) the sizes between which a plant may lie. Sizes are
+multiples of the loop's own noise, error, OP or time, so that no absolute number tells the effect;
+the lower ends stand clear of the nuisances in `loops` (a lattice from .4 noise std against at most
+.19, an OP lattice from .25 of OP's scan-to-scan std against .1, a door that thins the record from
+.3 noise std against exception reports of at most .3).
 """
 
 from __future__ import annotations
@@ -78,7 +80,9 @@ def _dead_time(size: float, shape: dict, case: dict) -> dict:
 
 
 def _somewhere(rng: _Rng, case: dict, seen: _Columns) -> dict:
-    """Loop or record; an archive of means shows the transmitter's lattice no more, so there it is the archive's own."""
+    """Loop or record; an archive of means shows the transmitter's lattice no more, so there it is
+    the archive's own.
+    """
     return {"at": pick(rng, ("loop", "record")) if not case["archive"]["averaging"] else "record"}
 
 

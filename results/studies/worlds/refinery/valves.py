@@ -1,9 +1,11 @@
-"""The control valve in continuous time: friction of five kinds, backlash, dead-zone, stroke speed, lag, stops, trim.
+"""The control valve in continuous time: friction of five kinds, backlash, dead-zone, stroke speed,
+lag, stops, trim.
 
-Two friction models are maps applied once per scan (`choudhury`, `he`), as fitted to plant data; three are force balances
-of a spring-and-diaphragm actuator without inertia (`karnopp`, `stribeck`, `lugre`), integrated on the fine grid. Forces are
-divided by spring stiffness times stroke, so that everything is in % of travel: break-away fs = (S+J)/2, moving friction
-fd = (S-J)/2 (Choudhury, Thornhill, Shah 2005, Control Eng. Practice 13, 641).
+Two friction models are maps applied once per scan (`choudhury`, `he`), as fitted to plant data;
+three are force balances of a spring-and-diaphragm actuator without inertia (`karnopp`, `stribeck`,
+`lugre`), integrated on the fine grid. Forces are divided by spring stiffness times stroke, so that
+everything is in % of travel: break-away fs = (S+J)/2, moving friction fd = (S-J)/2 (Choudhury,
+Thornhill, Shah 2005, Control Eng. Practice 13, 641).
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ _STEM, _DIRECTION, _LAST, _BRISTLE, _SPEED, _PLAY, _PLAY2, _SHAFT, _LAGGED = ran
 
 
 class Valve(NamedTuple):
-    """Numbers of the valve: % of travel and seconds; zeros (and R = 1, stops 0 and 100) make it ideal."""
+    """Numbers of the valve: % of travel and seconds; zeros (and R = 1, stops 0 and 100) make it
+    ideal.
+    """
 
     known_play: float = 0.0  # S of the baseline's own dead-band
     play: float = 0.0
@@ -69,7 +73,9 @@ def untrim(mv: float, R: float) -> float:
 
 @numba.njit
 def choudhury(u, state, fs, fd):
-    """Two-parameter model, one scan: stuck until |u - x| > fs, moving at offset fd until OP reverses or rests."""
+    """Two-parameter model, one scan: stuck until |u - x| > fs, moving at offset fd until OP
+    reverses or rests.
+    """
     if state[_DIRECTION] != 0.0 and (u - state[_LAST]) * state[_DIRECTION] <= 0.0:
         state[_DIRECTION] = 0.0
     if state[_DIRECTION] != 0.0:
@@ -85,7 +91,9 @@ def choudhury(u, state, fs, fd):
 
 @numba.njit
 def he(u, state, fs, fd):
-    """He's model (He, Wang, Pottmann, Qin 2007), one scan: the stem sticks again after every scan."""
+    """He's model (He, Wang, Pottmann, Qin 2007), one scan: the stem sticks again after every
+    scan.
+    """
     residual = u - state[_STEM]
     if abs(residual) > fs:
         state[_STEM] = u - fd if residual > 0.0 else u + fd
@@ -93,7 +101,9 @@ def he(u, state, fs, fd):
 
 @numba.njit
 def _stribeck_speed(push, v):
-    """Speed at which viscous plus Stribeck friction balances the push, on the stable branch; 0 where there is none."""
+    """Speed at which viscous plus Stribeck friction balances the push, on the stable branch; 0
+    where there is none.
+    """
     x = (push - v.fd) / v.travel_time
     for _ in range(8):
         g = math.exp(-((x / v.stribeck_speed) ** 2)) * (v.fs - v.fd)
@@ -111,7 +121,9 @@ def _stribeck_speed(push, v):
 
 @numba.njit
 def _slide(u, h, state, v):
-    """Karnopp's or Stribeck's stem over one fine step: exact between break-away and stop (force held)."""
+    """Karnopp's or Stribeck's stem over one fine step: exact between break-away and stop (force
+    held).
+    """
     if state[_DIRECTION] == 0.0:
         if abs(u - state[_STEM]) <= v.fs:
             return
@@ -133,9 +145,11 @@ def _slide(u, h, state, v):
 
 @numba.njit
 def _bristles(u, h, state, v):
-    """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic equation.
+    """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic
+    equation.
 
-    Friction falls as exp(-|v|/vs) (Tustin 1947): with the square of v a slow stem would creep and never slip.
+    Friction falls as exp(-|v|/vs) (Tustin 1947): with the square of v a slow stem would creep and
+    never slip.
     """
     stiff = v.fs / v.bristle
     limit = (v.fd + (v.fs - v.fd) * math.exp(-abs(state[_SPEED]) / v.stribeck_speed)) / stiff
@@ -156,7 +170,9 @@ def _bristles(u, h, state, v):
 
 @numba.njit
 def scan(op, state, v):
-    """Once per scan: backlash, zone and the map-type frictions; returns what drives the stem until the next scan."""
+    """Once per scan: backlash, zone and the map-type frictions; returns what drives the stem until
+    the next scan.
+    """
     u = min(max(op, 0.0), 100.0)
     if v.known_play > 0.0:
         state[_PLAY] = play(u, state[_PLAY], v.known_play)

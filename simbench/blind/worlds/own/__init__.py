@@ -1,4 +1,6 @@
-"""The first independent simulator of the blind check: its own valve physics, controllers, historian, faults and oracle."""
+"""The first independent simulator of the blind check: its own valve physics, controllers,
+historian, faults and oracle.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def simulate(
 def test(
     answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, plan: TestPlan
 ) -> dict[str, np.ndarray]:
-    """Run a test of the menu on the loop of an answer: columns as recorded, mode and lab where the plan has them."""
+    """Run a test of the menu on the loop of an answer: columns as recorded, mode and lab where the
+    plan has them.
+    """
     case, acts = _faulty(answer, effects, False)
     signals, true = loops.test(case, seed, acts, plan)
     timed = replace(case, n=plan.n, Ts=case.Ts / plan.faster, mv=case.mv or plan.mv)

@@ -85,7 +85,9 @@ def draw(
 
 
 def _steps(rng: np.random.Generator, case: TrueLoop) -> tuple[tuple[float, float], ...]:
-    """Set-point steps: 3 to 10 of them, at least three closed-loop time scales apart, OP kept well inside its range."""
+    """Set-point steps: 3 to 10 of them, at least three closed-loop time scales apart, OP kept well
+    inside its range.
+    """
     largest = min(10.0 * case.unit, 15.0 / case.Kc)
     count = int(min(rng.integers(3, 11), max(2, case.duration / (4 * case.speed))))
     bounds = np.linspace(0.03, 0.97, count + 1) * case.duration
@@ -99,7 +101,9 @@ def _steps(rng: np.random.Generator, case: TrueLoop) -> tuple[tuple[float, float
 
 
 def baseline_table(case: TrueLoop) -> dict:
-    """Return the loop file handed out with the record: the nominal plant, and no word about faults, loads or log."""
+    """Return the loop file handed out with the record: the nominal plant, and no word about faults,
+    loads or log.
+    """
     K, T, Td = case.nominal
     plant = {"type": case.plant, "K": K, **({"T": T} if case.plant == "foptd" else {}), "Td": Td}
     controller = {

@@ -1,4 +1,6 @@
-"""What each effect id, and each foreign kind that no fit knows, does to the generator's own loop."""
+"""What each effect id, and each foreign kind that no fit knows, does to the generator's own
+loop.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ def fault(name: str, p: Parameters) -> Fault:
     return partial(_ACT[name], p=p)
 
 
-# ------------------------------------------------------------------------------------------------ the 22 effects
+# ------------------------------------------------------------------------------------------------
+# the 22 effects
 def _stiction(s: Prepared, rng, p) -> None:
     S, J = p["S"], min(p["J"], p["S"])
     if S > 0:
@@ -127,9 +130,12 @@ def _set(name: str, key: str, s: Prepared, rng, p) -> None:
     s.physics[name] = p[key]
 
 
-# ------------------------------------------------------------------------------------------------ foreign kinds
+# ------------------------------------------------------------------------------------------------
+# foreign kinds
 def _spells(s: Prepared, rng, every: float, length: float) -> np.ndarray:
-    """Random stretches (0/1), one per `every` samples on average, `length` samples long on average."""
+    """Random stretches (0/1), one per `every` samples on average, `length` samples long on
+    average.
+    """
     on, k = np.zeros(s.size), 0
     while k < s.size:
         k += 1 + int(rng.exponential(every))
@@ -140,7 +146,9 @@ def _spells(s: Prepared, rng, every: float, length: float) -> np.ndarray:
 
 
 def _positioner_cycle(s: Prepared, rng, p) -> None:
-    """The positioner hunts: a square-like motion of MV that OP does not ask for, its period wandering."""
+    """The positioner hunts: a square-like motion of MV that OP does not ask for, its period
+    wandering.
+    """
     rate = 2 * math.pi * s.case.Ts / p["period"] * np.exp(0.25 * rng.standard_normal(s.size))
     s.valve_add = s.valve_add + p["amplitude"] * np.tanh(4.0 * np.sin(np.cumsum(rate)))
 
@@ -164,7 +172,9 @@ def _missed_scans(s: Prepared, rng, p) -> None:
 
 
 def _feedforward(s: Prepared, rng, p) -> None:
-    """Another signal is added to OP behind the controller, as a feed-forward or a decoupler does."""
+    """Another signal is added to OP behind the controller, as a feed-forward or a decoupler
+    does.
+    """
     tau = max(2.0, s.case.speed / s.case.Ts)
     wander = np.cumsum((_spells(s, rng, tau, 1.0) > 0) * rng.standard_normal(s.size))
     width = min(int(20 * tau), wander.size)  # a short test of a slow loop
@@ -249,7 +259,9 @@ NEEDS_PLANT = {"time_constant_mismatch": "foptd", "level_gain": "integrating"}
 
 @njit_cached
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
-    """Thin a signal by the swinging door (Bristol 1990) and rebuild it by straight lines; the error stays within `band`."""
+    """Thin a signal by the swinging door (Bristol 1990) and rebuild it by straight lines; the error
+    stays within `band`.
+    """
     out = x.copy()
     start, steep, flat = 0, np.inf, -np.inf
     for k in range(1, x.size):

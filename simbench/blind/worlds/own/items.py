@@ -1,4 +1,6 @@
-"""One record of the blind check: a loop drawn until it can hold the wanted fault at the wanted strength, with its answer."""
+"""One record of the blind check: a loop drawn until it can hold the wanted fault at the wanted
+strength, with its answer.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
 
 
 def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
-    """Return the case as the named faults need it: no known dead-band beside another valve fault, mismatches exact."""
+    """Return the case as the named faults need it: no known dead-band beside another valve fault,
+    mismatches exact.
+    """
     blocks = {
         faults.FOREIGN[name] if name in faults.FOREIGN else WORLD_EFFECTS[name].block
         for name in names
@@ -186,7 +190,9 @@ def _sized(
 
 
 def _adds(case: TrueLoop, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
-    """Whether a fault is still visible beside the other: one that the other drowns is no second effect."""
+    """Whether a fault is still visible beside the other: one that the other drowns is no second
+    effect.
+    """
     kept = (acts[1 - left_out],)
     alone = cloud(
         [loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale

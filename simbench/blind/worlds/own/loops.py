@@ -1,4 +1,6 @@
-"""One loop as it really is, made ready for a run, and what its historian shows; load and noise in several colours."""
+"""One loop as it really is, made ready for a run, and what its historian shows; load and noise in
+several colours.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from simbench.blind.worlds.own import simulator as sim
 
 @dataclass(frozen=True)
 class TrueLoop:
-    """One loop as it really is; plain numbers, so that it can be sealed as JSON and simulated again.
+    """One loop as it really is; plain numbers, so that it can be sealed as JSON and simulated
+    again.
 
     Times in s, OP and load in %, PV in `unit` PV units per %.
     """
@@ -55,7 +58,9 @@ class TrueLoop:
 
     @property
     def warm_up(self) -> int:
-        """Samples simulated and thrown away, so that the record starts in the middle of the loop's life."""
+        """Samples simulated and thrown away, so that the record starts in the middle of the loop's
+        life.
+        """
         return int(min(max(10 * (self.speed + self.Ti) / self.Ts, 200), 900))
 
     @property
@@ -94,7 +99,9 @@ class TrueLoop:
 
 @dataclass
 class Prepared:
-    """One run before it starts: numbers of the physics and arrays over warm-up and record, which faults may change."""
+    """One run before it starts: numbers of the physics and arrays over warm-up and record, which
+    faults may change.
+    """
 
     case: TrueLoop
     physics: dict[str, float]
@@ -127,7 +134,9 @@ _NOISE, _LOAD, _FAULT, _LOG = range(4)
 
 
 def _stream(seed: int, purpose: int) -> np.random.Generator:
-    """Return an own random stream per purpose, so that a fault's strength does not shift anybody else's numbers."""
+    """Return an own random stream per purpose, so that a fault's strength does not shift anybody
+    else's numbers.
+    """
     return np.random.default_rng([seed, purpose])
 
 
@@ -208,7 +217,9 @@ def test(
 
 
 def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals, np.ndarray]:
-    """Run what was prepared; return what the historian shows and PV as it truly is, over the record."""
+    """Run what was prepared; return what the historian shows and PV as it truly is, over the
+    record.
+    """
     case, n = setup.case, setup.size
     op, pv, true, mv = (np.empty(n) for _ in range(4))
     sim.run(

@@ -1,4 +1,6 @@
-"""What the generator alone knows: how visible a fault is, and how far its gap shrinks once the fault is added."""
+"""What the generator alone knows: how visible a fault is, and how far its gap shrinks once the
+fault is added.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ class Ratio(NamedTuple):
 
 
 class _TrueShrinkage(NamedTuple):
-    """Gap of a record to the baseline without and with the fault, and the floor, all in seed spreads."""
+    """Gap of a record to the baseline without and with the fault, and the floor, all in seed
+    spreads.
+    """
 
     before: float
     after: float
@@ -72,7 +76,9 @@ def reference(case: TrueLoop, seed: int) -> Reference:
 
 
 def _sane(record: Signals) -> bool:
-    """Return whether OP stays off the ends of its range: a loop that swings from stop to stop says nothing about its fault."""
+    """Return whether OP stays off the ends of its range: a loop that swings from stop to stop says
+    nothing about its fault.
+    """
     return bool(np.mean((record.op < 1.0) | (record.op > 99.0)) < 0.01)
 
 
@@ -128,9 +134,11 @@ def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[flo
 def shrinkage(
     case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]
 ) -> _TrueShrinkage:
-    """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
+    """Return how far the record's gap to the baseline handed out shrinks when faults are added to
+    it.
 
-    The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
+    The load's and noise's statistics are the true ones in both; the plant is the nominal one in
+    both.
     """
     nominal, seeds = case.as_nominal(), [seed + 2 * _OFFSET + i for i in range(12)]
     values = features(record, case.scale)[0]

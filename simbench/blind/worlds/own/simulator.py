@@ -1,4 +1,6 @@
-"""The blind check's own loop simulator: sub-steps in every sample, valves with velocity, several PI forms."""
+"""The blind check's own loop simulator: sub-steps in every sample, valves with velocity, several PI
+forms.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ BACKWARD, FORWARD, TRAPEZOID = range(3)
 
 
 class Physics(NamedTuple):
-    """Every number of one run; the defaults describe a plain loop, so that a fault at zero strength is the plain loop."""
+    """Every number of one run; the defaults describe a plain loop, so that a fault at zero strength
+    is the plain loop.
+    """
 
     # plant: K in PV units per % (integrating: per % and s), times in s
     integrating: float = 0.0
@@ -72,7 +76,9 @@ def _characteristic(x, R):
 
 @njit_cached
 def _stem(u, x, w, p, h):
-    """One sub-step of stem position x (%) and velocity w (%/s) under OP u: spring, mass, dry friction in units of travel."""
+    """One sub-step of stem position x (%) and velocity w (%/s) under OP u: spring, mass, dry
+    friction in units of travel.
+    """
     wn = p.speed / p.Ts
     pull = u - x
     slow = 1e-3 * p.speed / p.Ts
@@ -97,11 +103,13 @@ def _stem(u, x, w, p, h):
 def run(
     p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand, op, pv, true, mv
 ):
-    """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free PV) and mv.
+    """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free
+    PV) and mv.
 
-    Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K; skip = 1: the controller
-    misses its turn; hold = 1: the transmitter repeats its last value; asleep = 1: the valve does not answer; hand is what an
-    operator adds to the OP at which he took over, NaN in automatic.
+    Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K;
+    skip = 1: the controller misses its turn; hold = 1: the transmitter repeats its last value;
+    asleep = 1: the valve does not answer; hand is what an operator adds to the OP at which he took
+    over, NaN in automatic.
     """
     n = sp.size
     h = p.Ts / SUBSTEPS

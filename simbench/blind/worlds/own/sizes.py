@@ -1,4 +1,6 @@
-"""How strong each fault may plausibly be in a given loop, as one number from 0 (barely there) to 1 (gross)."""
+"""How strong each fault may plausibly be in a given loop, as one number from 0 (barely there) to 1
+(gross).
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ class Habit:
 
 
 def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> _Scale:
-    """Return the parameters of a fault as a function of one strength in 0..1, from barely to grossly present."""
+    """Return the parameters of a fault as a function of one strength in 0..1, from barely to
+    grossly present.
+    """
 
     def log(lo: float, hi: float) -> Callable[[float], float]:
         return lambda x: float(f"{lo * (hi / lo) ** x:.4g}")

@@ -1,4 +1,6 @@
-"""An exam shows no truth, its scores are those of a run with the same seeds, and what is not as it must be is refused."""
+"""An exam shows no truth, its scores are those of a run with the same seeds, and what is not as it
+must be is refused.
+"""
 
 import csv
 import json
@@ -273,13 +275,20 @@ def spoilt(how, lines):
 @pytest.mark.parametrize(
     ("how", "line", "part"),
     [
-        ("unknown record", 2, "no record '000'"), ("repeated record", 10, "once is allowed"),
-        ("bad verdict", 3, "'perhaps' is no verdict"), ("bad score", 3, "score = 'high'"),
-        ("bad interval", 3, "S = '3..2'"), ("reference row", 2, "'oracle'"), ("cut in a line", 9, "ends within a line"),
-        ("cut cells", 4, "cells"), ("other column", 1, "Score"), ("no answers", None, "no answers"),
-        ("no text", 2, "UTF-8"), ("empty", 1, "ends within a line"),
+        ("unknown record", 2, "no record '000'"),
+        ("repeated record", 10, "once is allowed"),
+        ("bad verdict", 3, "'perhaps' is no verdict"),
+        ("bad score", 3, "score = 'high'"),
+        ("bad interval", 3, "S = '3..2'"),
+        ("reference row", 2, "'oracle'"),
+        ("cut in a line", 9, "ends within a line"),
+        ("cut cells", 4, "cells"),
+        ("other column", 1, "Score"),
+        ("no answers", None, "no answers"),
+        ("no text", 2, "UTF-8"),
+        ("empty", 1, "ends within a line"),
     ],
-)  # fmt: skip
+)
 def test_wrong_answers_are_refused_with_file_and_line(tiny, tmp_path, capsys, how, line, part):
     file = tmp_path / "wrong.csv"
     file.write_bytes(spoilt(how, lines_of(tiny)))
@@ -322,12 +331,16 @@ def cut(name, size):
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        (other_sample, "is not what its seed gives"), (other_text("loops.csv", "100.0", "99.0"), "its line in loops.csv"),
-        (cut("records.parquet", 50), "damaged"), (cut("loops.csv", 2), "line 5"), (cut("exam.json", 20), "damaged"),
-        (other_text("exam.json", '"n": 4', '"n": 3'), "3 are needed"), (other_text("exam.json", "smoke", "other"), "benchmark"),
+        (other_sample, "is not what its seed gives"),
+        (other_text("loops.csv", "100.0", "99.0"), "its line in loops.csv"),
+        (cut("records.parquet", 50), "damaged"),
+        (cut("loops.csv", 2), "line 5"),
+        (cut("exam.json", 20), "damaged"),
+        (other_text("exam.json", '"n": 4', '"n": 3'), "3 are needed"),
+        (other_text("exam.json", "smoke", "other"), "benchmark"),
         (lambda exam: (exam / "records.parquet").unlink(), "cannot be read"),
     ],
-)  # fmt: skip
+)
 def test_a_changed_exam_is_refused(tiny, tmp_path, capsys, change, part):
     shutil.copytree(tiny / "exam", tmp_path / "exam")
     change(tmp_path / "exam")

@@ -1,4 +1,6 @@
-"""A dask cluster that loses a worker gives the same bits; one that loses its scheduler or all workers ends the run soon."""
+"""A dask cluster that loses a worker gives the same bits; one that loses its scheduler or all
+workers ends the run soon.
+"""
 
 import subprocess
 import sys

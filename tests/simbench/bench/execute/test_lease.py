@@ -1,4 +1,6 @@
-"""Two on one folder: one works, the other is told who; what a dead one left is taken over, what lives is left alone."""
+"""Two on one folder: one works, the other is told who; what a dead one left is taken over, what
+lives is left alone.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Runs: the same bits however they are worked through, nothing finished is lost, nothing different is mixed."""
+"""Runs: the same bits however they are worked through, nothing finished is lost, nothing different
+is mixed.
+"""
 
 import shutil
 import signal
@@ -351,7 +353,9 @@ def counting(tmp_path):
 
 
 def interrupt(process, tmp_path, sent):
-    """Stop a run once a piece of it is whole; return what it printed, and how many records it judged after that."""
+    """Stop a run once a piece of it is whole; return what it printed, and how many records it
+    judged after that.
+    """
     while not list((tmp_path / "run" / "receipts").glob("*.json")):
         assert process.poll() is None
         time.sleep(0.05)
@@ -703,7 +707,8 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
         came[(rows.member == "sticky").to_numpy()],
         came[(rows.member == "healthy").to_numpy()],
     )
-    # a sticky loop stands right before its sibling in the grid; asked about, it comes first as often as last
+    # a sticky loop stands right before its sibling in the grid; asked about, it comes first as
+    # often as last
     assert 0.4 < np.mean(sticky < healthy) < 0.6
     assert np.mean(healthy - sticky == 1) < 0.1
 

@@ -1,4 +1,6 @@
-"""Verification: whoever changes a run and makes every checksum consistent again is found; run times may differ."""
+"""Verification: whoever changes a run and makes every checksum consistent again is found; run times
+may differ.
+"""
 
 import contextlib
 import json
@@ -58,7 +60,9 @@ def guest(tmp_path_factory):
 
 
 class Forgery:
-    """A copy of a run whose tables and manifest can be changed, and which then states no wrong checksum."""
+    """A copy of a run whose tables and manifest can be changed, and which then states no wrong
+    checksum.
+    """
 
     def __init__(self, run, folder):
         self.folder = shutil.copytree(run, folder)

@@ -1,4 +1,6 @@
-"""A map: files as promised, the same for any workers, resumed without a trace; what cannot be mapped is refused."""
+"""A map: files as promised, the same for any workers, resumed without a trace; what cannot be
+mapped is refused.
+"""
 
 import hashlib
 import json
@@ -152,7 +154,8 @@ def test_a_killed_map_is_resumed_and_gives_the_same_files(small, tmp_path):
         f"import sys\nsys.path.insert(0, {str(Path(__file__).parents[3] / 'common')!r})\n"
         "from bench_fixtures import SMALL\nfrom scenarios.grid import make_grid\n"
         "from simbench.bench.map.making import map_grid\n"
-        f'map_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "map")!r}, 20, ["he"], '
+        f'map_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "map")!r}, 20,'
+        ' ["he"], '
         f"plugins=[{str(file)!r}])\n"
     )
     process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE, text=True)

@@ -1,4 +1,6 @@
-"""Rates of cells and of the whole grid lie in their intervals as often as these say, where the truth is known."""
+"""Rates of cells and of the whole grid lie in their intervals as often as these say, where the
+truth is known.
+"""
 
 import itertools
 
@@ -21,7 +23,9 @@ CELLS = np.array(list(itertools.product(*map(range, SHAPE))))
 
 
 def population(seed, slope=4.0):
-    """Every scenario of a grid with a sticky and a healthy loop in each cell; chances that the answer is yes, and outcomes."""
+    """Every scenario of a grid with a sticky and a healthy loop in each cell; chances that the
+    answer is yes, and outcomes.
+    """
     z = (CELLS + 0.5) / np.array(SHAPE)
     level = slope * (z[:, 0] - 0.5) + 3.0 * (z[:, 1] - 0.4) * (z[:, 2] > 0.5)
     chance = 1.0 / (1.0 + np.exp(-np.column_stack([level + 1.0, level - 2.5])))

@@ -31,7 +31,8 @@ def test_cells_of_the_chapter_are_labelled_alike(cells):
         again = cycled(scenario.loop, scenario.seed)
         mine = (run.sticky, predicted, found.answer)
         twin = (friction_band(scenario.loop)[0] > 0, table_11_3(scenario.loop), again)
-        # the one cell of the refined table that has no condition in numbers is that of the exact cycle
+        # the one cell of the refined table that has no condition in numbers is that of the exact
+        # cycle
         if not (scenario.loop.valve.name == "deadband" and scenario.tags["process"] == "foptd"):
             mine, twin = (*mine, exists), (*twin, refined(scenario.loop))
         answers.append((found.answer, again))

@@ -1,4 +1,6 @@
-"""Grid plant: what it promises, every valve as a member of a grid, and the page that says where its ranges come from."""
+"""Grid plant: what it promises, every valve as a member of a grid, and the page that says where its
+ranges come from.
+"""
 
 import math
 import re

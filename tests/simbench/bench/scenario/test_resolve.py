@@ -139,12 +139,20 @@ def test_w_Ti_of_the_cycle_is_what_the_cell_asks_for():
     )
 
 
-@pytest.mark.parametrize(("name", "every"), [
-    ("ci", 5), *(pytest.param(name, 4, marks=pytest.mark.slow) for name in ("chapter", "plant", "families", "own-ground")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "every"),
+    [
+        ("ci", 5),
+        *(
+            pytest.param(name, 4, marks=pytest.mark.slow)
+            for name in ("chapter", "plant", "families", "own-ground")
+        ),
+    ],
+)
 def test_a_grid_tells_no_label_without_the_waveform(name, every):
     found = leak(load_grid(name), every)
-    # a subsample wanders by chance: three standard errors are granted, `make leak` grants none on the whole grid
+    # a subsample wanders by chance: three standard errors are granted, `make leak` grants none on
+    # the whole grid
     known = found.counts["yes"] + found.counts["no"]
     slack, of_auc = 3 * 0.5 / math.sqrt(known), 3 * 0.577 / math.sqrt(found.oscillating)
     assert BALANCE[0] - slack <= found.positives <= BALANCE[1] + slack

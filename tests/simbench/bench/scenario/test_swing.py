@@ -125,8 +125,19 @@ def test_a_load_that_drives_OP_to_its_limit_is_unmatched():
 
 @pytest.mark.parametrize("kind", ["foptd", "integrating"])
 def test_the_cycle_in_other_units_is_that_of_the_loop_in_these_units(kind):
-    settings = {"process": kind, "controller": "PI", "Td_over_T": 0.3, "Td_over_Ti": 0.05, "S_over_2J": 1.0, "tuning": "medium",
-                "step": 0.8, "excitation": "both", "K": 0.7, "T": 12.0, "S": 3.0}  # fmt: skip
+    settings = {
+        "process": kind,
+        "controller": "PI",
+        "Td_over_T": 0.3,
+        "Td_over_Ti": 0.05,
+        "S_over_2J": 1.0,
+        "tuning": "medium",
+        "step": 0.8,
+        "excitation": "both",
+        "K": 0.7,
+        "T": 12.0,
+        "S": 3.0,
+    }
     settings |= {"samples_per_period": 30.0, "periods": 20.0}
     scale = CycleScale(S=1.7, pv=3.0, time=11.0)
     own = settings | {"S": 3.0 * scale.S, "K": 0.7 * scale.pv, "T": 12.0 * scale.time}

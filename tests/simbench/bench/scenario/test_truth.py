@@ -75,7 +75,9 @@ def test_noise_that_has_started_the_cycle_may_go_off():
 
 
 def test_one_moment_that_goes_on_is_enough():
-    """At some moments of its last period this loop comes to rest once the noise is off; the cycle exists all the same."""
+    """At some moments of its last period this loop comes to rest once the noise is off; the cycle
+    exists all the same.
+    """
     chosen = loop(STICKY, controller="P", Kc=3.0, noise=0.3)
 
     def goes_on(seed, quiet):

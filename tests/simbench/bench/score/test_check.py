@@ -1,4 +1,6 @@
-"""The gate: silent about chance and about other machines, loud about detectors that became worse."""
+"""The gate: silent about chance and about other machines, loud about detectors that became
+worse.
+"""
 
 import json
 import xml.etree.ElementTree as ET
@@ -196,7 +198,9 @@ def test_other_records_of_equal_detectors_seldom_alarm(book, noisy):
 
 
 def on_another_processor(base, share, rng, noisy, accuracy=0.8):
-    """The same grid: a share of the places with another id, record and, now and then, truth; answers as good as before."""
+    """The same grid: a share of the places with another id, record and, now and then, truth;
+    answers as good as before.
+    """
     other = rng.random(N) < share
     ids = np.where(other, np.char.add(b"x", base.ids), base.ids).astype("S16")
     truth = np.where(other & (rng.random(N) < 0.05), 1 - TRUTH, TRUTH).astype(np.int8)

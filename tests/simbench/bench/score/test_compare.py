@@ -126,7 +126,9 @@ def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
 
 
 def test_answers_behind_the_front_end_are_compared_unless_raw_ones_are_asked_for(book):
-    """Raw answers are all right in one run and all wrong in the other, answers behind the front end the other way round."""
+    """Raw answers are all right in one run and all wrong in the other, answers behind the front end
+    the other way round.
+    """
     right, wrong = [TRUTH, TRUTH], [1 - TRUTH, 1 - TRUTH]
     one = replace(book(wrong, TRUTH), verdict_raw=np.array(right, dtype=np.int8))
     other = replace(book(right, TRUTH), verdict_raw=np.array(wrong, dtype=np.int8))

@@ -39,9 +39,19 @@ def test_features_are_what_they_are_called():
     pv = 10 + 0.5 * wave("sine") + 0.05 * rng.standard_normal(2000)
     found = features(50 + 2 * wave("sine"), pv, sp=sp, process="integrating")
     wanted = {
-        "samples_per_period": 20, "periods": 100, "n": 2000, "Ts": 2, "integrating": 1, "sp_steps": 1, "op_std": 2,
-        "op_mean": 50, "op_first": 50 + 2 * wave("sine")[0], "op_begin": 1, "op_end": 1, "op_repeats": 0,
-    }  # fmt: skip
+        "samples_per_period": 20,
+        "periods": 100,
+        "n": 2000,
+        "Ts": 2,
+        "integrating": 1,
+        "sp_steps": 1,
+        "op_std": 2,
+        "op_mean": 50,
+        "op_first": 50 + 2 * wave("sine")[0],
+        "op_begin": 1,
+        "op_end": 1,
+        "op_repeats": 0,
+    }
     assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
     assert found["pv_noise"] == pytest.approx(0.1, rel=0.05)
     assert found["sp_span"] == pytest.approx(6.0, rel=0.02)

@@ -1,4 +1,6 @@
-"""S and J scored: errors in shares of S, coverage of stated intervals alone, and a gate that sees both become worse."""
+"""S and J scored: errors in shares of S, coverage of stated intervals alone, and a gate that sees
+both become worse.
+"""
 
 import json
 from dataclasses import replace
@@ -21,7 +23,9 @@ S, J = 4.0, 2.0
 
 @pytest.fixture
 def sized(book):
-    """Return a function that makes a run of 200 sticky loops with the S intervals and J numbers of one method."""
+    """Return a function that makes a run of 200 sticky loops with the S intervals and J numbers of
+    one method.
+    """
 
     def make(lo, hi, j=J, stated=("S",)):
         run = book(np.ones(N), np.ones(N), axes={"valve": np.array(["kano"] * N, dtype=object)})

@@ -1,4 +1,6 @@
-"""Ranks on planted runs: equals share one, a known difference is told apart at the number of loops that the tool proposes."""
+"""Ranks on planted runs: equals share one, a known difference is told apart at the number of loops
+that the tool proposes.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ RUNS = 100
 
 
 def planted(rng, n, accuracy):
-    """Return the truth of n loops and one method's verdicts, right with a probability, undecided on a tenth of its errors."""
+    """Return the truth of n loops and one method's verdicts, right with a probability, undecided on
+    a tenth of its errors.
+    """
     truth = (rng.random(n) < 0.5).astype(int)
     said = np.where(rng.random(n) < accuracy, truth, 1 - truth)
     said[(said != truth) & (rng.random(n) < 0.1)] = 2

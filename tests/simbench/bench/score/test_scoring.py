@@ -37,7 +37,9 @@ LOOP = Loop.from_table(
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """One run of three methods: of either kind of process, of self-regulating ones alone, with MV."""
+    """One run of three methods: of either kind of process, of self-regulating ones alone, with
+    MV.
+    """
     return run_grid("smoke", tmp_path_factory.mktemp("run") / "done", ["he", "horch", "yamashita"])
 
 
@@ -70,7 +72,10 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         )
     for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
-        chosen = "method == @method and truth == @truth and mode == @mode and process == @process and population == @population"
+        chosen = (
+            "method == @method and truth == @truth and mode == @mode and process == @process and"
+            " population == @population"
+        )
         row = scores.table.query(chosen).iloc[0]
         # horch is made for self-regulating loops alone
         covered = use & ((joined.process == "foptd") | (method != "horch"))
@@ -229,10 +234,13 @@ def test_the_table_against_another_truth_counts_that_truth(scores, joined):
     text = scores.as_text("predicted")
     row = scores.ranking("predicted").set_index("method").loc["he"]
     one = joined[(joined.method == "he") & joined.oscillating]
-    assert (row.n, row.positives) == (one.predicted.notna().sum(), (one.predicted == True).sum())  # noqa: E712
+    assert (row.n, row.positives) == (
+        one.predicted.notna().sum(),
+        (one.predicted == True).sum(),
+    )  # noqa: E712
     assert (
-        f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts a limit cycle"
-        in text
+        f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
+        " a limit cycle" in text
     )
 
 
@@ -402,7 +410,9 @@ def test_the_classifier_without_waveform_is_trained_once_for_a_run(book, monkeyp
 
 
 def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_waveform(book):
-    """What does not oscillate is negative: a classifier that knows no more is right on most loops, and beats nobody there."""
+    """What does not oscillate is negative: a classifier that knows no more is right on most loops,
+    and beats nobody there.
+    """
     rng = np.random.default_rng(6)
     oscillating = np.arange(800) < 400
     truth = np.where(oscillating, rng.integers(0, 2, 800), 0)

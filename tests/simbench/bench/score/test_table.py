@@ -1,4 +1,6 @@
-"""What `run` and `score` print by default: one table on one screen, on the grids that people run first."""
+"""What `run` and `score` print by default: one table on one screen, on the grids that people run
+first.
+"""
 
 import json
 from pathlib import Path

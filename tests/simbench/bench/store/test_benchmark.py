@@ -1,4 +1,6 @@
-"""Benchmark versions: what changes a score changes the hash, and runs of different versions are not compared."""
+"""Benchmark versions: what changes a score changes the hash, and runs of different versions are not
+compared.
+"""
 
 import json
 

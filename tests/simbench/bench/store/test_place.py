@@ -1,4 +1,6 @@
-"""A run lies where its URL says: the same bits in memory, on disk or on a cluster, and nothing where nobody can write."""
+"""A run lies where its URL says: the same bits in memory, on disk or on a cluster, and nothing
+where nobody can write.
+"""
 
 import uuid
 

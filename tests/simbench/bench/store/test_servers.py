@@ -1,4 +1,6 @@
-"""Runs behind URLs of real servers on the loopback: the bits of a run on disk, whatever ended the process that wrote it."""
+"""Runs behind URLs of real servers on the loopback: the bits of a run on disk, whatever ended the
+process that wrote it.
+"""
 
 import json
 import os

@@ -1,4 +1,6 @@
-"""The generator: its loop is right, its faults vanish at strength zero, and its strengths are what they are called."""
+"""The generator: its loop is right, its faults vanish at strength zero, and its strengths are what
+they are called.
+"""
 
 import math
 from dataclasses import replace
@@ -21,14 +23,26 @@ def plain(plant="foptd", controller="PI", **changes):
     """A quiet loop that logs everything on time, in the contract's PI form."""
     case = drawing.draw(RNG(7), plant=plant, sp_moves=True, mv=True)
     case = replace(
-        case, controller=controller, Ti=case.Ti if controller == "PI" else 0.0, load_std=0.0, noise_std=1e-9 * case.unit,
-        mv_noise=0.0, form=sim.VELOCITY, integral=sim.BACKWARD, log_is_late=False, play=0.0, n=600, smooth_gap=False,
-    )  # fmt: skip
+        case,
+        controller=controller,
+        Ti=case.Ti if controller == "PI" else 0.0,
+        load_std=0.0,
+        noise_std=1e-9 * case.unit,
+        mv_noise=0.0,
+        form=sim.VELOCITY,
+        integral=sim.BACKWARD,
+        log_is_late=False,
+        play=0.0,
+        n=600,
+        smooth_gap=False,
+    )
     return replace(case, **changes)
 
 
 def sampled_twin(case, setup):
-    """The contract's loop, one plain step per sample: exact plant under a held valve, whole-sample dead time, velocity PI."""
+    """The contract's loop, one plain step per sample: exact plant under a held valve, whole-sample
+    dead time, velocity PI.
+    """
     d = round(case.Td / case.Ts)
     moved = [case.op0] * (d + 1)
     a = math.exp(-case.Ts / case.T)

@@ -12,9 +12,18 @@ N = 4000
 WHITE = np.random.default_rng(0).standard_normal((2, N))
 
 
-@pytest.mark.parametrize(("before", "after", "share"), [
-    (3.0, 2.0, 0.5), (3.0, 1.0, 1.0), (3.0, 0.2, 1.0), (3.0, 3.0, 0.0), (3.0, 4.0, -0.5), (3.0, 99.0, -1.0), (5.0, 2.0, 0.75),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [
+        (3.0, 2.0, 0.5),
+        (3.0, 1.0, 1.0),
+        (3.0, 0.2, 1.0),
+        (3.0, 3.0, 0.0),
+        (3.0, 4.0, -0.5),
+        (3.0, 99.0, -1.0),
+        (5.0, 2.0, 0.75),
+    ],
+)
 def test_the_share_that_closes_is_of_what_lies_above_the_floor(before, after, share):
     assert closed(before, after, 1.0) == pytest.approx(share)
 

@@ -1,4 +1,6 @@
-"""What the record has and its simulation has not: nothing of its own loop, and in words what another loop lacks."""
+"""What the record has and its simulation has not: nothing of its own loop, and in words what
+another loop lacks.
+"""
 
 from dataclasses import replace
 
@@ -9,11 +11,15 @@ from simbench.gap.closed_loop.lacking import Lacking, lacking
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
 
-LOOP = Loop.from_table({
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.2},
-    "disturbance": [{"type": "coloured", "amplitude": 1, "period": 30}],
-})  # fmt: skip
+LOOP = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+        "sampling": {"Ts": 1.0, "n": 1500},
+        "noise": {"std": 0.2},
+        "disturbance": [{"type": "coloured", "amplitude": 1, "period": 30}],
+    }
+)
 
 
 def test_a_loop_lacks_nothing_of_its_own_record():

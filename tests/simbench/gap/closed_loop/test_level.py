@@ -16,11 +16,14 @@ from simbench.gap.report.traces import kick_of
 from simbench.loop.simulate import simulate
 
 TABLE = {
-    "plant": {"type": "foptd", "K": 2.0, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 0.4, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.2}, "setpoint": {"value": 60.0, "steps": [[100.0, 64.0]]},
+    "plant": {"type": "foptd", "K": 2.0, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 0.4, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.2},
+    "setpoint": {"value": 60.0, "steps": [[100.0, 64.0]]},
     "operating_point": {"op0": 55.0, "pv0": 60.0},
     "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 20.0}],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("controller", [TABLE["controller"], {"type": "P", "Kc": 0.4}])
@@ -51,7 +54,9 @@ SEED = 432
 
 
 def off_level(place, number):
-    """Return how far the means of a corrected loop lie from its record's OP and PV, in standard deviations of the record."""
+    """Return how far the means of a corrected loop lie from its record's OP and PV, in standard
+    deviations of the record.
+    """
     effect, strength = (
         LACKING[number % len(LACKING)],
         STRENGTHS[number // len(NAMES) % len(STRENGTHS)],

@@ -1,4 +1,6 @@
-"""From a fitted load back to a loop file: what the simulator makes of it is the load that was fitted."""
+"""From a fitted load back to a loop file: what the simulator makes of it is the load that was
+fitted.
+"""
 
 from types import SimpleNamespace
 
@@ -21,7 +23,9 @@ def simulated(parts, n, rng):
 
 
 def fitted(theta, n, rng):
-    """Return the load whose model `kernels.whiten` holds: a first-order stage of std `load`, then a second lag."""
+    """Return the load whose model `kernels.whiten` holds: a first-order stage of std `load`, then a
+    second lag.
+    """
     phi = np.exp(-1 / theta["load_time"])
     b = np.exp(-1 / theta["load_lag"])
     first, second, out = 0.0, 0.0, np.empty(n)
@@ -89,15 +93,23 @@ def built(fit=None, effects=None, *, stated=FOPTD, sp=60.0, pv=60.0, trusted=Tru
     """Return the loop file of a record of 2 s a sample beside a baseline; OP swings about 50 %."""
     vessel = stated["type"] == "integrating"
     table = {
-        "plant": stated, "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0}, "sampling": {"Ts": 2.02}, "noise": {"std": 0.1},
+        "plant": stated,
+        "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
+        "sampling": {"Ts": 2.02},
+        "noise": {"std": 0.1},
         "effect": list(had),
-    }  # fmt: skip
+    }
     op, y = 50.0 + np.resize([1.0, -1.0], N), np.broadcast_to(np.asarray(pv, dtype=float), N)
     data = Data(op, y, stated["K"] * (2.0 if vessel else 1.0), 0.0 if vessel else 20.0, 4.0, 0.1)
     situation = SimpleNamespace(
-        record=SimpleNamespace(Ts=2.0, n=N), data=data, baseline=Loop.from_table(table), integrating=vessel,
-        sp=np.broadcast_to(np.asarray(sp, dtype=float), N), op=op, trusted=trusted,
-    )  # fmt: skip
+        record=SimpleNamespace(Ts=2.0, n=N),
+        data=data,
+        baseline=Loop.from_table(table),
+        integrating=vessel,
+        sp=np.broadcast_to(np.asarray(sp, dtype=float), N),
+        op=op,
+        trusted=trusted,
+    )
     return fixed_loop(situation, fit or fitted_as(), effects or {}, **more)
 
 
@@ -187,7 +199,8 @@ def test_op_begins_where_pv_rests_on_the_first_set_point(fit, more, op0):
 
 
 def test_a_sticking_valve_moves_as_far_as_op_on_average():
-    # the regression of OP on the position of a sticking valve is flat, and would leave half of the rise in the operating point
+    # the regression of OP on the position of a sticking valve is flat, and would leave half of the
+    # rise in the operating point
     stuck = fitted_as(spec=Spec(valve=kernels.STICK), S=1.8, J=0.5)
     assert built(stuck, pv=63.0).operating_point.op0 == pytest.approx(48.0, abs=0.01)
 

@@ -1,4 +1,6 @@
-"""Each loop of a diagnosis is run once: before, recalibrated and with the effects, all under one load."""
+"""Each loop of a diagnosis is run once: before, recalibrated and with the effects, all under one
+load.
+"""
 
 from types import SimpleNamespace
 
@@ -21,7 +23,9 @@ NUMBERS = {
 
 @pytest.fixture
 def made(monkeypatch):
-    """Return the loops of a diagnosis that names stiction and a gain, and what was built, simulated and compared."""
+    """Return the loops of a diagnosis that names stiction and a gain, and what was built, simulated
+    and compared.
+    """
     seen = SimpleNamespace(simulated=[], compared=[], away=set(), jumps=[])
 
     def fixed_loop(situation, fit, effects, *, plant, load, jumps):

@@ -1,4 +1,6 @@
-"""Every feature by signals whose value is known: sines, staircases, noise that follows noise, and nothing at all."""
+"""Every feature by signals whose value is known: sines, staircases, noise that follows noise, and
+nothing at all.
+"""
 
 import numpy as np
 import pytest
@@ -32,11 +34,18 @@ def test_white_noise_has_the_features_of_white_noise():
     n = 4000
     f = of(3.0 * W[:n], W[n : 2 * n])
     expected = {
-        "pv size": np.log(3.0), "pv change": np.log(3.0 * np.sqrt(2.0)), "pv kurtosis": np.log(4.0),
-        "pv change kurtosis": np.log(4.0), "pv at rest": np.log(0.01), "pv straight": np.log(0.01), "pv wander": 0.0,
-        "pv at limit": np.log(0.01 + 2 / n), **{f"pv memory {lag}": 0.0 for lag in (1, 3, 10, 30)},
-        **{f"op after pv {lag}": 0.0 for lag in (0, 1, 3)}, **{f"pv after op {lag}": 0.0 for lag in (2, 6)},
-    }  # fmt: skip
+        "pv size": np.log(3.0),
+        "pv change": np.log(3.0 * np.sqrt(2.0)),
+        "pv kurtosis": np.log(4.0),
+        "pv change kurtosis": np.log(4.0),
+        "pv at rest": np.log(0.01),
+        "pv straight": np.log(0.01),
+        "pv wander": 0.0,
+        "pv at limit": np.log(0.01 + 2 / n),
+        **{f"pv memory {lag}": 0.0 for lag in (1, 3, 10, 30)},
+        **{f"op after pv {lag}": 0.0 for lag in (0, 1, 3)},
+        **{f"pv after op {lag}": 0.0 for lag in (2, 6)},
+    }
     assert {k: f[k] for k in expected} == pytest.approx(expected, abs=0.15)
     # white noise has as much power in each bin
     bands = np.array([np.exp(f[f"pv band {i}"]) for i in range(1, 7)])
@@ -68,7 +77,8 @@ def test_the_level_does_not_show_and_pv_is_seen_from_the_set_point():
 
 @pytest.mark.parametrize("band", range(1, 7))
 def test_the_power_of_a_sine_lies_in_its_band(band):
-    # behind a Hann window a sine is its own line and two of a quarter; at a band's lower edge one of these falls below
+    # behind a Hann window a sine is its own line and two of a quarter; at a band's lower edge one
+    # of these falls below
     found = of(sine(EDGES[band - 1]))
     power = {i: np.exp(found[f"pv band {i}"]) for i in range(1, 7)}
     assert power[band] == pytest.approx(N / 16 * 1.25, rel=0.02)
@@ -98,7 +108,8 @@ def test_five_fifths_wander_as_their_means_do():
     [(0.0, 1.0, 1.0), (0.5e-9, 1.0, 1.0), (2e-9, 0.5, 1.0), (2e-6, 0.5, 0.5)],
 )
 def test_rest_and_straight_lines_are_counted_beside_the_size(step, rests, straight):
-    # half of the record wanders up and down by a step; the other half stands, and a jump between gives a size of 1
+    # half of the record wanders up and down by a step; the other half stands, and a jump between
+    # gives a size of 1
     creep = np.zeros(1000)
     creep[:500] = step * (np.arange(500) % 2)
     found = of(np.concatenate([creep[:500], creep[500:] + 2.0]))

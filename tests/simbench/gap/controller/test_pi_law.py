@@ -1,4 +1,6 @@
-"""The controller's law: exact where it holds, and what stands between error and OP where it does not."""
+"""The controller's law: exact where it holds, and what stands between error and OP where it does
+not.
+"""
 
 from dataclasses import replace
 
@@ -35,10 +37,14 @@ def test_detuning_is_measured_to_the_digit():
     assert found.tuning == pytest.approx((1.7, 0.6), rel=1e-6)
 
 
-@pytest.mark.parametrize(("effect", "parameters", "name", "value", "tolerance"), [
-    ("error_deadband", {"width": 0.3}, "gap", 0.3, 0.03), ("op_quantisation", {"step": 0.4}, "step", 0.4, 1e-6),
-    ("saturation", {"lo": 0.0, "hi": 52.0}, "limits", (0.0, 52.0), 1e-6),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "parameters", "name", "value", "tolerance"),
+    [
+        ("error_deadband", {"width": 0.3}, "gap", 0.3, 0.03),
+        ("op_quantisation", {"step": 0.4}, "step", 0.4, 1e-6),
+        ("saturation", {"lo": 0.0, "hi": 52.0}, "limits", (0.0, 52.0), 1e-6),
+    ],
+)
 def test_controller_effects_are_found_with_their_size(effect, parameters, name, value, tolerance):
     found = law(record((effect, parameters)))
     assert between(found) == {name}
@@ -89,7 +95,9 @@ def test_an_integral_that_leaks_is_foreign_though_digits_hide_it_from_sample_to_
 
 
 def soft_gap_record(width):
-    """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order plant."""
+    """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order
+    plant.
+    """
     rng, n, Kc, Ti = np.random.default_rng(5), 2000, 1.2, 12.0
     op, pv, sp = np.full(n, 50.0), np.full(n, 20.0), np.full(n, 20.0)
     before = x = load = 0.0
@@ -260,7 +268,8 @@ def test_means_have_weights_that_are_no_derivative():
 
 
 def test_an_integral_held_at_a_limit_is_no_other_controller():
-    # positional form: the integral stands still while OP is at its limit, and leaves it by a step of its own
+    # positional form: the integral stands still while OP is at its limit, and leaves it by a step
+    # of its own
     rng, n, Kc, Ti = np.random.default_rng(2), 1500, 0.6, 18.0
     pv = 50 + np.cumsum(rng.normal(0, 0.4, n)) * 0.3
     e, total, op = 50 - pv, 0.0, np.empty(n)
@@ -272,10 +281,19 @@ def test_an_integral_held_at_a_limit_is_no_other_controller():
     assert not found.foreign, found.foreign
 
 
-@pytest.mark.parametrize(("name", "factor", "another"), [
-    ("Kc_factor", 1.0, False), ("Kc_factor", 1.11, False), ("Kc_factor", 1.17, True), ("Kc_factor", 0.9, False),
-    ("Kc_factor", 0.78, True), ("Ti_factor", 1.11, False), ("Ti_factor", 1.17, True), ("Ti_factor", 0.75, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "factor", "another"),
+    [
+        ("Kc_factor", 1.0, False),
+        ("Kc_factor", 1.11, False),
+        ("Kc_factor", 1.17, True),
+        ("Kc_factor", 0.9, False),
+        ("Kc_factor", 0.78, True),
+        ("Ti_factor", 1.11, False),
+        ("Ti_factor", 1.17, True),
+        ("Ti_factor", 0.75, True),
+    ],
+)
 def test_a_tuning_a_few_percent_off_is_the_same(name, factor, another):
     # downwards another form of the integral makes up for some of it
     found = law(record(("detuning", {name: factor})))

@@ -15,10 +15,16 @@ TABLE = {
 }
 
 
-@pytest.mark.parametrize("own", [
-    {}, {"form": "velocity"}, {"b": 0.5, "c": 0.3, "N": 5.0}, {"schedule": [[49.0, 0.7], [51.0, 1.4]]},
-    {"anti_windup": "back-calculation"},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "own",
+    [
+        {},
+        {"form": "velocity"},
+        {"b": 0.5, "c": 0.3, "N": 5.0},
+        {"schedule": [[49.0, 0.7], [51.0, 1.4]]},
+        {"anti_windup": "back-calculation"},
+    ],
+)
 def test_settings_explain_the_op_that_they_made_and_no_other(own):
     loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | own})
     r = simulate(loop, kick=5.0).record

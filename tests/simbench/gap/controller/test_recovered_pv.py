@@ -1,4 +1,6 @@
-"""What OP tells of the PV behind an archive: laws over the whole range of integral times, means and what is none."""
+"""What OP tells of the PV behind an archive: laws over the whole range of integral times, means and
+what is none.
+"""
 
 import numpy as np
 import pytest
@@ -65,10 +67,18 @@ def test_a_law_that_cannot_be_inverted_recovers_nothing():
     assert recover_pv(50.0 + 2.0 * E, E, -E, inside, 2.0, -2.0, True) == pytest.approx(-E, abs=0.1)
 
 
-@pytest.mark.parametrize(("weights", "mean"), [
-    ((0.5, 0.5), True), ((0.54, 0.54), True), ((0.57, 0.57), False), ((0.46, 0.46), True), ((0.43, 0.43), False),
-    ((1.15, -0.15), True), ((1.25, -0.25), False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("weights", "mean"),
+    [
+        ((0.5, 0.5), True),
+        ((0.54, 0.54), True),
+        ((0.57, 0.57), False),
+        ((0.46, 0.46), True),
+        ((0.43, 0.43), False),
+        ((1.15, -0.15), True),
+        ((1.25, -0.25), False),
+    ],
+)
 def test_the_weights_of_a_mean_add_to_one_and_are_hardly_negative(weights, mean):
     pv = weights[0] * SEEN + weights[1] * np.roll(SEEN, 1)
     assert (beside_a_mean(pv, SEEN) < 1e-9) == mean

@@ -38,9 +38,17 @@ def test_an_exact_law_and_another_tuning_are_told_apart():
     assert steps(np.zeros(N - 1), base=(2 * KC, KI)).base > 0.3
 
 
-@pytest.mark.parametrize(("noise", "height", "stray"), [
-    (0.0, 0.05, False), (0.0, 0.09, False), (0.0, 0.12, True), (0.0, 0.25, True), (0.01, 0.13, False), (0.01, 0.3, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("noise", "height", "stray"),
+    [
+        (0.0, 0.05, False),
+        (0.0, 0.09, False),
+        (0.0, 0.12, True),
+        (0.0, 0.25, True),
+        (0.01, 0.13, False),
+        (0.01, 0.3, True),
+    ],
+)
 def test_a_stray_is_a_tenth_of_the_moves_and_twenty_times_what_the_law_leaves(noise, height, stray):
     extra = noise * np.random.default_rng(2).standard_normal(N - 1)
     places = np.array([400, 900, 1500])
@@ -94,10 +102,17 @@ def test_a_filtered_derivative_is_a_law_and_chance_is_none(filter_):
     assert with_derivative(chance, E, ROWS, spread(du)) > 0.8
 
 
-@pytest.mark.parametrize(("rate", "tuning", "digits", "leaks"), [
-    (0.005, 1.0, 0.01, True), (0.005, 1.0, 0.0, True), (0.0, 1.0, 0.01, False), (0.0, 1.0, 0.0, False),
-    (0.0, 1.1, 0.01, False), (0.0, 1.0, 0.3, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate", "tuning", "digits", "leaks"),
+    [
+        (0.005, 1.0, 0.01, True),
+        (0.005, 1.0, 0.0, True),
+        (0.0, 1.0, 0.01, False),
+        (0.0, 1.0, 0.0, False),
+        (0.0, 1.1, 0.01, False),
+        (0.0, 1.0, 0.3, False),
+    ],
+)
 def test_a_leak_shows_beside_the_digits_and_no_tuning_is_one(rate, tuning, digits, leaks):
     op = np.zeros(N)
     for k in range(1, N):

@@ -9,7 +9,9 @@ from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
 
 def coarse(push, top=True):
-    """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that pushes it there each scan."""
+    """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that
+    pushes it there each scan.
+    """
     way = 1.0 if top else -1.0
     op = 50.0 + way * np.concatenate(
         [
@@ -60,7 +62,9 @@ def test_a_fine_op_pushed_on_in_two_scans_by_more_than_its_digits_is_limited(sca
 
 
 def rest(pairs, n, wrong=0):
-    """Return an error within 0.1 for so many pairs of samples and beyond 2 elsewhere, and OP that stands still in the band."""
+    """Return an error within 0.1 for so many pairs of samples and beyond 2 elsewhere, and OP that
+    stands still in the band.
+    """
     rng = np.random.default_rng(1)
     e = rng.uniform(2.0, 3.0, n) * rng.choice([-1, 1], n)
     e[100 : 101 + pairs] = rng.uniform(0.05, 0.1, pairs + 1)
@@ -92,7 +96,9 @@ def test_an_error_of_exactly_nothing_has_no_dead_band():
 
 
 def scans(missed, n=1000, noise=0.0, Kc=0.8, Ki=0.05):
-    """Return OP of a PI controller that misses scans, each move counted from the last one; its error, and its moves' size."""
+    """Return OP of a PI controller that misses scans, each move counted from the last one; its
+    error, and its moves' size.
+    """
     rng = np.random.default_rng(2)
     e, op, last = np.cumsum(rng.standard_normal(n)) * 0.1, np.full(n, 50.0), 0
     skip = np.isin(np.arange(n), rng.choice(np.arange(1, n), missed, replace=False))
@@ -130,7 +136,8 @@ def test_moves_that_obey_no_law_are_no_missed_scans(noise, skips):
 
 @pytest.mark.parametrize(("unit", "skips"), [(0.0, True), (0.05, True), (0.5, False)])
 def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, skips):
-    # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are wanted
+    # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are
+    # wanted
     op, e, size = scans(300)
     assert skips_scans(op, e, np.ones(op.size, dtype=bool), size, unit * size) == skips
 
@@ -138,7 +145,8 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
 def test_a_dead_band_ends_half_way_between_the_largest_error_that_stands_and_the_smallest_that_moves():
     op, e = rest(100, 1000)
     reach, moves = np.maximum(np.abs(e[1:]), np.abs(e[:-1])), np.diff(op) != 0.0
-    # the pair that enters the band and the one that leaves it move already; a few at the end stand by chance
+    # the pair that enters the band and the one that leaves it move already; a few at the end stand
+    # by chance
     width = error_gap(op, e, np.ones(999, dtype=bool))
     assert width == pytest.approx(reach[~moves & (reach < 1.0)].max() + reach[moves].min())
 

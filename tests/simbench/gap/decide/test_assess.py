@@ -15,17 +15,27 @@ from simbench.gap.decide.assess import (
 from simbench.gap.likelihood.model import Spec
 
 BLOCKS = {
-    "memory": (15.0, "disturbance"), "input": (10.0, "process"), "bursts": (40.0, "sensor"), "dynamics nats": (8.0, "process"),
-    "shape nats": (8.0, "valve"), "aging nats": (8.0, "process"), "level nats": (8.0, "process"),
-}  # fmt: skip
+    "memory": (15.0, "disturbance"),
+    "input": (10.0, "process"),
+    "bursts": (40.0, "sensor"),
+    "dynamics nats": (8.0, "process"),
+    "shape nats": (8.0, "valve"),
+    "aging nats": (8.0, "process"),
+    "level nats": (8.0, "process"),
+}
 QUIET = dict.fromkeys(BLOCKS, 0.0)
 
 
 def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, facts=None):
     return SimpleNamespace(
-        unexplained_law=law, frozen=frozen, trusted=trusted, facts=facts or {}, archive=SimpleNamespace(faithful=faithful),
-        law=SimpleNamespace(gap=gap), samples=SimpleNamespace(held=42),
-    )  # fmt: skip
+        unexplained_law=law,
+        frozen=frozen,
+        trusted=trusted,
+        facts=facts or {},
+        archive=SimpleNamespace(faithful=faithful),
+        law=SimpleNamespace(gap=gap),
+        samples=SimpleNamespace(held=42),
+    )
 
 
 def assessed(here, tests=QUIET, valve=False, chosen=(), beside=(), jumps=()):
@@ -81,13 +91,17 @@ def test_a_load_that_jumps_between_samples_leaves_traces(name, loose):
     }
 
 
-@pytest.mark.parametrize(("found", "valve", "block"), [
-    (situation(law="OP stands still"), False, "controller"), (situation(frozen=True), False, "sensor"),
-    (situation(), True, "valve"),
-    (situation(facts={"nobody's": ("sensor", "PV rings")}), False, "sensor"),
-    (situation(facts={"rounding": ("sensor", "PV stands on a lattice")}), False, None),
-    (situation(frozen=True, trusted=False), False, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("found", "valve", "block"),
+    [
+        (situation(law="OP stands still"), False, "controller"),
+        (situation(frozen=True), False, "sensor"),
+        (situation(), True, "valve"),
+        (situation(facts={"nobody's": ("sensor", "PV rings")}), False, "sensor"),
+        (situation(facts={"rounding": ("sensor", "PV stands on a lattice")}), False, None),
+        (situation(frozen=True, trusted=False), False, None),
+    ],
+)
 def test_what_needs_no_statistics_outranks_a_failed_test(found, valve, block):
     assert blocks(found, valve=valve) == ({block} if block else set())
     # memory at five times its limit

@@ -1,4 +1,6 @@
-"""What tests add: lab samples tell a drifting measurement, a valve found by MV is known everywhere, another plant is found."""
+"""What tests add: lab samples tell a drifting measurement, a valve found by MV is known everywhere,
+another plant is found.
+"""
 
 from types import SimpleNamespace
 
@@ -76,7 +78,9 @@ MORE |= {"setpoint": {"steps": [[100, 55], [500, 48], [900, 53]]}}
 
 
 def lagging(Td, tau):
-    """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time 6 without it."""
+    """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time
+    6 without it.
+    """
     true, told = (
         Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6)
     )

@@ -1,4 +1,6 @@
-"""From gains to probabilities: they sum to one, have no unit, and every constant moves only what it should."""
+"""From gains to probabilities: they sum to one, have no unit, and every constant moves only what it
+should.
+"""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,6 @@
-"""The block of what no law describes is where most of the evidence lies, and nobody's where there is none."""
+"""The block of what no law describes is where most of the evidence lies, and nobody's where there
+is none.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,12 @@ from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
 TOLD = {
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 900}, "noise": {"std": 0.1},
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 900},
+    "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[100 * k, 50 + 2 * (-1) ** k] for k in range(1, 9)]},
-}  # fmt: skip
+}
 LOAD = {"type": "coloured", "amplitude": 0.3, "period": 30.0}
 HIDDEN: dict[str, dict[str, Any]] = {
     "nothing": {},

@@ -1,4 +1,6 @@
-"""A law is found where it acts, pays on unseen samples, closes the gap, and comes back as a file that simulates it."""
+"""A law is found where it acts, pays on unseen samples, closes the gap, and comes back as a file
+that simulates it.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,12 @@ from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
 
 TABLE = {
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1600},
+    "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[100 * k, 50 + 4 * (-1) ** k] for k in range(1, 16)]},
-}  # fmt: skip
+}
 TOLD = Loop.from_table(TABLE)
 LOAD = [{"type": "coloured", "amplitude": 0.4, "period": 30.0}]
 
@@ -39,13 +43,17 @@ def hidden(form, numbers, seed=4):
         ).record
 
 
-@pytest.mark.parametrize(("form", "numbers", "block", "near"), [
-    ("rate", {"slowness": 4.0}, "valve", "slew_limit"), ("zero", {"lead": -20.0, "lag": 6.0}, "process", "dead_time_mismatch"),
-    ("derivative", {"Td": 8.0, "filter": 1.0}, "controller", "derivative_action"),
-    ("idle", {"share": 0.3, "length": 8.0}, "controller", "missed_executions"),
-    ("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
-    ("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("form", "numbers", "block", "near"),
+    [
+        ("rate", {"slowness": 4.0}, "valve", "slew_limit"),
+        ("zero", {"lead": -20.0, "lag": 6.0}, "process", "dead_time_mismatch"),
+        ("derivative", {"Td": 8.0, "filter": 1.0}, "controller", "derivative_action"),
+        ("idle", {"share": 0.3, "length": 8.0}, "controller", "missed_executions"),
+        ("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
+        ("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
+    ],
+)
 def test_a_hidden_law_is_found_in_its_form(form, numbers, block, near):
     found = discover(hidden(form, numbers), TOLD)
     assert found.law is not None, found.why

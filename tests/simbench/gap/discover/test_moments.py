@@ -1,4 +1,6 @@
-"""Load and uncertain numbers follow from the simulated loop; what single samples show stays as it is."""
+"""Load and uncertain numbers follow from the simulated loop; what single samples show stays as it
+is.
+"""
 
 from dataclasses import replace
 
@@ -12,10 +14,14 @@ from simbench.gap.intake.check import check
 from simbench.gap.law import FoundLaw
 from simbench.loop.simulate import simulate
 
-TOLD = Loop.from_table({
-    "plant": {"type": "foptd", "K": 1.2, "T": 10.0, "Td": 2.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-    "sampling": {"Ts": 1.0, "n": 900}, "noise": {"std": 0.1},
-})  # fmt: skip
+TOLD = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1.2, "T": 10.0, "Td": 2.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+        "sampling": {"Ts": 1.0, "n": 900},
+        "noise": {"std": 0.1},
+    }
+)
 LOAD = [{"type": "coloured", "amplitude": 1.0, "period": 15.0}]
 RETUNED = FoundLaw("tuning", {"gain": 1.6, "integral": 1.5}, 100.0)
 

@@ -1,4 +1,6 @@
-"""What each effect's fit is begun from, tried on and paid for: an engine that notes what it is asked."""
+"""What each effect's fit is begun from, tried on and paid for: an engine that notes what it is
+asked.
+"""
 
 from math import comb, log
 
@@ -96,10 +98,17 @@ def test_a_released_gain_is_begun_under_three_loads():
     assert found.spec.free == {"K"}
 
 
-@pytest.mark.parametrize(("effect", "name", "trials"), [
-    ("time_constant_mismatch", "T", 25.0 * np.array([0.3, 0.5, 0.7, 1.5, 2.0, 3.0])),
-    ("dead_time_mismatch", "Td", [0.0, 1.25, 2.5, 3.75, *(5.0 + 7.5 * np.geomspace(0.25, 6.0, 12))]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "name", "trials"),
+    [
+        ("time_constant_mismatch", "T", 25.0 * np.array([0.3, 0.5, 0.7, 1.5, 2.0, 3.0])),
+        (
+            "dead_time_mismatch",
+            "Td",
+            [0.0, 1.25, 2.5, 3.75, *(5.0 + 7.5 * np.geomspace(0.25, 6.0, 12))],
+        ),
+    ],
+)
 def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(effect, name, trials):
     best = float(trials[1])
     engine = Engine(lambda spec, theta: -abs(theta[name] - best))
@@ -212,7 +221,9 @@ def test_a_characteristic_is_tried_on_both_sides_of_a_straight_one_under_two_loa
 
 
 def scanned(engine, kind):
-    """Return the first points scanned for a valve map: sizes, and the second number over the first."""
+    """Return the first points scanned for a valve map: sizes, and the second number over the
+    first.
+    """
     points = next(p for k, p in engine.scanned if k == kind)
     return np.unique(points[:, 0]), points
 
@@ -259,7 +270,9 @@ def test_a_dead_zone_is_scanned_over_ops_range():
 
 
 class Jumpy(Engine):
-    """An engine whose load jumps: so many jumps bring so many nats each, if they last, and further ones nothing."""
+    """An engine whose load jumps: so many jumps bring so many nats each, if they last, and further
+    ones nothing.
+    """
 
     spread = 10.0
 
@@ -293,7 +306,8 @@ def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
 
 
 @pytest.mark.parametrize(("real", "worth", "count"), [
-    # sixteen places of a thousand can be picked in e^79.7 ways, 4.98 nats a jump; half as many are tried each time
+    # sixteen places of a thousand can be picked in e^79.7 ways, 4.98 nats a jump; half as many are
+    # tried each time
     (0, 0.0, 0), (16, 3.0, 0), (16, 5.1, 16), (1, 100.0, 16), (1, 50.0, 8),
 ])  # fmt: skip
 @pytest.mark.parametrize("lasting", [True, False])

@@ -1,4 +1,6 @@
-"""From a fit to the numbers of the loop file, and what an effect takes for its own: cases with known answers."""
+"""From a fit to the numbers of the loop file, and what an effect takes for its own: cases with
+known answers.
+"""
 
 from types import SimpleNamespace
 
@@ -31,17 +33,30 @@ def fit(K=1.0, own=(), jumps=(), lasting=True, **theta):
     return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *own]), theta=theta, spec=spec)
 
 
-@pytest.mark.parametrize(("effect", "found", "numbers"), [
-    ("valve_lag", fit(tau=3.0), {"tau": 6.0}), ("extra_lag", fit(tau=3.0), {"tau": 6.0}),
-    ("sensor_lag", fit(tau=3.0), {"tau": 6.0}),
-    ("dead_time_mismatch", fit(Td=7.0), {"extra": 6.0}), ("dead_time_mismatch", fit(Td=1.0), {"extra": -6.0}),
-    ("time_constant_mismatch", fit(T=30.0), {"factor": 3.0}), ("time_constant_mismatch", fit(T=300.0), {"factor": 20.0}),
-    ("gain_mismatch", fit(K=0.5), {"factor": 0.25}), ("gain_mismatch", fit(K=0.01), {"factor": 0.05}),
-    ("noise", fit(noise_std=0.5), {"factor": 2.5}), ("stiction", fit(S=5.0, J=2.0), {"S": 5.0, "J": 2.0}),
-    ("deadzone", fit(D=3.0, c=50.0), {"D": 3.0, "c": 50.0}), ("valve_characteristic", fit(R=0.001), {"R": 0.01}),
-    ("drift", fit(own=(40.0,), walk=0.3), {"rate": 0.02, "walk": 0.3 / np.sqrt(2.0)}),
-    ("load_drift", fit(K=-0.5, own=(40.0,), load_walk=0.3), {"rate": -0.04, "walk": 0.6 / np.sqrt(2.0)}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "found", "numbers"),
+    [
+        ("valve_lag", fit(tau=3.0), {"tau": 6.0}),
+        ("extra_lag", fit(tau=3.0), {"tau": 6.0}),
+        ("sensor_lag", fit(tau=3.0), {"tau": 6.0}),
+        ("dead_time_mismatch", fit(Td=7.0), {"extra": 6.0}),
+        ("dead_time_mismatch", fit(Td=1.0), {"extra": -6.0}),
+        ("time_constant_mismatch", fit(T=30.0), {"factor": 3.0}),
+        ("time_constant_mismatch", fit(T=300.0), {"factor": 20.0}),
+        ("gain_mismatch", fit(K=0.5), {"factor": 0.25}),
+        ("gain_mismatch", fit(K=0.01), {"factor": 0.05}),
+        ("noise", fit(noise_std=0.5), {"factor": 2.5}),
+        ("stiction", fit(S=5.0, J=2.0), {"S": 5.0, "J": 2.0}),
+        ("deadzone", fit(D=3.0, c=50.0), {"D": 3.0, "c": 50.0}),
+        ("valve_characteristic", fit(R=0.001), {"R": 0.01}),
+        ("drift", fit(own=(40.0,), walk=0.3), {"rate": 0.02, "walk": 0.3 / np.sqrt(2.0)}),
+        (
+            "load_drift",
+            fit(K=-0.5, own=(40.0,), load_walk=0.3),
+            {"rate": -0.04, "walk": 0.6 / np.sqrt(2.0)},
+        ),
+    ],
+)
 def test_a_fits_numbers_are_those_of_the_loop_file(effect, found, numbers):
     assert recogniser(effect).numbers(found, SITUATION) == pytest.approx(numbers)
 
@@ -71,10 +86,17 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
     assert found == pytest.approx({"rate": 3 / 2000.0, "size": 4.0})
 
 
-@pytest.mark.parametrize(("beside", "height", "lasting", "ordinary"), [
-    (0.5, 3.0, True, False), (0.24, 3.0, True, True), (0.26, 3.0, True, False), (0.5, 0.69, True, True),
-    (0.5, 0.72, True, False), (0.5, 3.0, False, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("beside", "height", "lasting", "ordinary"),
+    [
+        (0.5, 3.0, True, False),
+        (0.24, 3.0, True, True),
+        (0.26, 3.0, True, False),
+        (0.5, 0.69, True, True),
+        (0.5, 0.72, True, False),
+        (0.5, 3.0, False, True),
+    ],
+)
 def test_jumps_that_the_ordinary_load_may_make_are_ordinary(beside, height, lasting, ordinary):
     # a jump of two parts of .707 is one of twice a load of .5
     found = fit(jumps=(100, 200), lasting=lasting, load=beside, load_jump=height)
@@ -134,10 +156,18 @@ def innovations(height, count, neighbour=0.0):
     return x, places
 
 
-@pytest.mark.parametrize(("height", "count", "neighbour", "found"), [
-    (9.0, 12, 0.0, True), (9.0, 2, 0.0, False), (9.0, 3, 0.0, True), (5.0, 12, 0.65, True), (5.0, 12, 0.75, False),
-    (3.5, 12, 0.0, False),    (5.0, 12, 0.0, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("height", "count", "neighbour", "found"),
+    [
+        (9.0, 12, 0.0, True),
+        (9.0, 2, 0.0, False),
+        (9.0, 3, 0.0, True),
+        (5.0, 12, 0.65, True),
+        (5.0, 12, 0.75, False),
+        (3.5, 12, 0.0, False),
+        (5.0, 12, 0.0, True),
+    ],
+)
 def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
     height, count, neighbour, found
 ):
@@ -169,9 +199,18 @@ def test_sizes_run_geometrically_from_barely_to_grossly():
 
 
 YARDSTICK = SimpleNamespace(
-    op=2.0, op_change=0.5, pv=0.3, noise=0.1, lag=24.0, pace=20.0, gain=1.5, Td=4.0, seconds=1000.0, integral=True,
+    op=2.0,
+    op_change=0.5,
+    pv=0.3,
+    noise=0.1,
+    lag=24.0,
+    pace=20.0,
+    gain=1.5,
+    Td=4.0,
+    seconds=1000.0,
+    integral=True,
     record=SimpleNamespace(Ts=1.0, op=np.random.default_rng(0).normal(50.0, 2.0, 2000)),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -188,13 +227,24 @@ def test_a_drawn_effect_grows_from_barely_there_to_gross(effect, seed):
         assert list(v) in (sorted(v), sorted(v, reverse=True)), k
 
 
-@pytest.mark.parametrize(("effect", "name", "low", "high"), [
-    ("valve_lag", "tau", 0.72, 192.0), ("extra_lag", "tau", 0.72, 192.0), ("sensor_lag", "tau", 0.72, 192.0),
-    ("compression", "band", 0.01, 1.5), ("error_deadband", "width", 0.06, 6.0), ("quantisation", "step", 0.01, 3.0),
-    ("op_quantisation", "step", 0.05, 9.0), ("stiction", "S", 0.4, 25.0), ("deadzone", "D", 0.4, 20.0),
-    ("outliers", "size", 0.75, 12.0), ("deadband", "S", 0.4, 30.0),
-    ("load_steps", "size", 0.4, 20.0), ("oscillation", "amplitude", 0.1, 20.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "name", "low", "high"),
+    [
+        ("valve_lag", "tau", 0.72, 192.0),
+        ("extra_lag", "tau", 0.72, 192.0),
+        ("sensor_lag", "tau", 0.72, 192.0),
+        ("compression", "band", 0.01, 1.5),
+        ("error_deadband", "width", 0.06, 6.0),
+        ("quantisation", "step", 0.01, 3.0),
+        ("op_quantisation", "step", 0.05, 9.0),
+        ("stiction", "S", 0.4, 25.0),
+        ("deadzone", "D", 0.4, 20.0),
+        ("outliers", "size", 0.75, 12.0),
+        ("deadband", "S", 0.4, 30.0),
+        ("load_steps", "size", 0.4, 20.0),
+        ("oscillation", "amplitude", 0.1, 20.0),
+    ],
+)
 def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
     # OP moves by 2 % (0.5 % a sample), PV by 0.3 and by a noise of 0.1, within 24 s
     size = recogniser(effect).draw(YARDSTICK, np.random.default_rng(1))
@@ -269,13 +319,19 @@ def test_the_period_of_a_sine_in_the_innovations_is_found(period):
     assert found.theta["load"] == 0.5
 
 
-@pytest.mark.parametrize(("effect", "name", "ends"), [
-    ("drift", "rate", {(0.0006, 0.18)}), ("drift", "walk", {(0.3 / np.sqrt(1000.0), 180 / np.sqrt(1000.0))}),
-    ("load_drift", "rate", {(0.0006, 0.04)}), ("load_drift", "walk", {(0.2 / np.sqrt(1000.0), 20 / np.sqrt(1000.0))}),
-    ("dead_time_mismatch", "extra", {(0.72, 96.0), (-0.4, -4.0)}), ("noise", "factor", {(1.05, 12.0), (0.95, 0.05)}),
-    ("detuning", "Kc_factor", {(1.05, 6.0), (1 / 1.05, 1 / 6.0), (1.0, 1.0)}),
-    ("detuning", "Ti_factor", {(1.1, 8.0), (1 / 1.1, 1 / 8.0), (1.0, 1.0)}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "name", "ends"),
+    [
+        ("drift", "rate", {(0.0006, 0.18)}),
+        ("drift", "walk", {(0.3 / np.sqrt(1000.0), 180 / np.sqrt(1000.0))}),
+        ("load_drift", "rate", {(0.0006, 0.04)}),
+        ("load_drift", "walk", {(0.2 / np.sqrt(1000.0), 20 / np.sqrt(1000.0))}),
+        ("dead_time_mismatch", "extra", {(0.72, 96.0), (-0.4, -4.0)}),
+        ("noise", "factor", {(1.05, 12.0), (0.95, 0.05)}),
+        ("detuning", "Kc_factor", {(1.05, 6.0), (1 / 1.05, 1 / 6.0), (1.0, 1.0)}),
+        ("detuning", "Ti_factor", {(1.1, 8.0), (1 / 1.1, 1 / 8.0), (1.0, 1.0)}),
+    ],
+)
 def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, name, ends):
     # a ramp on PV is measured by what OP does through the gain of 1.5: 3 units within 1000 s
     sizes = [recogniser(effect).draw(YARDSTICK, np.random.default_rng(s)) for s in range(60)]
@@ -314,7 +370,8 @@ def test_evidence_for_spikes_has_no_unit(unit):
     assert gain == pytest.approx(
         outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)[0]
     )
-    # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what heavy tails take back
+    # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what heavy tails take
+    # back
     assert 30.0 < gain < 300.0
     assert p["at"] == "loop"
 

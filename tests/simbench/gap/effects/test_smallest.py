@@ -1,4 +1,6 @@
-"""The smallest size that would have shown: the first step that costs nine nats, in the units it is said in."""
+"""The smallest size that would have shown: the first step that costs nine nats, in the units it is
+said in.
+"""
 
 from types import SimpleNamespace
 
@@ -15,7 +17,9 @@ STEPS = np.geomspace(0.02, 2.0, 14)
 
 
 def probe(name, unit, from_=0.0, T=20.0, Td=4.0):
-    """Return a probe in a record whose likelihood falls by 90 nats for every `unit` that a number is off `from_`."""
+    """Return a probe in a record whose likelihood falls by 90 nats for every `unit` that a number
+    is off `from_`.
+    """
 
     def evaluate(spec, theta):
         return (-90.0 * abs(theta.get(name, from_) - from_) / unit,)
@@ -46,12 +50,19 @@ def first(share):
 
 
 @pytest.mark.parametrize("unit", [0.5, 2.0, 8.0])
-@pytest.mark.parametrize(("effect", "name", "from_", "scale", "said", "words"), [
-    # a band is tried as shares of OP's range of 20 %, a pole of five time constants, a factor of the number itself
-    ("stiction", "S", 0.0, 20.0, 20.0, "%"), ("deadband", "S", 0.0, 20.0, 20.0, "%"),
-    ("valve_lag", "tau", 0.0, 100.0, 200.0, "s"), ("extra_lag", "tau", 0.0, 100.0, 200.0, "s"),
-    ("sensor_lag", "tau", 0.0, 100.0, 200.0, "s"), ("dead_time_mismatch", "Td", 4.0, 5.0, 10.0, "s"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "name", "from_", "scale", "said", "words"),
+    [
+        # a band is tried as shares of OP's range of 20 %, a pole of five time constants, a factor
+        # of the number itself
+        ("stiction", "S", 0.0, 20.0, 20.0, "%"),
+        ("deadband", "S", 0.0, 20.0, 20.0, "%"),
+        ("valve_lag", "tau", 0.0, 100.0, 200.0, "s"),
+        ("extra_lag", "tau", 0.0, 100.0, 200.0, "s"),
+        ("sensor_lag", "tau", 0.0, 100.0, 200.0, "s"),
+        ("dead_time_mismatch", "Td", 4.0, 5.0, 10.0, "s"),
+    ],
+)
 def test_the_first_step_that_costs_nine_nats_is_the_size(
     effect, name, from_, scale, said, words, unit
 ):

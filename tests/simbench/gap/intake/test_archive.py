@@ -1,4 +1,6 @@
-"""What single samples prove of an archive, and which PV the plant gave: each rule just inside and just outside."""
+"""What single samples prove of an archive, and which PV the plant gave: each rule just inside and
+just outside.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -46,15 +48,22 @@ def lattice(step):
     return replace(PLAIN, step=step, resolution=0.001)
 
 
-@pytest.mark.parametrize(("samples", "law", "archive"), [
-    (PLAIN, LAW, Archive()),
-    # PV moves by 0.1 a sample: rounding by 0.02 hides nothing, by 0.03 it does
-    (lattice(0.02), LAW, Archive()), (lattice(0.03), LAW, Archive((0.03, "loop"))),
-    (lattice(0.03), HIDDEN, Archive((0.03, "record"))), (replace(PLAIN, resolution=0.02), LAW, Archive()),
-    # a decimal is how PV is written until it hides something of the noise, 0.1 too, that a filter may have taken off PV
-    (replace(PLAIN, resolution=0.03), LAW, Archive()), (replace(PLAIN, resolution=0.04), LAW, Archive((0.04, "loop"))),
-    (replace(PLAIN, straight=0.16), LAW, Archive()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("samples", "law", "archive"),
+    [
+        (PLAIN, LAW, Archive()),
+        # PV moves by 0.1 a sample: rounding by 0.02 hides nothing, by 0.03 it does
+        (lattice(0.02), LAW, Archive()),
+        (lattice(0.03), LAW, Archive((0.03, "loop"))),
+        (lattice(0.03), HIDDEN, Archive((0.03, "record"))),
+        (replace(PLAIN, resolution=0.02), LAW, Archive()),
+        # a decimal is how PV is written until it hides something of the noise, 0.1 too, that a
+        # filter may have taken off PV
+        (replace(PLAIN, resolution=0.03), LAW, Archive()),
+        (replace(PLAIN, resolution=0.04), LAW, Archive((0.04, "loop"))),
+        (replace(PLAIN, straight=0.16), LAW, Archive()),
+    ],
+)
 def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(
     samples, law, archive
 ):
@@ -134,13 +143,21 @@ def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(
     assert _unexplained(SimpleNamespace(law=law), archive, mismatch) == said
 
 
-@pytest.mark.parametrize(("strays", "sp", "pv", "more", "said"), [
-    ([100, 200, 300], {}, {}, {}, "in 3 samples"), ([100, 200], {}, {}, {}, ""),
-    # a set point that the archive stored a sample off, a sample that it drew between two others, a limit
-    ([100, 200, 300], {101: 51.0}, {}, {}, ""), ([100, 200, 300], {}, {201: 0.5 * (PV[200] + PV[202])}, {}, ""),
-    ([1, 100, 200], {}, {}, {}, ""), ([int(OP.argmax()), 100, 200], {}, {}, {}, ""),
-    ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""), ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("strays", "sp", "pv", "more", "said"),
+    [
+        ([100, 200, 300], {}, {}, {}, "in 3 samples"),
+        ([100, 200], {}, {}, {}, ""),
+        # a set point that the archive stored a sample off, a sample that it drew between two
+        # others, a limit
+        ([100, 200, 300], {101: 51.0}, {}, {}, ""),
+        ([100, 200, 300], {}, {201: 0.5 * (PV[200] + PV[202])}, {}, ""),
+        ([1, 100, 200], {}, {}, {}, ""),
+        ([int(OP.argmax()), 100, 200], {}, {}, {}, ""),
+        ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""),
+        ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
+    ],
+)
 def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
     strays, sp, pv, more, said
 ):
@@ -161,8 +178,15 @@ def test_the_engine_is_told_the_digits_that_are_in_its_pv(rounding, unit):
     assert _resolution(Archive(rounding), lattice(0.05)) == unit
 
 
-@pytest.mark.parametrize(("law", "apart"), [(LAW, False), (HIDDEN, True), (replace(HIDDEN, reason=""), False),
-                                            (replace(HIDDEN, recovered_pv=None), False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "apart"),
+    [
+        (LAW, False),
+        (HIDDEN, True),
+        (replace(HIDDEN, reason=""), False),
+        (replace(HIDDEN, recovered_pv=None), False),
+    ],
+)
 def test_an_archive_is_apart_where_op_says_another_pv_and_the_recorded_one_explains_nothing(
     law, apart
 ):

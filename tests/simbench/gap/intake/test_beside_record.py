@@ -1,4 +1,6 @@
-"""What contradicts: a mode column that does not fit OP, another tuning, another loop; a sound test is left in peace."""
+"""What contradicts: a mode column that does not fit OP, another tuning, another loop; a sound test
+is left in peace.
+"""
 
 from types import SimpleNamespace
 
@@ -59,7 +61,8 @@ def test_nothing_is_said_of_a_sound_test(id_, situation):
 
 @pytest.mark.parametrize(("id_", "moved"), [("sp_steps", True), ("bump", True), ("kc_half", False)])
 def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situation, monkeypatch):
-    # load and plant of a loop that nobody moves are one thing, and a load of steps looks like another plant
+    # load and plant of a loop that nobody moves are one thing, and a load of steps looks like
+    # another plant
     monkeypatch.setattr(beside_tests, "_other_plant", lambda *_: "another")
     test = modelled(made(id_, situation), situation)
     assert beside_tests.other_plants(assess(situation), situation, [test]) == (

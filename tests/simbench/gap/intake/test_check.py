@@ -1,4 +1,6 @@
-"""What is refused, in one sentence, and what is like it and must be answered: units, other loops, dead and frozen signals."""
+"""What is refused, in one sentence, and what is like it and must be answered: units, other loops,
+dead and frozen signals.
+"""
 
 from dataclasses import replace
 
@@ -51,20 +53,34 @@ def refused(record, baseline, *words):
     [{}, STICKY, {"valve": {"model": "deadband", "S": 3.0}}],
     ids=["ideal", "sticky", "play"],
 )
-@pytest.mark.parametrize(("change", "words"), [
-    (lambda mv: 0.4 * mv, "times OP"), (lambda mv: 1.6 * mv, "times OP"), (lambda mv: 4.0 + 0.16 * mv, "mA"),
-    (lambda mv: mv / 100.0, "share of 1"), (lambda mv: 100.0 - mv, "falls where OP rises"),
-], ids=["mm", "mm of a long stem", "mA", "share", "closing"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda mv: 0.4 * mv, "times OP"),
+        (lambda mv: 1.6 * mv, "times OP"),
+        (lambda mv: 4.0 + 0.16 * mv, "mA"),
+        (lambda mv: mv / 100.0, "share of 1"),
+        (lambda mv: 100.0 - mv, "falls where OP rises"),
+    ],
+    ids=["mm", "mm of a long stem", "mA", "share", "closing"],
+)
 def test_mv_on_another_scale_is_refused(valve, change, words):
     r = run(**valve)
     refused(replace(r, mv=change(r.mv)), loop(), "MV", words, "% of travel")
 
 
-@pytest.mark.parametrize("effect", [
-    {"name": "stiction", "S": 8.0, "J": 4.0}, {"name": "deadband", "S": 5.0}, {"name": "valve_lag", "tau": 15.0},
-    {"name": "valve_characteristic", "R": 15.0}, {"name": "valve_characteristic", "R": 0.1},
-    {"name": "deadzone", "D": 6.0, "c": 50.0},
-], ids=lambda e: f"{e['name']} {list(e.values())[1]:g}")  # fmt: skip
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"name": "stiction", "S": 8.0, "J": 4.0},
+        {"name": "deadband", "S": 5.0},
+        {"name": "valve_lag", "tau": 15.0},
+        {"name": "valve_characteristic", "R": 15.0},
+        {"name": "valve_characteristic", "R": 0.1},
+        {"name": "deadzone", "D": 6.0, "c": 50.0},
+    ],
+    ids=lambda e: f"{e['name']} {list(e.values())[1]:g}",
+)
 def test_a_faulty_valve_is_no_other_unit(effect):
     r = run(effect=[effect])
     noisy = replace(r, mv=np.asarray(r.mv) + 0.05 * np.random.default_rng(0).standard_normal(r.n))

@@ -21,8 +21,9 @@ TABLE = {
     "setpoint": {"value": 50.0, "steps": STEPS},
 }
 VESSEL = TABLE | {
-    "plant": {"type": "integrating", "K": 0.02, "Td": 8.0}, "controller": {"type": "PI", "Kc": 2.0, "Ti": 90.0},
-}  # fmt: skip
+    "plant": {"type": "integrating", "K": 0.02, "Td": 8.0},
+    "controller": {"type": "PI", "Kc": 2.0, "Ti": 90.0},
+}
 
 
 def run(table, **more):

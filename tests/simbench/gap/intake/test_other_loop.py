@@ -55,10 +55,15 @@ def begun(monkeypatch, law, n=1600, T=12.0):
     return seen
 
 
-@pytest.mark.parametrize(("Ti", "T", "lags"), [
-    (60.0, 12.0, (30.0, 12.0, 8.0)), (np.inf, 2.0, (20.0, 5.0, 8.0)), (1e6, 1e6, (100.0, 100.0, 8.0)),
-    (2.0, 12.0, (2.0, 12.0, 8.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("Ti", "T", "lags"),
+    [
+        (60.0, 12.0, (30.0, 12.0, 8.0)),
+        (np.inf, 2.0, (20.0, 5.0, 8.0)),
+        (1e6, 1e6, (100.0, 100.0, 8.0)),
+        (2.0, 12.0, (2.0, 12.0, 8.0)),
+    ],
+)
 def test_it_is_looked_for_from_the_integral_time_the_stated_lag_and_a_quick_one(
     monkeypatch, Ti, T, lags
 ):
@@ -111,7 +116,10 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     if refused:
         with pytest.raises(RecordError) as caught:
             refuse_other_plant(s)
-        said = "gain of 3 after 64 s, the baseline's Kc = 1, Ti = 20 s, K = 1 and 24 s; this is the baseline of another loop"
+        said = (
+            "gain of 3 after 64 s, the baseline's Kc = 1, Ti = 20 s, K = 1 and 24 s; this is the"
+            " baseline of another loop"
+        )
         assert str(caught.value).endswith(said)
         assert str(caught.value).startswith(
             "record 'FIC1': its controller has Kc = 2 and Ti = 40 s"

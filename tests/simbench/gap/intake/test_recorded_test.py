@@ -57,22 +57,31 @@ def test_mode_says_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
     assert np.isfinite(test.lab).sum() == 1
 
 
-@pytest.mark.parametrize(("given", "said"), [
-    ({"n": 30, "op": np.arange(30.0)}, "at least 40"),
-    ({"op": np.full(100, 50.0)}, "OP is constant (50) in AUTO"),
-    ({"lab": ["x"] * 100}, "lab holds text"),
-    ({"Ts": 2.0}, "a log of another pace is declared by Ts"),
-    ({"settings": "[test]\nid = 'bumb'\n"}, "did you mean 'bump'?"),
-    ({"settings": "[tets]\nid = 'bump'\n"}, "[tets] is no table"),
-    ({"settings": "[controller]\nKc_ratio = -1\n"}, "controller.Kc_ratio = -1; a number above 0 is needed"),
-    ({"settings": "[controller]\nKq = 1\n"}, "controller.Kq is unknown"),
-    ({"settings": "[test]\nid = 'bump'\n"}, "no row of a column `mode` says MAN"),
-    ({"settings": "[test]\nid = 'mv'\n"}, "it has no column mv"),
-    ({"settings": "[test]\nid = 'lab'\n"}, "no samples in a column lab"),
-    ({"settings": "[test]\nid = 'lab'\n", "lab": [""] * 97 + ["5"] * 3}, "3 samples in column lab; at least 8"),
-    ({"settings": "[test]\nlab_std = 'x'\n"}, "test.lab_std = 'x'"),
-    ({"settings": "[sampling]\nTs = 5.0\n"}, "its [sampling] says 5 s"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"n": 30, "op": np.arange(30.0)}, "at least 40"),
+        ({"op": np.full(100, 50.0)}, "OP is constant (50) in AUTO"),
+        ({"lab": ["x"] * 100}, "lab holds text"),
+        ({"Ts": 2.0}, "a log of another pace is declared by Ts"),
+        ({"settings": "[test]\nid = 'bumb'\n"}, "did you mean 'bump'?"),
+        ({"settings": "[tets]\nid = 'bump'\n"}, "[tets] is no table"),
+        (
+            {"settings": "[controller]\nKc_ratio = -1\n"},
+            "controller.Kc_ratio = -1; a number above 0 is needed",
+        ),
+        ({"settings": "[controller]\nKq = 1\n"}, "controller.Kq is unknown"),
+        ({"settings": "[test]\nid = 'bump'\n"}, "no row of a column `mode` says MAN"),
+        ({"settings": "[test]\nid = 'mv'\n"}, "it has no column mv"),
+        ({"settings": "[test]\nid = 'lab'\n"}, "no samples in a column lab"),
+        (
+            {"settings": "[test]\nid = 'lab'\n", "lab": [""] * 97 + ["5"] * 3},
+            "3 samples in column lab; at least 8",
+        ),
+        ({"settings": "[test]\nlab_std = 'x'\n"}, "test.lab_std = 'x'"),
+        ({"settings": "[sampling]\nTs = 5.0\n"}, "its [sampling] says 5 s"),
+    ],
+)
 def test_what_cannot_be_used_is_refused_in_one_sentence(tmp_path, given, said):
     with pytest.raises(UserError) as error:
         read_test(write(tmp_path, **given), LOOP)

@@ -122,11 +122,21 @@ def test_a_slope_wants_twenty_sliding_samples(n):
     assert found is None or found == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(("low", "high", "Kc", "Ti", "refused"), [
-    (6.0, 18.0, 0.16, 20.0, True), (3.9, 20.4, 0.16, 20.0, True), (3.7, 18.0, 0.16, 20.0, False),
-    (6.0, 20.6, 0.16, 20.0, False), (6.0, 18.0, 0.16 * 1.02, 20.0, True), (6.0, 18.0, 0.16 * 1.04, 20.0, False),
-    (6.0, 18.0, 0.16, 20.8, True), (6.0, 18.0, 0.16, 21.2, False), (0.1, 0.9, 0.01, 20.0, True), (0.1, 1.1, 0.01, 20.0, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("low", "high", "Kc", "Ti", "refused"),
+    [
+        (6.0, 18.0, 0.16, 20.0, True),
+        (3.9, 20.4, 0.16, 20.0, True),
+        (3.7, 18.0, 0.16, 20.0, False),
+        (6.0, 20.6, 0.16, 20.0, False),
+        (6.0, 18.0, 0.16 * 1.02, 20.0, True),
+        (6.0, 18.0, 0.16 * 1.04, 20.0, False),
+        (6.0, 18.0, 0.16, 20.8, True),
+        (6.0, 18.0, 0.16, 21.2, False),
+        (0.1, 0.9, 0.01, 20.0, True),
+        (0.1, 1.1, 0.01, 20.0, False),
+    ],
+)
 def test_op_in_another_unit_has_its_factor_and_its_range(low, high, Kc, Ti, refused):
     law = replace(LAW, Kc=Kc, Ti=Ti)
     assert (
@@ -161,7 +171,9 @@ def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
 
 
 def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), nats=1000.0):
-    """Return what is said where the record's own plant is `own` (gain, T, Td) and beats the baseline's by `nats`."""
+    """Return what is said where the record's own plant is `own` (gain, T, Td) and beats the
+    baseline's by `nats`.
+    """
     gain, lag, wait = own
     fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
     zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
@@ -179,10 +191,16 @@ def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), na
     return said(other_loop.refuse_other_plant, s)
 
 
-@pytest.mark.parametrize(("own", "refused"), [
-    ((1.6, 36.0, 4.0), True), ((1.4, 36.0, 4.0), False), ((1.6, 30.0, 4.0), False), ((0.6, 10.0, 4.0), True),
-    ((-1.6, 36.0, 4.0), False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("own", "refused"),
+    [
+        ((1.6, 36.0, 4.0), True),
+        ((1.4, 36.0, 4.0), False),
+        ((1.6, 30.0, 4.0), False),
+        ((0.6, 10.0, 4.0), True),
+        ((-1.6, 36.0, 4.0), False),
+    ],
+)
 def test_another_plant_differs_in_gain_and_in_time(monkeypatch, own, refused):
     assert bool(plant_said(monkeypatch, own=own)) == refused
 
@@ -196,10 +214,18 @@ def test_another_vessel_differs_in_slope_or_in_dead_time(monkeypatch, own, Td, r
     assert bool(plant_said(monkeypatch, K=0.02, T=0.0, Td=Td, own=own)) == refused
 
 
-@pytest.mark.parametrize(("tuning", "nats", "refused"), [
-    ((2.0, 2.0), 43.0, True), ((2.0, 2.0), 38.0, False), ((1.4, 2.0), 1000.0, False), ((1.6, 1.4), 1000.0, False),
-    ((1.6, 1.6), 1000.0, True), ((0.6, 0.6), 1000.0, True), (None, 1000.0, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("tuning", "nats", "refused"),
+    [
+        ((2.0, 2.0), 43.0, True),
+        ((2.0, 2.0), 38.0, False),
+        ((1.4, 2.0), 1000.0, False),
+        ((1.6, 1.4), 1000.0, False),
+        ((1.6, 1.6), 1000.0, True),
+        ((0.6, 0.6), 1000.0, True),
+        (None, 1000.0, False),
+    ],
+)
 def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
     monkeypatch, tuning, nats, refused
 ):

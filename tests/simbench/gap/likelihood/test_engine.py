@@ -1,4 +1,6 @@
-"""The engine: exact derivatives, no step backwards, the true plant, load and noise found again, and no unit anywhere."""
+"""The engine: exact derivatives, no step backwards, the true plant, load and noise found again, and
+no unit anywhere.
+"""
 
 import numpy as np
 import pytest
@@ -13,21 +15,33 @@ K, T, TD, NOISE, LOAD, MEMORY = 1.5, 14.0, 4.3, 0.35, 0.9, 18.0
 
 
 def recorded(n=1500, seed=4, integrating=False, disturbance=None):
-    """Return OP and PV of a loop without effect, SP moving; the load's steady effect on PV has std LOAD."""
+    """Return OP and PV of a loop without effect, SP moving; the load's steady effect on PV has std
+    LOAD.
+    """
     plant = (
         {"type": "integrating", "K": K / T, "Td": TD}
         if integrating
         else {"type": "foptd", "K": K, "T": T, "Td": TD}
     )
     load = [{"type": "coloured", "amplitude": LOAD / K, "period": MEMORY}]
-    record = simulate(Loop.from_table({
-        "plant": plant,
-        "controller": {"type": "PI", "Kc": 0.8, "Ti": 4 * T if integrating else T},
-        "sampling": {"Ts": 1.0, "n": n},
-        "noise": {"std": NOISE},
-        "setpoint": {"value": 50.0, "steps": [[float(t), 50.0 + 3.0 * (i % 2)] for i, t in enumerate(range(40, n, 90))]},
-        "disturbance": load if disturbance is None else disturbance,
-    }), seed=seed).record  # fmt: skip
+    record = simulate(
+        Loop.from_table(
+            {
+                "plant": plant,
+                "controller": {"type": "PI", "Kc": 0.8, "Ti": 4 * T if integrating else T},
+                "sampling": {"Ts": 1.0, "n": n},
+                "noise": {"std": NOISE},
+                "setpoint": {
+                    "value": 50.0,
+                    "steps": [
+                        [float(t), 50.0 + 3.0 * (i % 2)] for i, t in enumerate(range(40, n, 90))
+                    ],
+                },
+                "disturbance": load if disturbance is None else disturbance,
+            }
+        ),
+        seed=seed,
+    ).record
     return record.op, record.pv
 
 
@@ -38,10 +52,17 @@ def engine(gain=1.0, integrating=False, trusted=True, op=OP, pv=PV, scale=1.0):
     if integrating:
         op, pv = recorded(n=900, integrating=True)
     return Engine(
-        Data(op, scale * pv, scale * gain * (K / T if integrating else K), 0.0 if integrating else 0.95 * T, 1.05 * TD,
-             scale * NOISE, trusted=trusted),
+        Data(
+            op,
+            scale * pv,
+            scale * gain * (K / T if integrating else K),
+            0.0 if integrating else 0.95 * T,
+            1.05 * TD,
+            scale * NOISE,
+            trusted=trusted,
+        ),
         60.0,
-    )  # fmt: skip
+    )
 
 
 THETA = {
@@ -57,18 +78,25 @@ RAMP = np.linspace(0.0, 1.0, PV.size)
 PINK = {k: v for k, v in THETA.items() if k != "load_lag"}
 
 
-@pytest.mark.parametrize(("e", "spec", "theta"), [
-    (engine(), Spec(), THETA),
-    # outside its priors
-    (engine(), Spec(), {**THETA, "T": 18.0, "Td": 6.8, "noise_std": 0.6, "load_time": 1.5, "load_lag": 0.3}),
-    (engine(gain=0.6), Spec(), THETA),  # the gain held by its prior
-    (engine(trusted=False), Spec(pink=True), PINK),
-    (engine(), Spec(pole="sensor"), {**THETA, "tau": 2.0}),
-    (engine(), Spec(pole="extra", walk=True), {**THETA, "tau": 3.0, "walk": 0.02}),
-    (engine(), Spec(load_walk=True, channels=(RAMP,)), {**THETA, "load_walk": 0.05}),
-    (engine(), Spec(valve=kernels.CURVE, free=frozenset({"K"})), {**THETA, "R": 2.0}),
-    (engine(integrating=True), Spec(pole="valve"), {**THETA, "tau": 3.0, "load": 0.05}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("e", "spec", "theta"),
+    [
+        (engine(), Spec(), THETA),
+        # outside its priors
+        (
+            engine(),
+            Spec(),
+            {**THETA, "T": 18.0, "Td": 6.8, "noise_std": 0.6, "load_time": 1.5, "load_lag": 0.3},
+        ),
+        (engine(gain=0.6), Spec(), THETA),  # the gain held by its prior
+        (engine(trusted=False), Spec(pink=True), PINK),
+        (engine(), Spec(pole="sensor"), {**THETA, "tau": 2.0}),
+        (engine(), Spec(pole="extra", walk=True), {**THETA, "tau": 3.0, "walk": 0.02}),
+        (engine(), Spec(load_walk=True, channels=(RAMP,)), {**THETA, "load_walk": 0.05}),
+        (engine(), Spec(valve=kernels.CURVE, free=frozenset({"K"})), {**THETA, "R": 2.0}),
+        (engine(integrating=True), Spec(pole="valve"), {**THETA, "tau": 3.0, "load": 0.05}),
+    ],
+)
 def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
     names = tuple(m for m in spec.names if m in theta and (m != "T" or e.data.T > 0))
     x = np.log([theta[m] for m in names])
@@ -95,7 +123,8 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
         central = e._beside_linear(
             spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None]
         )[:, 0]
-        # the filter's gain freezes a sample sooner or later on either side, which shows where it settles slowly
+        # the filter's gain freezes a sample sooner or later on either side, which shows where it
+        # settles slowly
         assert np.linalg.norm(J[:, i] - central) < 0.03 * np.linalg.norm(central) + 1e-3, name
 
 
@@ -150,13 +179,24 @@ def test_a_trusted_baseline_is_left_only_for_a_reason():
     assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
 
 
-@pytest.mark.parametrize(("kind", "points"), [
-    (kernels.PLAY, [(s, b * s / 2, 0.0) for s in (0.2, 1.0, 2.5, 5.0) for b in (-1, 0, 1)]),
-    (kernels.ZONE, [(d, c, 0.0) for d in (0.3, 1.5, 4.0) for c in (49.0, 50.0, 51.5)]),
-    (kernels.STICK, [(s, s * j, s * b / 2) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0) for b in (-1, 1)]),
-    (kernels.CREEP, [(s, s * j, 0.0) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
-    (kernels.CURVE, [(r, 0.0, 0.0) for r in (0.05, 0.5, 2.0, 20.0)]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "points"),
+    [
+        (kernels.PLAY, [(s, b * s / 2, 0.0) for s in (0.2, 1.0, 2.5, 5.0) for b in (-1, 0, 1)]),
+        (kernels.ZONE, [(d, c, 0.0) for d in (0.3, 1.5, 4.0) for c in (49.0, 50.0, 51.5)]),
+        (
+            kernels.STICK,
+            [
+                (s, s * j, s * b / 2)
+                for s in (0.5, 1.5, 4.0)
+                for j in (0.1, 0.6, 1.0)
+                for b in (-1, 1)
+            ],
+        ),
+        (kernels.CREEP, [(s, s * j, 0.0) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
+        (kernels.CURVE, [(r, 0.0, 0.0) for r in (0.05, 0.5, 2.0, 20.0)]),
+    ],
+)
 @pytest.mark.parametrize(("gain", "theta"), [(1.0, THETA), (0.5, PINK)])
 def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, theta):
     e = engine(gain=gain)
@@ -204,7 +244,8 @@ def test_a_scan_ranks_maps_as_full_evaluations_do():
 
 @pytest.mark.parametrize("spec", [Spec(), Spec(pink=True), Spec(free=frozenset({"K", "T", "Td"}))])
 def test_a_fit_has_no_unit_of_pv(spec):
-    # a load that is plainly of second order: along a parameter without effect, rounding alone would lead the way
+    # a load that is plainly of second order: along a parameter without effect, rounding alone would
+    # lead the way
     op, pv = recorded(
         disturbance=[{"type": "coloured", "amplitude": 2 * LOAD / K, "period": MEMORY, "lag": 8.0}]
     )
@@ -224,21 +265,33 @@ def test_a_fit_has_no_unit_of_pv(spec):
         ), name
 
 
-@pytest.mark.parametrize(("trusted", "free", "T", "bounds"), [
-    (True, "", 20.0, (16.0, 25.0)), (True, "T", 20.0, (1.0, 400.0)), (False, "", 20.0, (0.05, 100.0)),
-    (False, "", 130.0, (0.05, 130.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("trusted", "free", "T", "bounds"),
+    [
+        (True, "", 20.0, (16.0, 25.0)),
+        (True, "T", 20.0, (1.0, 400.0)),
+        (False, "", 20.0, (0.05, 100.0)),
+        (False, "", 130.0, (0.05, 130.0)),
+    ],
+)
 def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, free, T, bounds):
     d = Data(OP, PV, K, T, 4.0, NOISE, trusted=trusted)
     assert d.n == 1500
     assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "T") == pytest.approx(bounds)
 
 
-@pytest.mark.parametrize(("trusted", "free", "late", "T", "Td", "bounds"), [
-    (True, "", 0, 20.0, 4.0, (2.5, 5.5)), (True, "", 1, 20.0, 4.0, (1.5, 6.5)), (True, "", 0, 20.0, 0.4, (0.0, 1.0)),
-    (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)), (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)), (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
-    (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("trusted", "free", "late", "T", "Td", "bounds"),
+    [
+        (True, "", 0, 20.0, 4.0, (2.5, 5.5)),
+        (True, "", 1, 20.0, 4.0, (1.5, 6.5)),
+        (True, "", 0, 20.0, 0.4, (0.0, 1.0)),
+        (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)),
+        (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)),
+        (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
+        (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
+    ],
+)
 def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
     trusted, free, late, T, Td, bounds
 ):
@@ -246,10 +299,20 @@ def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
     assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "Td") == pytest.approx(bounds)
 
 
-@pytest.mark.parametrize(("gain", "free", "way"), [
-    (1.05, "", 0), (1.12, "", 1), (0.95, "", 0), (0.88, "", -1), (1.12, "K", 0), (18.0, "K", 0), (25.0, "K", 1), (0.06, "K", 0),
-    (0.04, "K", -1),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gain", "free", "way"),
+    [
+        (1.05, "", 0),
+        (1.12, "", 1),
+        (0.95, "", 0),
+        (0.88, "", -1),
+        (1.12, "K", 0),
+        (18.0, "K", 0),
+        (25.0, "K", 1),
+        (0.06, "K", 0),
+        (0.04, "K", -1),
+    ],
+)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, free, way, sign):
     data = Data(OP, PV, 2.0 * sign, T, TD, NOISE)
@@ -264,13 +327,19 @@ def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, fr
 WHITE = np.random.default_rng(7).standard_normal(4000)
 
 
-@pytest.mark.parametrize(("y", "stated", "T", "noise", "load"), [
-    # white PV of 2: its second differences have a variance of six times as much
-    (2.0 * WHITE, 0.0, 20.0, 2.0, 1.0), (2.0 * WHITE, 0.5, 20.0, 0.5, 1.0), (2.0 * WHITE, 5.0, 20.0, 5.0, 2.5),
-    # what moves a vessel is seen in PV's changes
-    (np.cumsum(0.6 * WHITE), 0.2, 0.0, 0.2, 0.3), (np.cumsum(0.6 * WHITE), 20.0, 0.0, 20.0, 1.0),
-    (np.zeros(4000), 0.0, 20.0, 0.25 / np.sqrt(12.0), 0.125 / np.sqrt(12.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("y", "stated", "T", "noise", "load"),
+    [
+        # white PV of 2: its second differences have a variance of six times as much
+        (2.0 * WHITE, 0.0, 20.0, 2.0, 1.0),
+        (2.0 * WHITE, 0.5, 20.0, 0.5, 1.0),
+        (2.0 * WHITE, 5.0, 20.0, 5.0, 2.5),
+        # what moves a vessel is seen in PV's changes
+        (np.cumsum(0.6 * WHITE), 0.2, 0.0, 0.2, 0.3),
+        (np.cumsum(0.6 * WHITE), 20.0, 0.0, 20.0, 1.0),
+        (np.zeros(4000), 0.0, 20.0, 0.25 / np.sqrt(12.0), 0.125 / np.sqrt(12.0)),
+    ],
+)
 def test_a_fit_begins_from_the_stated_noise_and_half_of_what_pv_does(y, stated, T, noise, load):
     start = Engine(Data(np.zeros(4000), y, K, T, 4.0, stated, resolution=0.25), 60.0).start()
     assert (start["noise_std"], start["load"]) == (
@@ -283,10 +352,17 @@ def test_a_fit_begins_from_the_stated_noise_and_half_of_what_pv_does(y, stated, 
     assert 0.0 < start["colour"] < 0.2
 
 
-@pytest.mark.parametrize(("name", "T", "low", "high"), [
-    ("load_time", 20.0, 0.3, 60.0), ("load_lag", 20.0, 0.05, 60.0), ("colour", 20.0, -0.8, 0.8),
-    ("noise_std", 20.0, 0.25 / np.sqrt(12.0), 10.0), ("load", 20.0, 2.5e-4 / np.sqrt(12.0), 100.0), ("load", 0.0, 1e-8, 100.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "T", "low", "high"),
+    [
+        ("load_time", 20.0, 0.3, 60.0),
+        ("load_lag", 20.0, 0.05, 60.0),
+        ("colour", 20.0, -0.8, 0.8),
+        ("noise_std", 20.0, 0.25 / np.sqrt(12.0), 10.0),
+        ("load", 20.0, 2.5e-4 / np.sqrt(12.0), 100.0),
+        ("load", 0.0, 1e-8, 100.0),
+    ],
+)
 def test_load_and_noise_are_looked_for_from_the_digits_to_many_times_pv(name, T, low, high):
     d = Data(np.zeros(4000), WHITE / np.std(WHITE), K, T, 4.0, 0.1, resolution=0.25)
     assert Engine(d, 60.0).bounds(Spec(), name) == pytest.approx((low, high), rel=0.08)
@@ -302,14 +378,20 @@ def test_a_load_far_quicker_than_the_loop_is_a_surprise(memory, cost):
     assert e._surprises(Spec(), theta | {"colour": 0.5})[0] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("changes", "spec", "late", "beyond"), [
-    ({}, Spec(), 0, (0.0, 0.0, 0.0)), ({"T": 1.1 * np.exp(0.02) * T}, Spec(), 0, (1.0, 0.0, 0.0)),
-    ({"T": T / 1.1 / np.exp(0.04)}, Spec(), 0, (2.0, 0.0, 0.0)),
-    ({"Td": TD + 0.1 * TD + 0.05 + 0.02 * TD + 0.03}, Spec(), 0, (0.0, 1.0, 0.0)),
-    # an archive late by a sample hides up to one: half a sample less, give or take half a sample
-    ({"Td": TD - 1.0}, Spec(), 1, (0.0, 0.0, 0.0)), ({"Td": TD + 0.1 * TD + 0.05}, Spec(), 1, (0.0, 0.0, 0.0)),
-    ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("changes", "spec", "late", "beyond"),
+    [
+        ({}, Spec(), 0, (0.0, 0.0, 0.0)),
+        ({"T": 1.1 * np.exp(0.02) * T}, Spec(), 0, (1.0, 0.0, 0.0)),
+        ({"T": T / 1.1 / np.exp(0.04)}, Spec(), 0, (2.0, 0.0, 0.0)),
+        ({"Td": TD + 0.1 * TD + 0.05 + 0.02 * TD + 0.03}, Spec(), 0, (0.0, 1.0, 0.0)),
+        # an archive late by a sample hides up to one: half a sample less, give or take half a
+        # sample
+        ({"Td": TD - 1.0}, Spec(), 1, (0.0, 0.0, 0.0)),
+        ({"Td": TD + 0.1 * TD + 0.05}, Spec(), 1, (0.0, 0.0, 0.0)),
+        ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
+    ],
+)
 def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, beyond):
     theta = {
         **THETA,

@@ -1,4 +1,6 @@
-"""Several records as one model: what one record says stays, what two say adds up, and no record's bias is another's."""
+"""Several records as one model: what one record says stays, what two say adds up, and no record's
+bias is another's.
+"""
 
 import numpy as np
 import pytest

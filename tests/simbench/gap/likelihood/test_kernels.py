@@ -33,20 +33,47 @@ def test_a_valve_map_is_the_simulators(kind, numbers, model, parameters):
     assert np.allclose(kernels.valve(OP, kind, *numbers), through(model, parameters, OP), atol=1e-9)
 
 
-@pytest.mark.parametrize(("kind", "numbers", "u", "mv"), [
-    (kernels.IDEAL, (3.0, 1.0, 1.0), [10.0, 12.0, 9.0], [10.0, 12.0, 9.0]),
-    # a band of 2, begun 0.5 above OP
-    (kernels.PLAY, (2.0, 0.5, 0.0), [10.0, 10.8, 12.0, 9.0, 10.0], [10.5, 10.5, 11.0, 10.0, 10.0]),
-    (kernels.ZONE, (2.0, 10.0, 0.0), [10.5, 11.0, 11.5, 9.5, 8.0], [10.0, 10.0, 10.5, 10.0, 9.0]),
-    # S = 3, J = 1: it breaks loose 2 off and slides 1 behind; a turn or a rest stops it
-    (kernels.STICK, (3.0, 1.0, 0.5), [10.0, 12.0, 12.6, 13.0, 12.9, 10.1, 9.8, 9.0, 9.0, 8.5],
-     [10.5, 10.5, 11.6, 12.0, 12.0, 12.0, 10.8, 10.0, 10.0, 10.0]),
-    (kernels.CREEP, (3.0, 1.0, 0.5), [10.0, 12.0, 12.6, 13.0, 15.0, 9.8, 11.0], [10.5, 10.5, 11.6, 11.6, 14.0, 10.8, 10.8]),
-    (kernels.CURVE, (4.0, 0.0, 0.0), [-5.0, 0.0, 50.0, 100.0, 110.0], [0.0, 0.0, 100.0 / 3.0, 100.0, 100.0]),
-    (kernels.CURVE, (1.0 + 1e-7, 0.0, 0.0), [-5.0, 50.0, 110.0], [-5.0, 50.0, 110.0]),
-    (kernels.CURVE, (1.0 - 1e-7, 0.0, 0.0), [-5.0, 50.0, 110.0], [-5.0, 50.0, 110.0]),
-    (kernels.CURVE, (1.0 + 2e-6, 0.0, 0.0), [-5.0, 50.0, 110.0], [0.0, 50.0, 100.0]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "numbers", "u", "mv"),
+    [
+        (kernels.IDEAL, (3.0, 1.0, 1.0), [10.0, 12.0, 9.0], [10.0, 12.0, 9.0]),
+        # a band of 2, begun 0.5 above OP
+        (
+            kernels.PLAY,
+            (2.0, 0.5, 0.0),
+            [10.0, 10.8, 12.0, 9.0, 10.0],
+            [10.5, 10.5, 11.0, 10.0, 10.0],
+        ),
+        (
+            kernels.ZONE,
+            (2.0, 10.0, 0.0),
+            [10.5, 11.0, 11.5, 9.5, 8.0],
+            [10.0, 10.0, 10.5, 10.0, 9.0],
+        ),
+        # S = 3, J = 1: it breaks loose 2 off and slides 1 behind; a turn or a rest stops it
+        (
+            kernels.STICK,
+            (3.0, 1.0, 0.5),
+            [10.0, 12.0, 12.6, 13.0, 12.9, 10.1, 9.8, 9.0, 9.0, 8.5],
+            [10.5, 10.5, 11.6, 12.0, 12.0, 12.0, 10.8, 10.0, 10.0, 10.0],
+        ),
+        (
+            kernels.CREEP,
+            (3.0, 1.0, 0.5),
+            [10.0, 12.0, 12.6, 13.0, 15.0, 9.8, 11.0],
+            [10.5, 10.5, 11.6, 11.6, 14.0, 10.8, 10.8],
+        ),
+        (
+            kernels.CURVE,
+            (4.0, 0.0, 0.0),
+            [-5.0, 0.0, 50.0, 100.0, 110.0],
+            [0.0, 0.0, 100.0 / 3.0, 100.0, 100.0],
+        ),
+        (kernels.CURVE, (1.0 + 1e-7, 0.0, 0.0), [-5.0, 50.0, 110.0], [-5.0, 50.0, 110.0]),
+        (kernels.CURVE, (1.0 - 1e-7, 0.0, 0.0), [-5.0, 50.0, 110.0], [-5.0, 50.0, 110.0]),
+        (kernels.CURVE, (1.0 + 2e-6, 0.0, 0.0), [-5.0, 50.0, 110.0], [0.0, 50.0, 100.0]),
+    ],
+)
 def test_a_valve_map_by_hand(kind, numbers, u, mv):
     assert kernels.valve(np.array(u), kind, *numbers) == pytest.approx(mv, abs=1e-4)
 
@@ -84,7 +111,9 @@ def test_the_plant_answers_as_the_simulators(T, lag):
 
 
 def through_pole(covariance, pole, gain, start):
-    """Return the covariance behind x_k+1 = pole x_k + gain u_k, begun with a standard deviation of `start`."""
+    """Return the covariance behind x_k+1 = pole x_k + gain u_k, begun with a standard deviation of
+    `start`.
+    """
     k = np.arange(len(covariance))
     A = np.where(k[:, None] > k, gain * pole ** np.clip(k[:, None] - 1 - k, 0, None), 0.0)
     return A @ covariance @ A.T + start**2 * np.outer(pole**k, pole**k)
@@ -93,7 +122,9 @@ def through_pole(covariance, pole, gain, start):
 def covariance(
     n, T, loads, noise, spread, *, lag=0.0, tau=0.0, load_walk=0.0, walk=0.0, colour=0.0
 ):
-    """Return the covariance of PV: loads (time constant, std) through a second lag, the plant and one more pole, and noise."""
+    """Return the covariance of PV: loads (time constant, std) through a second lag, the plant and
+    one more pole, and noise.
+    """
     k = np.arange(n)
     apart, walked = np.abs(k[:, None] - k), np.minimum(k[:, None], k).astype(float)
     load = sum(std**2 * np.exp(-apart / time) for time, std in loads)
@@ -112,13 +143,24 @@ def covariance(
 LOAD = [(15.0, 1.3)]
 
 
-@pytest.mark.parametrize(("T", "loads", "more"), [
-    (8.0, LOAD, {}), (0.0, LOAD, {}), (8.0, LOAD, {"lag": 4.0}), (0.0, LOAD, {"lag": 4.0}), (8.0, LOAD, {"tau": 3.0}),
-    (8.0, LOAD, {"load_walk": 0.2}), (8.0, LOAD, {"walk": 0.15}), (8.0, LOAD, {"colour": 0.4}), (8.0, LOAD, {"colour": -0.4}),
-    (8.0, [(15.0 / 5**i, 1.3 / np.sqrt(3)) for i in range(3)], {}),
-    (8.0, LOAD, {"lag": 4.0, "tau": 3.0, "load_walk": 0.2, "walk": 0.15, "colour": 0.4}),
-    (0.0, [(15.0 / 5**i, 1.3 / np.sqrt(3)) for i in range(3)], {"tau": 3.0, "walk": 0.15}),
-], ids=lambda x: "+".join(x) if isinstance(x, dict) else None)  # fmt: skip
+@pytest.mark.parametrize(
+    ("T", "loads", "more"),
+    [
+        (8.0, LOAD, {}),
+        (0.0, LOAD, {}),
+        (8.0, LOAD, {"lag": 4.0}),
+        (0.0, LOAD, {"lag": 4.0}),
+        (8.0, LOAD, {"tau": 3.0}),
+        (8.0, LOAD, {"load_walk": 0.2}),
+        (8.0, LOAD, {"walk": 0.15}),
+        (8.0, LOAD, {"colour": 0.4}),
+        (8.0, LOAD, {"colour": -0.4}),
+        (8.0, [(15.0 / 5**i, 1.3 / np.sqrt(3)) for i in range(3)], {}),
+        (8.0, LOAD, {"lag": 4.0, "tau": 3.0, "load_walk": 0.2, "walk": 0.15, "colour": 0.4}),
+        (0.0, [(15.0 / 5**i, 1.3 / np.sqrt(3)) for i in range(3)], {"tau": 3.0, "walk": 0.15}),
+    ],
+    ids=lambda x: "+".join(x) if isinstance(x, dict) else None,
+)
 def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     y = np.random.default_rng(4).standard_normal(150)
     L = np.linalg.cholesky(covariance(150, T, loads, 0.4, 5.0, **more))
@@ -130,8 +172,18 @@ def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
         "lag": kernels.PINK_LOAD if len(loads) == 3 else 0.0,
     } | more
     white, logs = kernels.whiten(
-        y[None, :], T, of["tau"], 15.0, of["lag"], 1.3, of["load_walk"], of["walk"], 0.4, of["colour"], 5.0
-    )  # fmt: skip
+        y[None, :],
+        T,
+        of["tau"],
+        15.0,
+        of["lag"],
+        1.3,
+        of["load_walk"],
+        of["walk"],
+        0.4,
+        of["colour"],
+        5.0,
+    )
     # the kernel's gain stands still once it has settled
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=2e-4)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=2e-3)
@@ -153,9 +205,23 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, 
         whole = whole + jump**2 * np.outer(moved, moved)
     L = np.linalg.cholesky(whole)
     white, logs = kernels.whiten(
-        y[None, :], T, 0.0, load_time, 0.0, 1.3, 0.0, 0.0, 0.4, 0.0, 5.0, np.array(places), jump, lasting
-    )  # fmt: skip
-    # long after a lasting jump the kernel's gain stands still, and a later one is followed as if it were the first
+        y[None, :],
+        T,
+        0.0,
+        load_time,
+        0.0,
+        1.3,
+        0.0,
+        0.0,
+        0.4,
+        0.0,
+        5.0,
+        np.array(places),
+        jump,
+        lasting,
+    )
+    # long after a lasting jump the kernel's gain stands still, and a later one is followed as if it
+    # were the first
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=0.05)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
 

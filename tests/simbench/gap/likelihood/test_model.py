@@ -1,4 +1,6 @@
-"""What the engine is told: bounds of every number, how two effects are joined, and a valve by its numbers."""
+"""What the engine is told: bounds of every number, how two effects are joined, and a valve by its
+numbers.
+"""
 
 import numpy as np
 import pytest
@@ -37,10 +39,19 @@ def test_a_record_is_as_large_as_it_moves_and_never_of_no_size():
     assert (still.floor, still.size, still.span) == (1e-9, 1e-9, 1e-3)
 
 
-@pytest.mark.parametrize(("number", "low", "high", "log"), [
-    (BAND, 0.0, 30.0, False), (JUMP, 0.0, 20.0, False), (WIDTH, 0.0, 40.0, False), (CENTRE, 40.0, 60.0, False),
-    (RATIO, 0.01, 100.0, True), (TAU, 0.05, 200.0, True), (WALK, 3e-8, 3.0, True), (LOAD_WALK, 3e-8, 3.0, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "low", "high", "log"),
+    [
+        (BAND, 0.0, 30.0, False),
+        (JUMP, 0.0, 20.0, False),
+        (WIDTH, 0.0, 40.0, False),
+        (CENTRE, 40.0, 60.0, False),
+        (RATIO, 0.01, 100.0, True),
+        (TAU, 0.05, 200.0, True),
+        (WALK, 3e-8, 3.0, True),
+        (LOAD_WALK, 3e-8, 3.0, True),
+    ],
+)
 def test_every_number_is_looked_for_within_what_the_record_could_show(number, low, high, log):
     assert (number.low(DATA), number.high(DATA)) == pytest.approx((low, high), rel=1e-5)
     assert number.log == log
@@ -50,13 +61,25 @@ def test_every_number_is_looked_for_within_what_the_record_could_show(number, lo
 MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
 
 
-@pytest.mark.parametrize(("spec", "names"), [
-    (Spec(), ()), (Spec(valve=kernels.PLAY), ("S",)), (Spec(valve=kernels.ZONE), ("D", "c")),
-    (Spec(valve=kernels.CURVE), ("R",)), (Spec(valve=kernels.STICK), ("S", "J")), (Spec(valve=kernels.CREEP), ("S", "J")),
-    (Spec(pole="extra"), ("tau",)), (Spec(walk=True), ("walk",)), (Spec(load_walk=True), ("load_walk",)),
-    (Spec(valve=kernels.PLAY, pole="valve", walk=True, load_walk=True), ("S", "tau", "walk", "load_walk")),
-    (Spec(moves=MOVES), ("S",)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("spec", "names"),
+    [
+        (Spec(), ()),
+        (Spec(valve=kernels.PLAY), ("S",)),
+        (Spec(valve=kernels.ZONE), ("D", "c")),
+        (Spec(valve=kernels.CURVE), ("R",)),
+        (Spec(valve=kernels.STICK), ("S", "J")),
+        (Spec(valve=kernels.CREEP), ("S", "J")),
+        (Spec(pole="extra"), ("tau",)),
+        (Spec(walk=True), ("walk",)),
+        (Spec(load_walk=True), ("load_walk",)),
+        (
+            Spec(valve=kernels.PLAY, pole="valve", walk=True, load_walk=True),
+            ("S", "tau", "walk", "load_walk"),
+        ),
+        (Spec(moves=MOVES), ("S",)),
+    ],
+)
 def test_an_effect_has_its_numbers_beside_plant_load_and_noise(spec, names):
     own = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
     assert spec.names == own + names

@@ -1,4 +1,6 @@
-"""Tests of the innovations by their own formulas: near 0 for white ones, and as large as is left in others."""
+"""Tests of the innovations by their own formulas: near 0 for white ones, and as large as is left in
+others.
+"""
 
 from types import SimpleNamespace
 
@@ -105,7 +107,9 @@ def sine(period):
 
 
 def gain_at(x, k, w):
-    """Return the complex amplitude of a signal at a frequency, over whole periods of its second half."""
+    """Return the complex amplitude of a signal at a frequency, over whole periods of its second
+    half.
+    """
     half = slice(2002, 4002)
     return 2.0 * np.mean(x[half] * np.exp(-1j * w * k[half]))
 

@@ -54,7 +54,9 @@ def data(**more):
 
 
 class Peaks:
-    """An engine whose log-likelihood falls by a nat for each thousandth, squared, that a number is off the nearest peak."""
+    """An engine whose log-likelihood falls by a nat for each thousandth, squared, that a number is
+    off the nearest peak.
+    """
 
     def __init__(self, kind, *peaks, d=None):
         self.kind, self.peaks, self.data = kind, peaks, d or data()
@@ -105,19 +107,30 @@ def test_points_lie_around_a_size_within_a_share_of_it():
         assert jumps == pytest.approx(np.array(expected))
 
 
-@pytest.mark.parametrize(("kind", "point", "numbers", "start"), [
-    (kernels.PLAY, (8.0, 4.0, 0.0), {"S": 8.0}, 1.0), (kernels.PLAY, (8.0, -2.0, 0.0), {"S": 8.0}, -0.5),
-    (kernels.STICK, (8.0, 3.0, -4.0), {"S": 8.0, "J": 3.0}, -1.0), (kernels.ZONE, (8.0, 51.0, 0.0), {"D": 8.0, "c": 51.0}, 0.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "point", "numbers", "start"),
+    [
+        (kernels.PLAY, (8.0, 4.0, 0.0), {"S": 8.0}, 1.0),
+        (kernels.PLAY, (8.0, -2.0, 0.0), {"S": 8.0}, -0.5),
+        (kernels.STICK, (8.0, 3.0, -4.0), {"S": 8.0, "J": 3.0}, -1.0),
+        (kernels.ZONE, (8.0, 51.0, 0.0), {"D": 8.0, "c": 51.0}, 0.0),
+    ],
+)
 def test_a_point_becomes_a_valve_that_begins_where_it_says(kind, point, numbers, start):
     fit = mapped(Peaks(kind, (0.0, 8.0, 1.0)), Spec(), THETA, kind, np.array(point))
     assert fit.theta == THETA | numbers
     assert (fit.spec.valve, fit.spec.start) == (kind, pytest.approx(start))
 
 
-@pytest.mark.parametrize(("kind", "peak"), [
-    (kernels.PLAY, (5.0,)), (kernels.STICK, (5.0, 2.0)), (kernels.CREEP, (5.0, 2.0)), (kernels.ZONE, (5.0, 50.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "peak"),
+    [
+        (kernels.PLAY, (5.0,)),
+        (kernels.STICK, (5.0, 2.0)),
+        (kernels.CREEP, (5.0, 2.0)),
+        (kernels.ZONE, (5.0, 50.0)),
+    ],
+)
 @pytest.mark.parametrize("off", [0.93, 1.0, 1.08])
 def test_a_peak_is_followed_to_a_thousandth(kind, peak, off):
     engine = Peaks(kind, (0.0, *peak))
@@ -151,7 +164,9 @@ def test_so_many_peaks_of_a_scan_are_looked_at_again(kind, count):
 
 
 class Hills(Peaks):
-    """An engine whose log-likelihood has a cone of 400 nats, 6 % wide in S, among three wider hills of 250."""
+    """An engine whose log-likelihood has a cone of 400 nats, 6 % wide in S, among three wider hills
+    of 250.
+    """
 
     def height(self, numbers):
         S, J = numbers
@@ -187,9 +202,13 @@ def loads(engine):
     ]
 
 
-@pytest.mark.parametrize(("few", "tried"), [
-    (False, [(20.0, 2.0), (25.0, 2.0), (20.0, 0.6), (20.0, 0.2)]), (True, [(20.0, 2.0), (20.0, 0.6)]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("few", "tried"),
+    [
+        (False, [(20.0, 2.0), (25.0, 2.0), (20.0, 0.6), (20.0, 0.2)]),
+        (True, [(20.0, 2.0), (20.0, 0.6)]),
+    ],
+)
 def test_a_search_begins_from_loads_of_several_sizes_and_from_a_valve_that_never_moves(few, tried):
     engine = Peaks(kernels.PLAY, (50.0, 5.0))
     coarse = np.array([(s, 0.0, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])

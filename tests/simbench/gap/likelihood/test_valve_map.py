@@ -1,4 +1,6 @@
-"""The valve from MV given OP: every map's numbers are found again, and what they are worth in nats."""
+"""The valve from MV given OP: every map's numbers are found again, and what they are worth in
+nats.
+"""
 
 import numpy as np
 import pytest
@@ -100,11 +102,19 @@ def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(mode
     for seed in range(8):
         S = float(np.exp(rng.uniform(np.log(0.5), np.log(10.0))))
         J = float(S * rng.uniform(0.1, 1.0))
-        run = simulate(Loop.from_table({
-            "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-            "valve": {"model": model, "S": S, "J": J}, "noise": {"std": 0.1}, "sampling": {"Ts": 1.0, "n": n},
-            "setpoint": {"steps": [[10, 55]]},
-        }), seed).record  # fmt: skip
+        run = simulate(
+            Loop.from_table(
+                {
+                    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
+                    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+                    "valve": {"model": model, "S": S, "J": J},
+                    "noise": {"std": 0.1},
+                    "sampling": {"Ts": 1.0, "n": n},
+                    "setpoint": {"steps": [[10, 55]]},
+                }
+            ),
+            seed,
+        ).record
         found = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
         right += abs(found["S"] / S - 1.0) < 0.05 and abs(found["J"] - J) < 0.1 * S
     assert right >= 7

@@ -1,4 +1,6 @@
-"""What a test may be expected to tell: information, the probability of a right answer, and when nothing would."""
+"""What a test may be expected to tell: information, the probability of a right answer, and when
+nothing would.
+"""
 
 from types import SimpleNamespace
 

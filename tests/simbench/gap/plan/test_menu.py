@@ -92,10 +92,16 @@ def test_limits_are_read_flat_or_as_tables(tmp_path):
     )
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("minute = 3\n", "did you mean 'minutes'?"), ("minutes = -1\n", "a number above 0"), ("pv = [3.0, 1.0]\n", "lo below hi"),
-    ("pv = 3.0\n", "[lo, hi]"), ("[op]\nlow = 3\n", "[lo, hi]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("minute = 3\n", "did you mean 'minutes'?"),
+        ("minutes = -1\n", "a number above 0"),
+        ("pv = [3.0, 1.0]\n", "lo below hi"),
+        ("pv = 3.0\n", "[lo, hi]"),
+        ("[op]\nlow = 3\n", "[lo, hi]"),
+    ],
+)
 def test_limits_that_cannot_be_meant_are_refused(tmp_path, text, said):
     file = tmp_path / "limits.toml"
     file.write_text(text)

@@ -1,4 +1,6 @@
-"""The page of a diagnosis: one file that asks for nothing, every picture seen, the answer and its reserves in words."""
+"""The page of a diagnosis: one file that asks for nothing, every picture seen, the answer and its
+reserves in words.
+"""
 
 from __future__ import annotations
 

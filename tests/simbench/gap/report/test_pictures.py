@@ -37,7 +37,9 @@ def blocks():
 
 
 def shapes(axes):
-    """Return the boxes' extents (x0, y0, x1, y1) in the order of the blocks' names, and the circles' centres."""
+    """Return the boxes' extents (x0, y0, x1, y1) in the order of the blocks' names, and the
+    circles' centres.
+    """
     boxes = [p.get_bbox().extents for p in axes.patches if isinstance(p, FancyBboxPatch)]
     return dict(zip(SHARES, boxes)), [p.center for p in axes.patches if isinstance(p, Circle)]
 
@@ -78,9 +80,16 @@ def test_every_arrow_of_the_loop_runs_from_one_block_to_the_next(blocks):
         (touches(a, found, circles), touches(b, found, circles)) for a, b in connections(blocks)
     ]
     assert joined == [
-        ("", "sum 0"), ("sum 0", "controller"), ("controller", "valve"), ("valve", "sum 1"), ("sum 1", "process"),
-        ("process", ""), ("disturbance", "sum 1"), ("", "sensor"), ("sensor", "sum 0"),
-    ]  # fmt: skip
+        ("", "sum 0"),
+        ("sum 0", "controller"),
+        ("controller", "valve"),
+        ("valve", "sum 1"),
+        ("sum 1", "process"),
+        ("process", ""),
+        ("disturbance", "sum 1"),
+        ("", "sensor"),
+        ("sensor", "sum 0"),
+    ]
 
 
 def test_blocks_stand_apart_within_the_picture_and_are_the_redder_the_larger_their_share(blocks):
@@ -130,8 +139,9 @@ def test_the_blocks_are_said_in_percent_of_the_gap(monkeypatch):
     monkeypatch.setattr(page, "_picture", lambda draw, name, says: said.append(says))
     page._where(SimpleNamespace(blocks=SHARES, ranking=[]))
     assert said == [
-        "control loop; share of the gap: controller 12 %, valve 62 %, process 0 %, disturbance 20 %, sensor 6 %"
-    ]  # fmt: skip
+        "control loop; share of the gap: controller 12 %, valve 62 %, process 0 %, disturbance 20"
+        " %, sensor 6 %"
+    ]
 
 
 def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
@@ -195,10 +205,16 @@ def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, h
         "probability": 0.912,
         "parameters": {"S": 5.0, "J": 2.0},
     }
-    page._answer(SimpleNamespace(
-        gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True), shrinkage={"value": value, "lo": lo, "hi": hi},
-        effect="stiction", effects=(first,), named=["stiction"], sentence=lambda: "It sticks.",
-    ))  # fmt: skip
+    page._answer(
+        SimpleNamespace(
+            gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True),
+            shrinkage={"value": value, "lo": lo, "hi": hi},
+            effect="stiction",
+            effects=(first,),
+            named=["stiction"],
+            sentence=lambda: "It sticks.",
+        )
+    )
     assert seen["tiles"][:3] == [("0.91", "probability of stiction"), said, ("4.00", "gap before")]
     assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
 
@@ -211,10 +227,15 @@ DRAWN = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("draw", "few", "many"), [
-    # an inch or so for each panel, and what the axes' words need
-    ("traces", 0.5 + 2 * 1.15, 0.5 + 5 * 1.15), ("loops", 0.3 + 1.85, 0.3 + 3 * 1.85), ("spectra", 4.4, 4.4),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("draw", "few", "many"),
+    [
+        # an inch or so for each panel, and what the axes' words need
+        ("traces", 0.5 + 2 * 1.15, 0.5 + 5 * 1.15),
+        ("loops", 0.3 + 1.85, 0.3 + 3 * 1.85),
+        ("spectra", 4.4, 4.4),
+    ],
+)
 def test_pictures_fit_on_a_phone_and_grow_with_their_panels(draw, few, many):
     for runs, high in (({BASELINE: trace()}, few), (EVERY, many)):
         assert DRAWN[draw](runs).get_size_inches() == pytest.approx((4.6, high))

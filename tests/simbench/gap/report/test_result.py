@@ -21,9 +21,10 @@ COARSE = {
     "probability": 0.05,
 }
 RANKING = (
-    Ranked("stiction", "valve", 0.914, 4.0, 1.25, {"S": 6.04, "J": 3.0}), Ranked("none", "none", 0.051, 4.0, 4.0, {}),
+    Ranked("stiction", "valve", 0.914, 4.0, 1.25, {"S": 6.04, "J": 3.0}),
+    Ranked("none", "none", 0.051, 4.0, 4.0, {}),
     *(Ranked(f"effect_{i}", "process", 0.007, None, None, {}) for i in range(5)),
-)  # fmt: skip
+)
 SHARES = {
     "controller": 0.004,
     "valve": 0.914,
@@ -53,9 +54,19 @@ def report(
         "notes": ("one", "two"),
     } | more
     return GapReport(
-        block, effect, effects, given["group"], given["ranking"], Gap(*gap), shrinkage, given["blocks"], given["next_test"],
-        given["notes"], CONCLUSION, BEHIND,
-    )  # fmt: skip
+        block,
+        effect,
+        effects,
+        given["group"],
+        given["ranking"],
+        Gap(*gap),
+        shrinkage,
+        given["blocks"],
+        given["next_test"],
+        given["notes"],
+        CONCLUSION,
+        BEHIND,
+    )
 
 
 def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes():
@@ -70,16 +81,18 @@ def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes()
     )
     both = report(effects=(STUCK, COARSE)).sentence()
     assert (
-        "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV units, at = record),"
-        in both
+        "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV"
+        " units, at = record)," in both
     )
 
 
 def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
     something = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
     said = report("unknown", "process", (something,), value=None).sentence()
-    assert said == (
-        "Something is missing in the process block that no known effect explains (probability 0.62); closest: stiction."
+    assert (
+        said
+        == "Something is missing in the process block that no known effect explains (probability"
+        " 0.62); closest: stiction."
     )
 
 
@@ -92,8 +105,9 @@ def test_none_is_an_answer_and_a_gap_that_stays_is_said(recalibrated, resolvable
         "none", "none", (nothing,), gap=(4.0, recalibrated, 1.2, 0.8, resolvable), value=None
     ).sentence()
     if differs:
-        assert said == (
-            "No known effect is called for, but the simulation still differs from the record: "
+        assert (
+            said
+            == "No known effect is called for, but the simulation still differs from the record: "
             f"gap {recalibrated:.2f} against a floor of 0.80."
         )
     else:
@@ -105,8 +119,9 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
     assert lines[7:10] == [
         "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
-        "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80", "shrinkage: 0.86 [0.76, 0.91]",
-    ]  # fmt: skip
+        "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80",
+        "shrinkage: 0.86 [0.76, 0.91]",
+    ]
     assert lines[11] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
     assert [line.split()[1] for line in lines[11:17]] == [
         "stiction",

@@ -1,4 +1,6 @@
-"""The story of a diagnosis that asked, and the page of a plan: every sentence and number is the report's or the plan's."""
+"""The story of a diagnosis that asked, and the page of a plan: every sentence and number is the
+report's or the plan's.
+"""
 
 from html import unescape
 from types import SimpleNamespace

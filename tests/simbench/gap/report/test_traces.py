@@ -26,10 +26,15 @@ X = np.arange(100.0)
 
 
 def loop(K):
-    return Loop.from_table({
-        "plant": {"type": "foptd", "K": K, "T": 20.0, "Td": 3.0}, "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
-        "sampling": {"Ts": 2.0, "n": 150}, "setpoint": {"value": 50.0}, "noise": {"std": 0.1},
-    })  # fmt: skip
+    return Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": K, "T": 20.0, "Td": 3.0},
+            "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
+            "sampling": {"Ts": 2.0, "n": 150},
+            "setpoint": {"value": 50.0},
+            "noise": {"std": 0.1},
+        }
+    )
 
 
 class Loops:
@@ -74,10 +79,12 @@ def test_the_record_is_shown_as_the_diagnosis_saw_it(mv):
 
 def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
     ranking = (
-        Ranked("unknown", "process", 0.5, 4.0, 1.0, {}), Ranked("none", "none", 0.2, 4.0, 4.0, {}),
-        Ranked("drift", "sensor", 0.1, None, None, {}), Ranked("deadband", "valve", 0.1, 4.0, 2.0, {"S": 3.0}),
+        Ranked("unknown", "process", 0.5, 4.0, 1.0, {}),
+        Ranked("none", "none", 0.2, 4.0, 4.0, {}),
+        Ranked("drift", "sensor", 0.1, None, None, {}),
+        Ranked("deadband", "valve", 0.1, 4.0, 2.0, {"S": 3.0}),
         Ranked("stiction", "valve", 0.1, 4.0, 2.0, {"S": 3.0, "J": 1.0}),
-    )  # fmt: skip
+    )
     assert nearest(report("unknown", (), ranking=ranking)) == ["deadband"]
     assert nearest(report("stiction", ranking=ranking)) == []
     assert nearest(report("unknown", (), ranking=ranking[:3])) == []

@@ -16,10 +16,13 @@ class Concluded:
 
 
 LABELS = {
-    "a1": {"loop": "A", "unit_group": "U", "label": "stiction"}, "a2": {"loop": "A", "unit_group": "U", "label": "stiction"},
-    "b1": {"loop": "B", "unit_group": "U", "label": "stiction"}, "c1": {"loop": "C", "unit_group": "C", "label": "no_stiction"},
-    "d1": {"loop": "D", "unit_group": "D", "label": "tuning"}, "e1": {"loop": "E", "unit_group": "E", "label": "unknown"},
-}  # fmt: skip
+    "a1": {"loop": "A", "unit_group": "U", "label": "stiction"},
+    "a2": {"loop": "A", "unit_group": "U", "label": "stiction"},
+    "b1": {"loop": "B", "unit_group": "U", "label": "stiction"},
+    "c1": {"loop": "C", "unit_group": "C", "label": "no_stiction"},
+    "d1": {"loop": "D", "unit_group": "D", "label": "tuning"},
+    "e1": {"loop": "E", "unit_group": "E", "label": "unknown"},
+}
 
 
 def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_counted_apart():
@@ -32,12 +35,14 @@ def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_cou
     assert set(cells) == set("ABCDE")
     assert (
         lines[-2]
-        == "Conclusion by loop: stiction in 1 of 2 with stiction and in 0 of 2 without; 2 of 4 cannot tell."
+        == "Conclusion by loop: stiction in 1 of 2 with stiction and in 0 of 2 without; 2 of 4"
+        " cannot tell."
     )
     # log-odds of .99, .02 and .95: 4.60, -3.89 and 2.94, whose mean 1.22 is that of .77
     assert (
         lines[-1]
-        == "Conclusion by unit: stiction in 1 of 1 with stiction and in 0 of 2 without; 1 of 3 cannot tell."
+        == "Conclusion by unit: stiction in 1 of 1 with stiction and in 0 of 2 without; 1 of 3"
+        " cannot tell."
     )
 
 

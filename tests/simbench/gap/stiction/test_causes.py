@@ -1,4 +1,6 @@
-"""A cause is named on its own evidence: a line from outside is not tuning, a loop at rest has none, what is open stays open."""
+"""A cause is named on its own evidence: a line from outside is not tuning, a loop at rest has none,
+what is open stays open.
+"""
 
 import numpy as np
 import pytest

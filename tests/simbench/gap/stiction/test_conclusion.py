@@ -1,4 +1,6 @@
-"""One conclusion per record: verdict, probability, cause and next step agree with each other and in every verb."""
+"""One conclusion per record: verdict, probability, cause and next step agree with each other and in
+every verb.
+"""
 
 import contextlib
 import io
@@ -84,8 +86,12 @@ def of_text(text):
     step = re.search(r"^Next: (.*)\.$", text, re.MULTILINE).group(1)
     reason = re.search(r"^Reason: (.*)\.$", text, re.MULTILINE).group(1)
     return {
-        "verdict": verdict, "probability": None if p == "unknown" else float(p), "cause": cause, "reason": reason, "next": step,
-    }  # fmt: skip
+        "verdict": verdict,
+        "probability": None if p == "unknown" else float(p),
+        "cause": cause,
+        "reason": reason,
+        "next": step,
+    }
 
 
 def alone(file):
@@ -102,8 +108,12 @@ def alone(file):
     p = None if pd.isna(row["probability_of_stiction"]) else row["probability_of_stiction"]
     verdict = {word: verdict for verdict, word in WORDS.items()}[row["answer"]]
     out["report"] = {
-        "verdict": verdict, "probability": p, "cause": row["cause"], "reason": row["reason"], "next": row["next"],
-    }  # fmt: skip
+        "verdict": verdict,
+        "probability": p,
+        "cause": row["cause"],
+        "reason": row["reason"],
+        "next": row["next"],
+    }
     return out
 
 
@@ -256,7 +266,9 @@ def test_what_cannot_be_judged_has_no_probability_and_says_why():
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkeypatch):
-    """Simulated loops of three simulators, with and without loop file, and recorded ones; replicates change no conclusion."""
+    """Simulated loops of three simulators, with and without loop file, and recorded ones;
+    replicates change no conclusion.
+    """
     monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
     monkeypatch.setattr("simbench.plant.trust.trust.over_time", lambda *a: None)
     monkeypatch.setattr("simbench.plant.report.fleet.what_if", lambda *a: ())

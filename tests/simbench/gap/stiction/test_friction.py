@@ -65,7 +65,9 @@ def test_friction_that_was_taken_out_of_the_library_is_no_fault():
 
 @pytest.mark.parametrize("share", [0.0, 0.6])
 def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
-    """Slips between samples are lost where samples are left out; what remains at full sampling must then be found."""
+    """Slips between samples are lost where samples are left out; what remains at full sampling must
+    then be found.
+    """
     record = random_case(5, (FRICTION,)).record
     slow = at_its_pace(record)
     assert slow is not record

@@ -1,4 +1,6 @@
-"""One probability of stiction: monotone in its evidence, never certain, and the same whoever shows it."""
+"""One probability of stiction: monotone in its evidence, never certain, and the same whoever shows
+it.
+"""
 
 import json
 import math

@@ -77,12 +77,17 @@ def test_local_gain_needs_a_moving_set_point():
 
 
 @given(
-    st.sampled_from(sorted(EFFECTS)), st.sampled_from(sorted(EFFECTS)),
+    st.sampled_from(sorted(EFFECTS)),
+    st.sampled_from(sorted(EFFECTS)),
     st.builds(
-        Circumstances, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(),
+        Circumstances,
+        *[st.booleans()] * 4,
+        op_jitter=st.floats(0, 5),
+        J=st.none() | st.floats(0, 5),
+        slow=st.booleans(),
         ramp=st.booleans(),
     ),
-)  # fmt: skip
+)
 def test_looking_alike_is_mutual_and_includes_oneself(a, b, facts):
     assert a in indistinguishable(a, facts)
     assert (b in indistinguishable(a, facts)) == (a in indistinguishable(b, facts))
@@ -108,10 +113,17 @@ def test_circumstances_come_from_baseline_and_record():
     assert not any(getattr(Circumstances(), name) for name in Circumstances.__dataclass_fields__)
 
 
-@pytest.mark.parametrize(("effect", "parameters", "J"), [
-    ("stiction", {"S": 3.0, "J": 0.4}, 0.4), ("stiction", {"S": 3.0}, None), ("deadband", {"S": 3.0}, 0.0),
-    ("deadband", None, 0.0), ("deadzone", {"D": 3.0}, None), ("none", None, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "parameters", "J"),
+    [
+        ("stiction", {"S": 3.0, "J": 0.4}, 0.4),
+        ("stiction", {"S": 3.0}, None),
+        ("deadband", {"S": 3.0}, 0.0),
+        ("deadband", None, 0.0),
+        ("deadzone", {"D": 3.0}, None),
+        ("none", None, None),
+    ],
+)
 def test_the_slip_jump_is_the_effects_own(effect, parameters, J):
     assert circumstances(PLANT, 0.1, None, OP, PV, OP, effect, parameters).J == J
 
@@ -173,17 +185,28 @@ def test_slow_means_hidden_in_the_noise_within_the_plants_time_scale(effect, par
     assert not circumstances(VESSEL, 1.0, None, OP, PV, None, effect, parameters).slow
 
 
-@pytest.mark.parametrize(("rate", "walk", "effect", "slow", "ramp"), [
-    (0.0019, 0.0, "load_drift", True, True), (0.0021, 0.0, "load_drift", False, True), (0.0, 0.0095, "load_drift", True, False),
-    (-0.0021, 0.0, "load_drift", False, True), (0.0, 0.0105, "load_drift", False, False),
-    (0.001, 0.0045, "load_drift", True, True), (0.001, 0.0055, "load_drift", False, True),
-    (0.001, 0.0105, "load_drift", False, False), (0.0039, 0.0, "drift", True, True), (0.0041, 0.0, "drift", False, True),
-    (0.0, 0.0195, "drift", True, False), (0.0, 0.0205, "drift", False, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate", "walk", "effect", "slow", "ramp"),
+    [
+        (0.0019, 0.0, "load_drift", True, True),
+        (0.0021, 0.0, "load_drift", False, True),
+        (0.0, 0.0095, "load_drift", True, False),
+        (-0.0021, 0.0, "load_drift", False, True),
+        (0.0, 0.0105, "load_drift", False, False),
+        (0.001, 0.0045, "load_drift", True, True),
+        (0.001, 0.0055, "load_drift", False, True),
+        (0.001, 0.0105, "load_drift", False, False),
+        (0.0039, 0.0, "drift", True, True),
+        (0.0041, 0.0, "drift", False, True),
+        (0.0, 0.0195, "drift", True, False),
+        (0.0, 0.0205, "drift", False, False),
+    ],
+)
 def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(
     rate, walk, effect, slow, ramp
 ):
-    # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the noise of 0.1
+    # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the
+    # noise of 0.1
     plant = PLANT | {"K": -2.0, "T": 20.0, "Td": 5.0}
     found = circumstances(plant, 0.1, None, OP, PV, None, effect, {"rate": rate, "walk": walk})
     assert (found.slow, found.ramp) == (slow, ramp)

@@ -1,4 +1,6 @@
-"""Every form of law does nothing at rest, something with its numbers, and the same compiled as sample by sample."""
+"""Every form of law does nothing at rest, something with its numbers, and the same compiled as
+sample by sample.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +17,35 @@ from simbench.loop.parameters import resolve
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 
-LOOP = Loop.from_table({
-    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 400}, "noise": {"std": 0.1}, "setpoint": {"value": 50.0, "steps": [[100, 55], [250, 50]]},
-})  # fmt: skip
+LOOP = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+        "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
+        "sampling": {"Ts": 1.0, "n": 400},
+        "noise": {"std": 0.1},
+        "setpoint": {"value": 50.0, "steps": [[100, 55], [250, 50]]},
+    }
+)
 NUMBERS = {
-    "curve": {"q1": 45, "q2": 50, "q3": 55, "k1": 0.5, "k2": -0.3, "k3": 0.2}, "memory": {"S": 4, "J": 1},
-    "rate": {"slowness": 4}, "size": {"gain": 1.5, "pace": 1.3, "delay": 1},
+    "curve": {"q1": 45, "q2": 50, "q3": 55, "k1": 0.5, "k2": -0.3, "k3": 0.2},
+    "memory": {"S": 4, "J": 1},
+    "rate": {"slowness": 4},
+    "size": {"gain": 1.5, "pace": 1.3, "delay": 1},
     "zero": {"lead": -5, "lag": 3},
-    "held": {"share": 0.2, "length": 10}, "clipped": {"low": 49, "high": 51},
-    "stairs": {"step": 0.5}, "rough": {"std": 1.0, "share": 0.3, "length": 20},
-    "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
-    "regime": {"gain": 0.5, "square": 0.3, "side": 0.2, "schedule": 0.01}, "ramps": {"down": 2, "up": 3},
-    "idle": {"share": 0.3, "length": 4}, "limits": {"low": 48, "high": 52}, "rest": {"width": 0.5, "step": 0.2},
+    "held": {"share": 0.2, "length": 10},
+    "clipped": {"low": 49, "high": 51},
+    "stairs": {"step": 0.5},
+    "rough": {"std": 1.0, "share": 0.3, "length": 20},
+    "derivative": {"Td": 3, "filter": 1},
+    "weight": {"weight": 0.4},
+    "regime": {"gain": 0.5, "square": 0.3, "side": 0.2, "schedule": 0.01},
+    "ramps": {"down": 2, "up": 3},
+    "idle": {"share": 0.3, "length": 4},
+    "limits": {"low": 48, "high": 52},
+    "rest": {"width": 0.5, "step": 0.2},
     "tuning": {"gain": 1.5, "integral": 0.7},
     "bursts": {"std": 3, "time": 5, "share": 0.3, "length": 50},
-}  # fmt: skip
+}
 
 
 def ran(form=None, numbers=None, *, plain=False):

@@ -1,4 +1,6 @@
-"""A cascade on a plant's page: one oscillation, of which the inner loop, whose valve sticks, is named first."""
+"""A cascade on a plant's page: one oscillation, of which the inner loop, whose valve sticks, is
+named first.
+"""
 
 from scenarios.spec import Loop
 from simbench.files import write_record

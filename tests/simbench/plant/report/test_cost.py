@@ -1,4 +1,6 @@
-"""What a cycle carries of a variance, how far a valve travels, and what would help a loop whose friction is known."""
+"""What a cycle carries of a variance, how far a valve travels, and what would help a loop whose
+friction is known.
+"""
 
 import numpy as np
 import pytest

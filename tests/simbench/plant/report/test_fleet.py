@@ -1,4 +1,6 @@
-"""A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
+"""A folder of loops: a source and its victim are one event, the source is ranked first, and the
+page asks for nothing.
+"""
 
 import csv
 import json

@@ -1,4 +1,6 @@
-"""Work orders are one row a loop that somebody must see to; what was named last week returns as such."""
+"""Work orders are one row a loop that somebody must see to; what was named last week returns as
+such.
+"""
 
 import pandas as pd
 import pytest

@@ -1,4 +1,6 @@
-"""Records against a grid: no difference is found where there is none, a planted one is, and its name stands first."""
+"""Records against a grid: no difference is found where there is none, a planted one is, and its
+name stands first.
+"""
 
 import json
 from functools import wraps
@@ -194,10 +196,17 @@ def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
     assert named.count("quantisation") > 5
 
 
-@pytest.mark.parametrize(("costs", "said", "table"), [
-    ({"he": 0.02, "horch": -0.1, "kano_a": -0.004, "procedure": -0.2}, "accuracy procedure -20, horch -10 points", "procedure"),
-    ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("costs", "said", "table"),
+    [
+        (
+            {"he": 0.02, "horch": -0.1, "kano_a": -0.004, "procedure": -0.2},
+            "accuracy procedure -20, horch -10 points",
+            "procedure",
+        ),
+        ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
+    ],
+)
 def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, said, table):
     e = Contribution("quantisation", 0.5, 0.1, costs, ())
     nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}

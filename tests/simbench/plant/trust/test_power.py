@@ -29,8 +29,9 @@ def test_the_smallest_visible_lies_between_the_cells_that_bracket_it():
 
 def test_the_smallest_visible_is_counted_without_loading_scikit_learn():
     code = (
-        "import sys; from simbench.plant.trust.power import Cell, smallest_visible\n"
-        "smallest_visible([Cell(s, s, s / 2, 0.0, 1.0) for s in (1.0, 2.0)]); print('sklearn' in sys.modules)"
+        "import sys; from simbench.plant.trust.power import Cell,"
+        " smallest_visible\nsmallest_visible([Cell(s, s, s / 2, 0.0, 1.0) for s in (1.0, 2.0)]);"
+        " print('sklearn' in sys.modules)"
     )
     assert (
         subprocess.run(

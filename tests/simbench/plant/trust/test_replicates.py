@@ -1,4 +1,6 @@
-"""Twins are the record's own loop again: its length, its sampling, its set point, and no more signals than it has."""
+"""Twins are the record's own loop again: its length, its sampling, its set point, and no more
+signals than it has.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +46,9 @@ def test_a_healthy_twin_moves_about_as_much_as_the_record(behind):
 
 
 def test_a_set_point_that_moved_at_the_beginning_hides_no_twin():
-    """What a loop does before its record, on its way to the first set point, must not count as its motion."""
+    """What a loop does before its record, on its way to the first set point, must not count as its
+    motion.
+    """
     loop = load_loop(Path(__file__).parents[4] / "docs" / "example" / "loop.toml")
     found = candidate_loops(simulate(loop, 1).record.without_mv())
     assert sum(t.S == 0 for t in draw_twins(found, 6, 1)) >= 4

@@ -105,8 +105,15 @@ def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probabl
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
     answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert set(answer) == {
-        "methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes", "conclusion",
-    }  # fmt: skip
+        "methods",
+        "best",
+        "smallest_visible",
+        "probability",
+        "probability_of_stiction",
+        "twins",
+        "notes",
+        "conclusion",
+    }
     assert answer["probability_of_stiction"] == answer["probability"]
     for row in answer["methods"]:
         assert set(row) == {
@@ -141,9 +148,13 @@ def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, mo
 
 def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
     other = LoopRecord(
-        op=sticky.op, pv=8.0 * sticky.pv - 64.0, sp=8.0 * sticky.sp - 64.0, Ts=sticky.Ts, process=sticky.process,
+        op=sticky.op,
+        pv=8.0 * sticky.pv - 64.0,
+        sp=8.0 * sticky.sp - 64.0,
+        Ts=sticky.Ts,
+        process=sticky.process,
         op_span=sticky.op_span,
-    )  # fmt: skip
+    )
     assert trust(other, **FEW).conclusion.verdict == found.conclusion.verdict
 
 
