@@ -1,12 +1,21 @@
 """Grids: counts, order, overrides, and one sentence for every grid that cannot be."""
 
+import json
 import math
 
 import pytest
 
 from scenarios.cell import SETTINGS, loop_axes, ultimate_gain
 from scenarios.errors import SpecError
-from scenarios.grid import SMALLEST_BLOCK, SMALLEST_LOOP, chunks, grid_names, load_grid, make_grid
+from scenarios.grid import (
+    SMALLEST_BLOCK,
+    SMALLEST_LOOP,
+    GridFile,
+    chunks,
+    grid_names,
+    load_grid,
+    make_grid,
+)
 from scenarios.spec import Loop
 
 PLAIN = {
@@ -324,3 +333,10 @@ def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_pat
     )
     assert changed.setpoint.value == 40.0
     assert changed.with_("setpoint.value", 50.0).plant == plain.plant
+
+
+@pytest.mark.parametrize("name", grid_names())
+def test_what_a_manifest_keeps_of_a_grid_is_the_grid(name):
+    content = load_grid(name).content
+    kept = json.loads(json.dumps(content.model_dump(mode="json")))
+    assert GridFile.model_validate(kept) == content
