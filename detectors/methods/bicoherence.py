@@ -2,12 +2,15 @@
 linear one they do not.
 
 Needs: the control error (mean PV stands in for a set point that was not recorded), either process
-type, 256 samples. Parameters: `ngi_low` (-), `nli_low` (-), published. Indices: ngi (mean squared
-bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2 std), height (its peak over
-the bound). Rule: ngi > ngi_low and nli > nli_low: nonlinear, written as "stiction" although the
-test does not say which element it is; else linear. Not for: symmetric cycles. A cycle with
-half-wave symmetry has odd harmonics only and looks like noise; a verdict "linear" rules nothing
-out. Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill (2004), Automatica 40, 1719-1728.
+type, 256 samples.
+Parameters: `ngi_low` (-), `nli_low` (-), published.
+Indices: ngi (mean squared bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2
+std), height (its peak over the bound).
+Rule: ngi > ngi_low and nli > nli_low: nonlinear, written as "stiction" although the test does not
+say which element it is; else linear.
+Not for: symmetric cycles. A cycle with half-wave symmetry has odd harmonics only and looks like
+noise; a verdict "linear" rules nothing out.
+Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill (2004), Automatica 40, 1719-1728.
 """
 
 from __future__ import annotations

@@ -5,20 +5,23 @@ Needs: PV and OP (SP where it moves), either process type, 12 cycles; with `surr
 least 7 samples. All steps see a record resampled to 21 samples a cycle, where it has more: a
 segment of 64 samples, the authors', then holds three cycles. Their records have some thousand
 samples, of hundreds of cycles: in a shorter one fewer segments are averaged, the bound of NGI
-rises, and less is seen. Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the
-bicoherence; `ngi_low`, `nli_low` as in bicoherence; `fitness_low` (-); `low`, `high` (cycles per
-sample): boundaries of the filter chosen by hand, 0 for those of step 2. Indices: ngi, nli (or npi),
-fitness, S_apparent. Rule: step 1, the error is linear: no stiction (tuning or an outside
-oscillation); step 2, zero-phase band-pass around the bicoherence peak; step 3, the most regular of
-the stretches of 1000 samples gives the period, the most regular one of four periods is taken; step
-4, an ellipse with fitness >= 0.6: stiction, and the chord along OP is the apparent stiction; else
-another valve problem. OP moving over more than 25 % of its span is said: the valve's characteristic
-may then be the nonlinearity. Not for: symmetric cycles, which step 1 does not see, neither by
-bicoherence nor by surrogates. Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook
-(2006), Control Engineering Practice 14, 1395-1412; Jelali (2013), Procedure 11.3, with its
-surrogate branch. The boundaries, max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05) per sample
-about the peak of the bicoherence, often need tuning by hand (Manum 2006), which its authors did as
-well. Samples are those of the resampled record.
+rises, and less is seen.
+Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`,
+`nli_low` as in bicoherence; `fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the
+filter chosen by hand, 0 for those of step 2.
+Indices: ngi, nli (or npi), fitness, S_apparent.
+Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation); step 2,
+zero-phase band-pass around the bicoherence peak; step 3, the most regular of the stretches of 1000
+samples gives the period, the most regular one of four periods is taken; step 4, an ellipse with
+fitness >= 0.6: stiction, and the chord along OP is the apparent stiction; else another valve
+problem. OP moving over more than 25 % of its span is said: the valve's characteristic may then be
+the nonlinearity.
+Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
+Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering
+Practice 14, 1395-1412; Jelali (2013), Procedure 11.3, with its surrogate branch. The boundaries,
+max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05) per sample about the peak of the bicoherence,
+often need tuning by hand (Manum 2006), which its authors did as well. Samples are those of the
+resampled record.
 """
 
 from __future__ import annotations

@@ -2,12 +2,15 @@
 scatter or lie on a line.
 
 Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise
-removed. Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in
-the source: the filter of Procedure 11.3, step 2, about the peak of the bicoherence. Indices:
-fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre
-along OP). Rule: fitness >= 0.6: stiction; else none. Not for: deciding alone. Any oscillation with
-a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks for a nonlinearity
-first (method choudhury). S is the apparent stiction: a mark of the loop more than the valve's S.
+removed.
+Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in the
+source: the filter of Procedure 11.3, step 2, about the peak of the bicoherence.
+Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the
+centre along OP).
+Rule: fitness >= 0.6: stiction; else none.
+Not for: deciding alone. Any oscillation with a phase shift between OP and PV draws an ellipse,
+sticky or not; the paper asks for a nonlinearity first (method choudhury). S is the apparent
+stiction: a mark of the loop more than the valve's S.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering
 Practice 14, 1395-1412; Eq 11.15.
 """

@@ -3,17 +3,20 @@ it sticks.
 
 The standard itself was not available. The rule is the one that open implementations of its
 simplified calculation state: an ellipse by principal components of PV and OP, each in shares of its
-range, b its short and a its long axis. Needs: PV and OP, either process type, an oscillation, 100
-samples. Parameters: `ratio_low` (-), where these implementations begin to call stiction severe and
-to name it; `line_low` (-), 0 as in the clause, 0.5 in a later implementation, which answers nothing
-for points that have no clear long axis. Indices: axis_ratio in 0..1 (b / a: 0 for a line, 1 for a
-circle), line_fit in 0..1 (squared correlation of PV and OP). Rule: axis_ratio > 0.3: stiction; else
-none; line_fit below its bound: no decision. The same sources call 0.05 to 0.15 mild and 0.15 to 0.3
-moderate. Not for: deciding alone. The axis ratio measures the phase between OP and PV, which any
-controller with integral action, any lag and any dead time makes as well: of simulated
-self-regulating loops it finds seven in ten that cycle, and accuses nearly half of the healthy ones
-that oscillate. Source: GB/T 44693.2-2024, clause F.2, by open implementations (St = b/a, levels at
-5, 15 and 30 %), read in 2026.
+range, b its short and a its long axis.
+Needs: PV and OP, either process type, an oscillation, 100 samples.
+Parameters: `ratio_low` (-), where these implementations begin to call stiction severe and to name
+it; `line_low` (-), 0 as in the clause, 0.5 in a later implementation, which answers nothing for
+points that have no clear long axis.
+Indices: axis_ratio in 0..1 (b / a: 0 for a line, 1 for a circle), line_fit in 0..1 (squared
+correlation of PV and OP).
+Rule: axis_ratio > 0.3: stiction; else none; line_fit below its bound: no decision. The same sources
+call 0.05 to 0.15 mild and 0.15 to 0.3 moderate.
+Not for: deciding alone. The axis ratio measures the phase between OP and PV, which any controller
+with integral action, any lag and any dead time makes as well: of simulated self-regulating loops it
+finds seven in ten that cycle, and accuses nearly half of the healthy ones that oscillate.
+Source: GB/T 44693.2-2024, clause F.2, by open implementations (St = b/a, levels at 5, 15 and 30 %),
+read in 2026.
 """
 
 from __future__ import annotations

@@ -2,17 +2,20 @@
 straight valve does as well.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S
-and J in % of travel. Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the
-source: there S alone decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0),
-own: 0, as in the source, a linear part fitted by one-step errors. Indices: gain (error a sticky
-valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of the
-valve's own swings by no more than about S + J), error (unexplained share of the variance of PV),
-S_hat, J_hat, T_s, Td_s. Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below
-it: none. S is an interval around what both maps say, which holds in nine loops of ten; J a number
-where the record fixes it, else all values that fit as well, without a level. The valve is
-Choudhury's map or one that stops within every sample (He's), whichever explains PV better. Not for:
-loops whose PV is moved from outside more than by the valve (error above one half: no decision); J,
-wherever the valve only toggles between two positions: J and the gain of the plant then trade off.
+and J in % of travel.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the source: there S alone
+decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the
+source, a linear part fitted by one-step errors.
+Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the
+swing of OP: a cycle of the valve's own swings by no more than about S + J), error (unexplained
+share of the variance of PV), S_hat, J_hat, T_s, Td_s.
+Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an interval
+around what both maps say, which holds in nine loops of ten; J a number where the record fixes it,
+else all values that fit as well, without a level. The valve is Choudhury's map or one that stops
+within every sample (He's), whichever explains PV better.
+Not for: loops whose PV is moved from outside more than by the valve (error above one half: no
+decision); J, wherever the valve only toggles between two positions: J and the gain of the plant
+then trade off.
 Source: R. Srinivasan, R. Rengaswamy, S. Narasimhan, R. Miller (2005), Ind. Eng. Chem. Res. 44,
 6719-6728; M. Jelali (2008), J. Process Control 18, 632-642. Own: an output-error linear part, and
 the two ratios that make a verdict of the fit.

@@ -2,15 +2,19 @@
 else it is closer to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three
-periods. Parameters: `eta_low`, `eta_high` (-), published; `two_line` (0 or 1): the triangle of Eq
-11.11, two free lines, decides in place of He's; `cleaned` (1 or 0), own: drift and noise are taken
-off first. `he@chapter` has two_line = 1. Indices: eta in 0..1 (triangle with free apex and zero
-ends; decides), eta_two_line in 0..1 (the chapter's two straight lines, which have four free
-parameters against the sine's two and lean to "triangle" in noise). Rule: eta = MSE_sine / (MSE_sine
-+ MSE_triangle), averaged over the half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13). Not
-for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth
-of the signal, where both misfits are noise and eta goes to 0.5. Source: Q.P. He, J. Wang, M.
-Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10 to 11.13.
+periods.
+Parameters: `eta_low`, `eta_high` (-), published; `two_line` (0 or 1): the triangle of Eq 11.11, two
+free lines, decides in place of He's; `cleaned` (1 or 0), own: drift and noise are taken off first.
+`he@chapter` has two_line = 1.
+Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the
+chapter's two straight lines, which have four free parameters against the sine's two and lean to
+"triangle" in noise).
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the half cycles;
+>= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
+Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a
+fifth of the signal, where both misfits are noise and eta goes to 0.5.
+Source: Q.P. He, J. Wang, M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali
+(2013), Eqs 11.10 to 11.13.
 """
 
 from __future__ import annotations

@@ -4,14 +4,15 @@ as a sine does; its histogram tells.
 Needs: PV, three periods of a sustained oscillation; made for integrating processes (second
 difference of PV), works on self-regulating ones (first difference) in the author's own extension.
 Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of
-the data), own, 0 in the source: the smallest A of a camel. Indices: mse_camel, mse_gauss >= 0,
-errors of the two fitted densities. Rule: the histogram of the filtered difference is fitted by a
-Gaussian (kinks in PV leave a central peak: stiction) and by the density of A cos(phi) plus Gaussian
-noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). With A = 0 the camel is a
-Gaussian and a free fit ties. The source names no cut-off; here it is the highest harmonic that
-noise leaves clear. Not for: noisy PV of a fast process: twice differenced noise is Gaussian too,
-and the filter's cut-off then decides. Source: A. Horch (2006), Control Engineering Practice 14;
-Jelali (2013), Sect 11.5.
+the data), own, 0 in the source: the smallest A of a camel.
+Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
+Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central
+peak: stiction) and by the density of A cos(phi) plus Gaussian noise (a camel: no stiction); score =
+mse_camel / (mse_camel + mse_gauss). With A = 0 the camel is a Gaussian and a free fit ties. The
+source names no cut-off; here it is the highest harmonic that noise leaves clear.
+Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's
+cut-off then decides.
+Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
 """
 
 from __future__ import annotations

@@ -3,15 +3,17 @@ OP; which explains PV?
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
 Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier
-model decides, 0.5. Indices: stuck_share (mean probability that the valve stands still, 0..1),
-evidence (log-likelihood the two models together gain on the following valve alone, per sample).
+model decides, 0.5.
+Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood
+the two models together gain on the following valve alone, per sample).
 Rule: score = stuck_share; >= score_high stiction, <= score_low none. A bank of two Kalman filters
 (standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
 sample as an interacting multiple model. The paper has a known plant; here it comes from the
-Hammerstein fit. Not for: records from which no plant can be identified; PV moved from outside,
-which the filter takes for the valve. Source: A. Horch, A.J. Isaksson (1998), IFAC Workshop on
-On-line Fault Detection and Supervision, Lyon; mixing by Blom & Bar-Shalom (1988), IEEE Trans.
-Automatic Control 33, 780-783.
+Hammerstein fit.
+Not for: records from which no plant can be identified; PV moved from outside, which the filter
+takes for the valve.
+Source: A. Horch, A.J. Isaksson (1998), IFAC Workshop on On-line Fault Detection and Supervision,
+Lyon; mixing by Blom & Bar-Shalom (1988), IEEE Trans. Automatic Control 33, 780-783.
 """
 
 from __future__ import annotations

@@ -2,14 +2,17 @@
 sine.
 
 Needs: PV, three periods of a sustained oscillation; both process types (behind an integrator the
-relay's answer is a triangle). Parameters: `bound` (-), half width of the uncertain zone, published;
-`left_out` (-), own, 0 in the source. Indices: eta_rossi in -1..1, from sine to relay. Rule:
-eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine tenths of
-PV's half cycles (Eq 11.14), E_relay the least over the square-wave answers of all first-order lags,
-from square to triangle; above 0.21 stiction, below -0.21 no stiction, between no decision. Not for:
-PV of a slow process, whose lags leave a sine of any relay; oscillations that come in from another
-sticky loop; it is known for false alarms on distorted waves of any origin. Source: M. Rossi, C.
-Scali (2005), Journal of Process Control 15, 505-514; Jelali (2013), Eq 11.14.
+relay's answer is a triangle).
+Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), own, 0 in the
+source.
+Indices: eta_rossi in -1..1, from sine to relay.
+Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine
+tenths of PV's half cycles (Eq 11.14), E_relay the least over the square-wave answers of all
+first-order lags, from square to triangle; above 0.21 stiction, below -0.21 no stiction, between no
+decision.
+Not for: PV of a slow process, whose lags leave a sine of any relay; oscillations that come in from
+another sticky loop; it is known for false alarms on distorted waves of any origin.
+Source: M. Rossi, C. Scali (2005), Journal of Process Control 15, 505-514; Jelali (2013), Eq 11.14.
 """
 
 from __future__ import annotations

@@ -3,11 +3,14 @@ cycle peaks late.
 
 Needs: PV of a self-regulating process under PI, three periods of a sustained oscillation.
 Parameters: `R_low` (-), published; `cleaned` (1 or 0), own, 0 in the source: drift and noise are
-taken off first. Indices: r_area > 0, mean of the areas before over the areas after the peak of the
-half cycles of the error. Rule: R = mean(A1 / A2); R > 1: stiction; else none. Not for: integrating
-processes (R = 1 with stiction); processes with a long dead time; errors in which noise moves the
-peak: it lifts R above 1 by itself, and a fifth to a quarter of simulated healthy loops are taken
-for sticky. Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382.
+taken off first.
+Indices: r_area > 0, mean of the areas before over the areas after the peak of the half cycles of
+the error.
+Rule: R = mean(A1 / A2); R > 1: stiction; else none.
+Not for: integrating processes (R = 1 with stiction); processes with a long dead time; errors in
+which noise moves the peak: it lifts R above 1 by itself, and a fifth to a quarter of simulated
+healthy loops are taken for sticky.
+Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382.
 """
 
 from __future__ import annotations

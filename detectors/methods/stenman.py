@@ -3,15 +3,17 @@ explain PV best.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
 Parameters: `score_low`, `score_high` (-), own, from simulated loops; the paper judges the jumps by
-eye. Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for,
-0..1), stuck_share (share of samples without a jump, 0..1), jumps_per_period. Rule: score = gain
-stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 - d(k)) x(k-1) + d(k)
-u(k) with d = 0 or 1, the plant y(k) = a y(k-1) + b x(k-1-nd) + c; plant and jumps are estimated in
-turn, the jumps of each turn exactly, by dynamic programming, with the penalty s^2 ln(n) / 2 per
-jump in place of the paper's prior and pruned search. Not for: valves that slide for long, whose
-every sample costs a jump; noise on PV beyond a fifth of it; PV moved from outside. Source: A.
-Stenman, F. Gustafsson, K. Forsman (2003), Int. J. Adaptive Control and Signal Processing 17,
-625-634.
+eye.
+Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for,
+0..1), stuck_share (share of samples without a jump, 0..1), jumps_per_period.
+Rule: score = gain stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 -
+d(k)) x(k-1) + d(k) u(k) with d = 0 or 1, the plant y(k) = a y(k-1) + b x(k-1-nd) + c; plant and
+jumps are estimated in turn, the jumps of each turn exactly, by dynamic programming, with the
+penalty s^2 ln(n) / 2 per jump in place of the paper's prior and pruned search.
+Not for: valves that slide for long, whose every sample costs a jump; noise on PV beyond a fifth of
+it; PV moved from outside.
+Source: A. Stenman, F. Gustafsson, K. Forsman (2003), Int. J. Adaptive Control and Signal Processing
+17, 625-634.
 """
 
 from __future__ import annotations

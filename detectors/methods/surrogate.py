@@ -5,9 +5,11 @@ Needs: the control error, 12 cycles of at least 7 samples.
 Parameters: `npi_low` (-), published.
 Indices: npi, (mean surrogate error - error) / (3 std); above 1 nonlinear.
 Rule: npi > 1: nonlinear, written as "stiction" although the test does not say which element it is;
-else linear. Not for: strict cycles, whose harmonics every surrogate keeps: squares and triangles
-reach 0.2 to 0.6 here. A verdict "linear" rules nothing out. Source: N.F. Thornhill (2005), IEEE
-Trans. Control Systems Technology 13, 434-443; surrogates by Schreiber & Schmitz (1996).
+else linear.
+Not for: strict cycles, whose harmonics every surrogate keeps: squares and triangles reach 0.2 to
+0.6 here. A verdict "linear" rules nothing out.
+Source: N.F. Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; surrogates by
+Schreiber & Schmitz (1996).
 """
 
 from __future__ import annotations

@@ -2,14 +2,17 @@
 
 Needs: OP with the valve position, or with PV of a flow loop; three periods.
 Parameters: `step` (samples) over which a movement is counted, 1 as published, more for records
-sampled much faster than the process; `rho3_min` (-), published. Indices: rho1 in 0..1 (share of
-movements with OP moving and the valve not), rho2 and rho3 in 0..1 (the same, only where the valve
-follows afterwards, and without what has nothing to do with stiction). Rule: stiction when rho3 >
-0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 = 0.41, rho3 = 0.13. Not for:
-PV in place of the valve position behind a slow process; noise or sampling so fast that differences
-are noise; a valve that never stands still. Source: Y. Yamashita (2006), Control Engineering
-Practice 14, 503-510; Jelali (2013), Eqs 11.3 to 11.5 with the denominator tau_total - tau_SS, which
-alone reproduces the printed values of loop PAP2.
+sampled much faster than the process; `rho3_min` (-), published.
+Indices: rho1 in 0..1 (share of movements with OP moving and the valve not), rho2 and rho3 in 0..1
+(the same, only where the valve follows afterwards, and without what has nothing to do with
+stiction).
+Rule: stiction when rho3 > 0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 =
+0.41, rho3 = 0.13.
+Not for: PV in place of the valve position behind a slow process; noise or sampling so fast that
+differences are noise; a valve that never stands still.
+Source: Y. Yamashita (2006), Control Engineering Practice 14, 503-510; Jelali (2013), Eqs 11.3 to
+11.5 with the denominator tau_total - tau_SS, which alone reproduces the printed values of loop
+PAP2.
 """
 
 from __future__ import annotations

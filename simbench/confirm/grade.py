@@ -64,10 +64,12 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Gr
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
 
     Source: Jelali (2013), Table 11.1, after Ruel (2000); the limits of the gain, 0.5 and 3, as far
-    as the text keeps them. Process gain: PV over OP across the big steps of the travel test. Noise
-    band: four standard deviations of PV while OP rests. Hysteresis: largest separation of the
-    valve's positions over full strokes up and down, less the dead-band. Stiction: small steps in
-    the direction of the last big one until PV moves, up to one step too large.
+    as the text keeps them.
+    Process gain: PV over OP across the big steps of the travel test. Noise band: four standard
+    deviations of PV while OP rests.
+    Hysteresis: largest separation of the valve's positions over full strokes up and down, less the
+    dead-band. Stiction: small steps in the direction of the last big one until PV moves, up to one
+    step too large.
     """
     test = travel_test(loop, seed=seed) if test is None else test
     rest = round(test.wait / test.Ts)

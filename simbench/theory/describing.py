@@ -137,8 +137,8 @@ def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Inters
 
     Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and
     log(A/low - 1); from there Newton's method. Qualitative: OP is a triangle rather than a sine,
-    periods are off by -22 to +38 %, and cycles exist (PI with Ti > T + Td) where the curves do not
-    meet. For numbers see `simbench.theory.cycle`.
+    periods are off by -22 to +38 %, and cycles exist (PI with Ti > T
+    + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
     """
     w = np.geomspace(1e-5 / max(loop.times), 50 / min(loop.times), 500)
     top = min(1e3, valve.high / valve.low - 1)

@@ -202,13 +202,14 @@ def fit_hammerstein(
     """Find the valve's S and J and the plant behind it from OP and PV.
 
     Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728,
-    and Jelali (2008), J. Process Control 18, 632-642: for every (S, J) of a grid the valve model
-    turns OP into MV, the linear part is fitted in closed form, and the smallest error wins. Here
-    the linear part is an output-error model (time constant and dead time from a grid, gain by least
-    squares): its error is not blurred by noise on PV as that of an ARX model is. The unknown state
-    of the valve at the start is searched with the rest. In the regime where the valve only toggles
-    between two positions J and the plant's gain trade off: `J_range` is then wide. Not for loops
-    whose PV is moved by disturbances more than by the valve: `error` is then large.
+    and Jelali (2008), J.
+    Process Control 18, 632-642: for every (S, J) of a grid the valve model turns OP into MV, the
+    linear part is fitted in closed form, and the smallest error wins. Here the linear part is an
+    output-error model (time constant and dead time from a grid, gain by least squares): its error
+    is not blurred by noise on PV as that of an ARX model is. The unknown state of the valve at the
+    start is searched with the rest. In the regime where the valve only toggles between two
+    positions J and the plant's gain trade off: `J_range` is then wide. Not for loops whose PV is
+    moved by disturbances more than by the valve: `error` is then large.
     """
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)

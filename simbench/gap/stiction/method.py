@@ -2,16 +2,20 @@
 probability.
 
 Looks for a valve map that explains, through a plant identified from the record, what PV does beside
-OP, better than load, noise and an oscillation from outside do. Needs: OP and PV, oscillating or
-not; MV, where recorded, in place of PV. SP helps to tell the controller's direction. Parameters:
-`yes`, `no` (-): probabilities from which stiction is claimed, and below which it is denied.
+OP, better than load, noise and an oscillation from outside do.
+Needs: OP and PV, oscillating or not; MV, where recorded, in place of PV. SP helps to tell the
+controller's direction.
+Parameters: `yes`, `no` (-): probabilities from which stiction is claimed, and below which it is
+denied.
 Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain,
 outside (nats that friction, and an oscillation from outside, bring over none), share (fitted band
-over OP's range). Rule: probability_of_stiction > yes stiction, < no none; between them, no
-decision. S and J are the fitted valve's. Not for: loops that were retuned or changed their plant
-within the record, plants far from first order with dead time. Source: generalised likelihood ratio,
-Kay (1998), Detection Theory, section 6.4.2; weights learned on simulated loops
-(`results/stiction_probability.txt`).
+over OP's range).
+Rule: probability_of_stiction > yes stiction, < no none; between them, no decision. S and J are the
+fitted valve's.
+Not for: loops that were retuned or changed their plant within the record, plants far from first
+order with dead time.
+Source: generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; weights learned
+on simulated loops (`results/stiction_probability.txt`).
 """
 
 from __future__ import annotations

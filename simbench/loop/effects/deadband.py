@@ -1,8 +1,8 @@
 """Dead-band: backlash between OP and MV, without slip-jump.
 
 When it is the answer: loose linkage; MV lags OP by S/2 whichever way it moves, and a
-self-regulating PI loop does not cycle by it alone. When not: MV jumps as it breaks away
-(`stiction`).
+self-regulating PI loop does not cycle by it alone.
+When not: MV jumps as it breaks away (`stiction`).
 """
 
 from simbench.loop.parameters import Number

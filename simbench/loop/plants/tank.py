@@ -2,8 +2,9 @@
 time constant rise with it.
 
 When to choose it: level or pressure far from where the loop was tuned; the simplest plant that is
-not linear. When not: small moves about the operating point, where K/(T s + 1) says the same and
-theory knows it.
+not linear.
+When not: small moves about the operating point, where K/(T s + 1) says the same and theory knows
+it.
 """
 
 from math import sqrt

@@ -1,8 +1,8 @@
 """Stiction that differs by direction: its own S and J for opening and for closing.
 
 When to choose it: packing or plug load that helps one direction (flow to open, flow to close), or
-an asymmetric cycle, which second-order spectra see and a symmetric one hides from them. When not:
-nothing tells the directions apart in the record; four numbers then fit what two would
+an asymmetric cycle, which second-order spectra see and a symmetric one hides from them.
+When not: nothing tells the directions apart in the record; four numbers then fit what two would
 (`choudhury`).
 
 S_up and J_up give the residuals of opening: break-away at OP - MV > (S_up + J_up)/2, motion at

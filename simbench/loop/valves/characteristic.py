@@ -3,9 +3,10 @@ part of the pressure.
 
 When to choose it: behind a friction model, when the loop gain should change with the operating
 point: a gain that grows with opening (equal percentage) or falls (quick opening), or a valve whose
-line takes most of the pressure. When not: small cycles about one operating point; a gain does
-there. In a closed loop the flow at OP = op0 is no longer op0, so the run starts with a step unless
-the operating point is chosen on the curve.
+line takes most of the pressure.
+When not: small cycles about one operating point; a gain does there. In a closed loop the flow at OP
+= op0 is no longer op0, so the run starts with a step unless the operating point is chosen on the
+curve.
 
 inherent: linear f = x; equal percentage f = R^(x-1); quick opening f = sqrt(x), x = travel/100.
 installed: flow = f / sqrt(N + (1 - N) f^2), N = authority, the share of the pressure that the open

@@ -3,9 +3,10 @@ width S.
 
 When to choose it: the default data-driven model, and the one the tables and describing functions of
 the field speak of. J = 0 is pure dead-band, J < S undershoots by (S - J)/2 while moving, J = S
-follows OP exactly, J > S overshoots. When not: noisy OP. Every reversal of OP by noise stops the
-valve and a restart needs J, so the moving phase turns into a staircase; nor does it stop by itself
-when OP creeps towards a limit. A physical model (`coulomb`, `stribeck`) does neither.
+follows OP exactly, J > S overshoots.
+When not: noisy OP. Every reversal of OP by noise stops the valve and a restart needs J, so the
+moving phase turns into a staircase; nor does it stop by itself when OP creeps towards a limit. A
+physical model (`coulomb`, `stribeck`) does neither.
 
 Where the published flowchart is silent: a band starts where a *moving* valve stops, and the
 threshold knows the direction. `choudhury_literal` takes the other reading.

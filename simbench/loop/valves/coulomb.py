@@ -4,8 +4,9 @@ its stops.
 When to choose it: the physics behind `choudhury` and `he`, and the judge between them. While OP
 moves smoothly within the sampling period (some 10 ms) the valve slides like Choudhury's; when OP is
 held for longer than some 0.1 s, the valve stops within every sample and advances in jumps like
-He's. Noise does not stop it. When not: slow OP ramps (below about 1 %/s), where real friction grows
-again as motion slows (`stribeck`); elastic give before break-away (`lugre`).
+He's. Noise does not stop it.
+When not: slow OP ramps (below about 1 %/s), where real friction grows again as motion slows
+(`stribeck`); elastic give before break-away (`lugre`).
 
 The three classical laws by their parameters: Fs > Fc, Fv > 0 is stiction + Coulomb + viscous
 friction (the default); Fs = Fc is Coulomb + viscous (`coulomb_viscous` takes only those); Fs = Fc,

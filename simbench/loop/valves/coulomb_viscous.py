@@ -2,8 +2,9 @@
 a time constant.
 
 When to choose it: a well-greased or spring-loaded packing, whose friction at rest is that of motion
-(Fs = Fc, J = 0); the physics behind `deadband`. When not: the valve jumps when it breaks away
-(`coulomb`, which has this as its case Fs = Fc). The band may be given as S instead of Fc.
+(Fs = Fc, J = 0); the physics behind `deadband`.
+When not: the valve jumps when it breaks away (`coulomb`, which has this as its case Fs = Fc).
+The band may be given as S instead of Fc.
 """
 
 from math import isnan

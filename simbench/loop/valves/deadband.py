@@ -1,10 +1,10 @@
 """Dead-band (backlash, play): the valve follows OP only after OP has crossed the band.
 
 When to choose it: loose linkage, worn gears, or friction without slip jump (J = 0). Two parameters'
-worth of `choudhury` at J = 0 in one line, without its dependence on when OP pauses. When not: a
-valve that jumps when it breaks away (`choudhury`, or a physical model); an insensitive range around
-one position that leaves no memory (`deadzone`). While moving the valve lags OP by S/2; the band is
-S.
+worth of `choudhury` at J = 0 in one line, without its dependence on when OP pauses.
+When not: a valve that jumps when it breaks away (`choudhury`, or a physical model); an insensitive
+range around one position that leaves no memory (`deadzone`). While moving the valve lags OP by S/2;
+the band is S.
 """
 
 from simbench.loop.parameters import Number

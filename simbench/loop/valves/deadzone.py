@@ -2,9 +2,10 @@
 No memory.
 
 When to choose it: overlap of a spool in a positioner, a split range that does not meet, a
-controller gap. When not: friction or backlash, whose band travels with the valve (`deadband`). A
-dead-zone has no phase lag (its describing function is real), so by itself it cannot keep a stable
-loop oscillating. The travel lost in the zone is lost at the ends: MV stays within D/2 of them.
+controller gap.
+When not: friction or backlash, whose band travels with the valve (`deadband`). A dead-zone has no
+phase lag (its describing function is real), so by itself it cannot keep a stable loop oscillating.
+The travel lost in the zone is lost at the ends: MV stays within D/2 of them.
 """
 
 from simbench.loop.parameters import Number

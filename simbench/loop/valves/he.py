@@ -3,9 +3,9 @@ sample.
 
 When to choose it: sampled loops whose valve comes to rest between two samples (sampling slower than
 some 0.1 s with the published actuator): there friction does stop the valve at every sample, and
-this map is what `coulomb` does. When not: OP that moves smoothly within the sampling period; the
-real valve then slides (`choudhury`), while this one advances in jumps of J. The result depends on
-the sampling period.
+this map is what `coulomb` does.
+When not: OP that moves smoothly within the sampling period; the real valve then slides
+(`choudhury`), while this one advances in jumps of J. The result depends on the sampling period.
 
 Band by S and J, or by the published pair fs = (S + J)/2 and fd = (S - J)/2. K is the later gain on
 the slip: 1 is the original; up to 2 the valve overshoots its balance, as an underdamped actuator

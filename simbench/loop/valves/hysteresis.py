@@ -3,8 +3,8 @@ mean is the position.
 
 When to choose it: a positioner or linkage whose loop opens gradually after each reversal instead of
 standing still (S = 0: no dead-band, the loop closes at both ends), or any rate-independent loop
-between that and backlash. When not: a sharp dead-band (`deadband`, which is H = 0 in one line) or
-slip jumps (`choudhury`).
+between that and backlash.
+When not: a sharp dead-band (`deadband`, which is H = 0 in one line) or slip jumps (`choudhury`).
 
 S is the dead-band; H is hysteresis as ISA measures it on the output: the largest separation of the
 rising and falling curve over a full traverse, less the dead-band. The plays have equal weights and

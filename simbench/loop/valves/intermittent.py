@@ -2,9 +2,9 @@
 for the rest.
 
 When to choose it: a valve that sticks only now and then (deposits, a positioner that frees it), and
-to see whether a detector judges the whole record by a part of it. When not: one slow change
-(`time_varying`). Friction holds back, it never pushes: when it comes on under a moving valve, the
-valve waits in place.
+to see whether a detector judges the whole record by a part of it.
+When not: one slow change (`time_varying`). Friction holds back, it never pushes: when it comes on
+under a moving valve, the valve waits in place.
 """
 
 from detectors.errors import ParameterError

@@ -3,8 +3,8 @@ valve stopped.
 
 When to choose it: to compare with work that uses Kano's form, or as an independent statement of
 `choudhury`: the two give the same positions, bit for bit, as long as the position of an
-overshooting valve (J > S) is not cut off at an end of travel. When not: everywhere `choudhury` is
-not for (noisy OP, creeping OP).
+overshooting valve (J > S) is not cut off at an end of travel.
+When not: everywhere `choudhury` is not for (noisy OP, creeping OP).
 """
 
 from simbench.loop.parameters import Number

@@ -2,11 +2,11 @@
 as standing.
 
 When to choose it: to compare with simulations that use Karnopp's band, or to see what the band
-does: on an OP ramp slower than DV the valve cannot creep and advances in jumps. When not: the band
-has no physical meaning; `coulomb` is the same valve with a band so small that it does not show, and
-`stribeck` makes slow motion jump for a physical reason. Within the band friction cancels the force
-up to Fs, beyond it Fc and Fv x' act. Solved exactly between its stops; Karnopp's own fixed steps
-are `substep` > 0. S and J may be given instead of Fs and Fc.
+does: on an OP ramp slower than DV the valve cannot creep and advances in jumps.
+When not: the band has no physical meaning; `coulomb` is the same valve with a band so small that it
+does not show, and `stribeck` makes slow motion jump for a physical reason. Within the band friction
+cancels the force up to Fs, beyond it Fc and Fv x' act. Solved exactly between its stops; Karnopp's
+own fixed steps are `substep` > 0. S and J may be given instead of Fs and Fc.
 """
 
 from simbench.loop.parameters import Number

@@ -2,8 +2,8 @@
 limited speed.
 
 When to choose it: a pneumatic actuator or positioner that is slow against the process (T from
-filling and venting, the rate from its air supply), in front of or behind any friction model. When
-not: in front of the physical models as a stand-in for their own dynamics; those have mass and
+filling and venting, the rate from its air supply), in front of or behind any friction model.
+When not: in front of the physical models as a stand-in for their own dynamics; those have mass and
 damping already.
 
 Exact under an input held over the sample: at full speed until the input is within rate T,

@@ -1,8 +1,9 @@
 """Travel limits, a stage: the position stays between a lower and an upper stop.
 
 When to choose it: a valve with a mechanical stop, a minimum opening or a limited stroke, behind any
-friction model; in front of one it limits the signal to the positioner instead. When not: limits
-that the controller knows about; those belong to OP, whose integral must stop there too.
+friction model; in front of one it limits the signal to the positioner instead.
+When not: limits that the controller knows about; those belong to OP, whose integral must stop there
+too.
 """
 
 from detectors.errors import ParameterError

@@ -1,9 +1,9 @@
 """LuGre friction on a spring-and-diaphragm valve: elastic bristles that give before they slip.
 
 When to choose it: micro-motion before break-away matters (dither, small reversals, a
-high-resolution positioner), or a friction model without switching is wanted. When not: long
-closed-loop studies (some 50 us per sample, a thousand times `coulomb`); noisy OP, under which
-bristles creep where a real valve stands, the more the softer they are.
+high-resolution positioner), or a friction model without switching is wanted.
+When not: long closed-loop studies (some 50 us per sample, a thousand times `coulomb`); noisy OP,
+under which bristles creep where a real valve stands, the more the softer they are.
 
 Friction s0 z + s1 z' + Fv x', z' = x' - |x'| z/g(x'), s0 g = Fc + (Fs - Fc) exp(-(x'/vs)^2). Before
 break-away the valve yields by OP's share k/s0. S and J may be given instead of Fs and Fc; they hold

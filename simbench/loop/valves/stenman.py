@@ -2,9 +2,10 @@
 way to OP.
 
 When to choose it: the simplest picture of a sticking valve, or to compare with segmentation methods
-built on it. When not: undershoot, dead-band or a smooth moving phase matter. It sticks again at
-every sample, so its staircase depends on the sampling period; that of `choudhury` with S = J = d,
-the same band, does not while OP keeps moving.
+built on it.
+When not: undershoot, dead-band or a smooth moving phase matter. It sticks again at every sample, so
+its staircase depends on the sampling period; that of `choudhury` with S = J = d, the same band,
+does not while OP keeps moving.
 """
 
 from simbench.loop.parameters import Number

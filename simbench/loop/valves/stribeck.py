@@ -3,9 +3,9 @@ and jumps on.
 
 When to choose it: slow OP, as closed loops with weak integral action make it. Below about vs (0.25
 % of travel per second) steady sliding is unstable, and a slow ramp moves the valve in repeated
-jumps, as He's map does, where `coulomb` jumps once and slides. When not: OP moves by several vs
-most of the time, or is held so long that the valve stops in every sample; there it is `coulomb` at
-several times the cost.
+jumps, as He's map does, where `coulomb` jumps once and slides.
+When not: OP moves by several vs most of the time, or is held so long that the valve stops in every
+sample; there it is `coulomb` at several times the cost.
 
 Moving friction Fc + (Fs - Fc) exp(-(x'/vs)^2) + Fv x'. Exact between events while the valve is
 fast, adaptive steps below 6 vs. S and J may be given instead of Fs and Fc.

@@ -1,9 +1,10 @@
 """Stiction that grows or shrinks with time: S and J run linearly from one value to another.
 
 When to choose it: wear, a packing that was tightened too far and beds in, temperature; and to see
-how a detector that assumes one S for the whole record copes. When not: the change is a matter of
-minutes on and off (`intermittent`), or of direction (`asymmetric`). Friction holds back, it never
-pushes: when the band widens under a moving valve, the valve waits in place.
+how a detector that assumes one S for the whole record copes.
+When not: the change is a matter of minutes on and off (`intermittent`), or of direction
+(`asymmetric`). Friction holds back, it never pushes: when the band widens under a moving valve, the
+valve waits in place.
 """
 
 from detectors.errors import ParameterError
