@@ -9,10 +9,11 @@ import json
 import sys
 from typing import Any
 
+from detectors.detection import judge_files
 from detectors.prepared import FRONT_ENDS
 from detectors.record import KINDS, PROCESSES
 from detectors.records.roles import column_pairs
-from detectors.report.report import failed, judge_files, table
+from detectors.report.report import failed, table
 from detectors.usage import exit_code
 
 

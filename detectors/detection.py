@@ -1,19 +1,28 @@
-"""What a notebook calls: a record, a file or a simulated run in, the detectors' answers out."""
+"""What notebooks and command lines call: a record, a file or a simulated run in, verdicts out.
+
+The steps of `detect`: name the methods, start the plug-ins' processes, read the record
+(`as_record`, or `read_records` and `read_folder` for files), judge it by every method (`judge`),
+and collect the verdicts in a `Report`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from numpy.typing import ArrayLike
 
+from detectors.errors import ParameterError, nearest
 from detectors.judge import judge, refuse_wrong_forms
+from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
 from detectors.record import LoopRecord
-from detectors.report.report import Report, choose_methods, judge_files
+from detectors.records.io import read_folder, read_labels, read_records
+from detectors.report.report import Report, ShownConclusion, choose_methods, score_units
 from detectors.sources import (
     About,
     AboutFile,
@@ -23,10 +32,12 @@ from detectors.sources import (
     as_record,
     named_methods,
 )
+from detectors.verdict import Verdict
 
 if TYPE_CHECKING:
     from detectors.sources import Source
 _Thresholds = Mapping[str, Mapping[str, float]]
+_WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 
 
 @overload
@@ -60,16 +71,11 @@ def detect(
     source: Source | None = None,
     methods: Methods = "all",
     *,
-    op: ArrayLike | None = None,
-    pv: ArrayLike | None = None,
-    Ts: float | None = None,
-    sp: ArrayLike | None = None,
-    mv: ArrayLike | None = None,
     raw: bool = False,
-    front_end: Literal["acf", "hagglund"] = "acf",
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: _Thresholds | None = None,
-    **about: Unpack[AboutFile],
+    **about: Any,
 ) -> Report:
     """Does this valve stick? Ask one or all detectors.
 
@@ -82,10 +88,6 @@ def detect(
         Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
         false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
         `detect` does, copied before every record.
-    op, pv, sp, mv : array_like, shape (n,)
-        In place of a source: OP (%, or as `op_span` says), PV, SP (PV units), valve position (%).
-    Ts : float
-        Sampling period (s); of a source in place of its own.
     raw : bool
         Without the oscillation front end.
     front_end : {"acf", "hagglund"}
@@ -95,8 +97,10 @@ def detect(
     thresholds : dict of method id to dict of str to float, optional
         Other thresholds than the methods' own.
     **about
-        What is known of the record: process, kind, op_span, pv_span, tag; for tables columns; for
-        files also loop and labels.
+        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or as `op_span` says), PV, SP (PV
+        units), valve position (%); Ts (s), which a source may have itself; what is known of the
+        record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and
+        labels.
 
     Returns
     -------
@@ -121,37 +125,161 @@ def detect(
     ['half']
     """
     asked, own = named_methods(methods)
+    settings = _Settings(raw, front_end, thresholds or {})
     with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
-        if isinstance(source, (str, Path)) and op is None and pv is None:
-            given: dict[str, Any] = {**about, **({} if Ts is None else {"Ts": Ts})}
-            return judge_files(
-                source,
-                asked,
-                raw=raw,
-                front_end=front_end,
-                plugins=plugins,
-                thresholds=thresholds,
-                **given,
-            )
-        return _judged(
-            as_record(source, op=op, pv=pv, sp=sp, mv=mv, Ts=Ts, **about),
-            asked,
-            raw,
-            front_end,
-            plugins,
-            thresholds,
+        signals = about.get("op"), about.get("pv")
+        if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
+            known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
+            return _judge_files(source, asked, settings, plugins, **known)
+        record = as_record(source, **about)
+        with registry.hosted(plugins) as added:
+            names = _with_plugins(asked, added)
+            refuse_wrong_forms(names)
+            verdicts = settings.judge(record, names)
+        return Report([(None, v) for v in verdicts], records={None: record})
+
+
+def judge_files(
+    path: str | Path,
+    methods: Iterable[str] = ("all",),
+    *,
+    raw: bool = False,
+    front_end: str = "acf",
+    plugins: Iterable[str | Path] = (),
+    thresholds: _Thresholds | None = None,
+    time_limit: float = SECONDS,
+    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
+    **about: Any,
+) -> Report:
+    """Judge a record file, a folder of them, or an ISDB .mat file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Record, folder of records, or ISDB .mat file.
+    methods : iterable of str
+        Method ids, "all", "fast", "full".
+    raw, front_end, plugins, thresholds
+        As in `detect`.
+    time_limit : float
+        Seconds that a plug-in may take for one record.
+    conclude : callable, optional
+        Weighs all evidence of one record.
+    **about
+        What is known of the record: process, kind, op_span, pv_span, columns, Ts, longest_segment;
+        tag or loop where a file has several; loops, a table with what is known of each; labels, by
+        which a folder is scored.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    UserError
+        For files, methods and thresholds that do not exist or make no sense.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp(), "short.csv")
+    >>> _ = file.write_text("t,op,pv\\n0,50,1\\n1,51,2\\n2,50,1\\n")
+    >>> judge_files(file, ["horch"])["horch"].verdict
+    'no_decision'
+    """
+    settings = _Settings(raw, front_end, thresholds or {}, time_limit, conclude)
+    return _judge_files(path, methods, settings, plugins, **about)
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """How every record is judged."""
+
+    raw: bool
+    front_end: str
+    thresholds: _Thresholds
+    time_limit: float = SECONDS
+    conclude: Callable[[LoopRecord], ShownConclusion] | None = None
+
+    def judge(self, record: LoopRecord, names: Iterable[str]) -> list[Verdict]:
+        return judge(
+            record, names, raw=self.raw, thresholds=self.thresholds, front_end=self.front_end
         )
 
 
-def _judged(
-    record: LoopRecord, asked: list[str], raw: bool, front_end: str, plugins: Any, thresholds: Any
+def _judge_files(
+    path: str | Path,
+    methods: Iterable[str],
+    settings: _Settings,
+    plugins: Iterable[str | Path],
+    *,
+    labels: str | Path | None = None,
+    **about: Any,
 ) -> Report:
-    with registry.hosted(plugins) as added:
-        names = choose_methods(asked)
-        names += [a for a in added if a not in names]
+    # 1. choose the methods; plug-ins answer in processes of their own
+    with registry.hosted(plugins, settings.time_limit) as added:
+        names = _with_plugins(methods, added)
+        for method in settings.thresholds:
+            if method not in names:
+                raise ParameterError(
+                    f"thresholds are given for {method!r}, which is not asked:"
+                    f" {nearest(method, names)}"
+                )
+        # 2. read the records
+        known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
-        verdicts = judge(record, names, raw=raw, front_end=front_end, thresholds=thresholds)
-    return Report([(None, v) for v in verdicts], records={None: record})
+        records, refused, alone = _read(Path(path), known, labels, **about)
+        # 3. judge each by every method, and weigh all evidence where that is asked for
+        verdicts, conclusions = [], {}
+        for name, record in records.items():
+            verdicts += [(name, verdict) for verdict in settings.judge(record, names)]
+            # of a folder only where the method that costs as much was asked for: a report concludes
+            # of every record
+            if settings.conclude is not None and (alone or _WEIGHED_BY in names):
+                conclusions[name] = settings.conclude(record)
+        # 4. score against the labels
+        scores = score_units(verdicts, known) if known else []
+        return Report(verdicts, refused, scores, records, conclusions)
+
+
+def _with_plugins(asked: Iterable[str], added: Iterable[str]) -> list[str]:
+    names = choose_methods(asked)
+    return names + [a for a in added if a not in names]
+
+
+def _read(
+    path: Path,
+    known: Mapping[str, Mapping[str, str]],
+    labels: str | Path | None,
+    *,
+    tag: str | None = None,
+    loop: str | None = None,
+    longest_segment: bool = False,
+    **about: Any,
+) -> tuple[dict[str | None, LoopRecord], dict[str, str], bool]:
+    """Return records by name (None for a single one), the sentences of those left out, and whether
+    one record alone was asked for.
+    """
+    about |= {
+        "tag": tag if tag is not None else loop,
+        "longest_segment": longest_segment or None,
+    }
+    folder = path.is_dir() or (
+        path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None
+    )
+    if folder:
+        each = {
+            name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()
+        }
+        records, refused = read_folder(path, names=known or None, each=each, **about)
+        return {**records}, refused, False
+    if labels is not None:
+        raise ParameterError(
+            f"labels score a folder of records; {path} is no folder, which is needed"
+        )
+    records, refused = read_records(path, **about)
+    alone = len(records) + len(refused) == 1
+    return {None if alone else name: record for name, record in records.items()}, refused, alone
 
 
 class _Procedure(RecordSignals, total=False):

@@ -14,7 +14,8 @@ import numpy as np
 from detectors.errors import AnswerError, ParameterError, nearest
 from detectors.example_loop import example_record
 from detectors.method import Method
-from detectors.plugins.host import Host, PluginError, cleaned
+from detectors.plugins.asking import ask_worker
+from detectors.plugins.host import PluginError
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import FRONT_ENDS, Prepared, prepare
 from detectors.quality import resolution
@@ -89,59 +90,16 @@ def _asked(
 ) -> list[Verdict]:
     host = registry.host_of(name)
     if host is not None:
-        return _hosted(host, name, prepared, modes, thresholds)
+        return ask_worker(host, _asked_there, name, prepared, modes, thresholds)
     return [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
 
 
-def _hosted(
-    host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
-) -> list[Verdict]:
-    """Ask the worker of a plug-in."""
-    bare = replace(prepared, shared={})
-    bare.__dict__.update(
-        {
-            key: prepared.__dict__[key]
-            for key in ("oscillation", "flags")
-            if key in prepared.__dict__
-        }
-    )
-    answer = host.call(
-        _judge_there, name, bare, modes, thresholds, seconds=host.seconds * len(modes)
-    )
-    if not isinstance(answer, list) or len(answer) != len(modes):
-        raise PluginError("answered with something that is no verdict")
-    return [_taken(name, verdict) for verdict in answer]
-
-
-def _judge_there(
-    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
+def _asked_there(
+    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
 ) -> list[Verdict]:
     """Judge a record where this runs, in the plug-in's worker."""
-    for signal in ("op", "pv", "sp", "mv"):
-        if (values := getattr(prepared.record, signal)) is not None:
-            values.flags.writeable = False
     registry.host_entries = False
     return _asked(name, prepared, modes, thresholds)
-
-
-def _taken(name: str, verdict: Verdict) -> Verdict:
-    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where
-    it is none.
-    """
-    for wrong in wrong_types(verdict):
-        raise PluginError(wrong)
-    ends = {key: getattr(verdict, key) for key in "SJ"}
-    return verdict.but(
-        method=name,
-        score=float(verdict.score),
-        indices={cleaned(key): float(value) for key, value in verdict.indices.items()},
-        S_unit=cleaned(str(verdict.S_unit)),
-        reason=cleaned(verdict.reason),
-        **{
-            key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x)
-            for key, x in ends.items()
-        },
-    )
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:

@@ -1,22 +1,17 @@
-"""Report: files in, verdicts out, as text, JSON objects and a score table; one code for every
-command line.
-"""
+"""Report: verdicts as text, JSON objects, a data frame and a score table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName, nearest
-from detectors.judge import FAILED, judge, refuse_wrong_forms
-from detectors.plugins.host import SECONDS
+from detectors.errors import UnknownName
+from detectors.judge import FAILED
 from detectors.plugins.registry import PUBLISHED
 from detectors.plugins.registry import methods as registry
-from detectors.records.io import read_folder, read_labels, read_records
 from detectors.report import summary
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from detectors.views import page_part
@@ -27,12 +22,12 @@ if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
 _UNDECIDED = 0.5  # cost of no decision; an error costs 1
-_WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
 class ShownConclusion(Protocol):
-    """What all evidence says of one valve; whoever weighs it gives `judge_files` the function."""
+    """What all evidence says of one valve; whoever weighs it gives
+    `detectors.detection.judge_files` the function."""
 
     def as_lines(self) -> list[str]:
         """Return verdict with probability and cause, reason, next step."""
@@ -152,96 +147,6 @@ def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
         if verdict.reason.startswith(FAILED):
             first.setdefault(verdict.method, []).append(verdict.reason.removeprefix(FAILED))
     return [f"method {m} failed on {len(why)} records ({why[0]})" for m, why in first.items()]
-
-
-def judge_files(
-    path: str | Path,
-    methods: Iterable[str] = ("all",),
-    *,
-    process: str | None = None,
-    kind: str | None = None,
-    op_span: tuple[float, float] | None = None,
-    pv_span: tuple[float, float] | None = None,
-    columns: Mapping[str, str] | None = None,
-    tag: str | None = None,
-    loop: str | None = None,
-    loops: str | Path | None = None,
-    Ts: float | None = None,
-    longest_segment: bool = False,
-    labels: str | Path | None = None,
-    raw: bool = False,
-    front_end: str = "acf",
-    plugins: Iterable[str | Path] = (),
-    thresholds: Mapping[str, Mapping[str, float]] | None = None,
-    time_limit: float = SECONDS,
-    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
-) -> Report:
-    """Judge a record file, a folder of them, or an ISDB .mat file; `conclude` weighs all evidence
-    of one record.
-    """
-    with registry.hosted(plugins, time_limit) as added:
-        names = choose_methods(methods)
-        names += [a for a in added if a not in names]
-        for method in thresholds or {}:
-            if method not in names:
-                raise ParameterError(
-                    f"thresholds are given for {method!r}, which is not asked:"
-                    f" {nearest(method, names)}"
-                )
-        about = {
-            "process": process,
-            "kind": kind,
-            "op_span": op_span,
-            "pv_span": pv_span,
-            "columns": columns,
-            "Ts": Ts,
-        }
-        about |= {
-            "tag": tag if tag is not None else loop,
-            "loops": loops,
-            "longest_segment": longest_segment or None,
-        }
-        known = {} if labels is None else read_labels(labels)
-        refuse_wrong_forms(names)
-        records, refused, alone = _records(Path(path), known, labels, about)
-        kept = {None if alone else name: record for name, record in records.items()}
-        verdicts, conclusions = [], {}
-        for name, record in kept.items():
-            found = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
-            verdicts += [(name, verdict) for verdict in found]
-            # of a folder only where the method that costs as much was asked for: a report concludes
-            # of every record
-            if conclude is not None and (alone or _WEIGHED_BY in names):
-                conclusions[name] = conclude(record)
-        return Report(
-            verdicts, refused, score_units(verdicts, known) if known else [], kept, conclusions
-        )
-
-
-def _records(
-    path: Path,
-    known: Mapping[str, Mapping[str, str]],
-    labels: str | Path | None,
-    about: dict[str, Any],
-):
-    """Return records by name, the sentences of those left out, and whether one record alone was
-    asked for.
-    """
-    folder = path.is_dir() or (
-        path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None
-    )
-    if folder:
-        each = {
-            name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()
-        }
-        records, refused = read_folder(path, names=known or None, each=each, **about)
-        return records, refused, False
-    if labels is not None:
-        raise ParameterError(
-            f"labels score a folder of records; {path} is no folder, which is needed"
-        )
-    records, refused = read_records(path, **about)
-    return records, refused, len(records) + len(refused) == 1
 
 
 def choose_methods(names: Iterable[str]) -> list[str]:

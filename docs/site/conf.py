@@ -15,7 +15,6 @@ os.environ["PATH"] = os.pathsep.join(
     [str(Path(sys.executable).parent), os.environ["PATH"]]
 )  # the tutorials call simbench
 
-import architecture
 from api import api_pages
 from commands import commands_page
 from formats import grid_page, loop_page
@@ -68,4 +67,3 @@ for name, text in pages.items():
         not path.exists() or path.read_text(encoding="utf-8") != text
     ):  # an unchanged page is not read again
         path.write_text(text, encoding="utf-8")
-architecture.write(generated / "architecture.svg")

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from detectors.detection import judge_files
 from detectors.judge import judge_one
 from detectors.plugins.registry import PUBLISHED as PUBLISHED_ID
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import prepare
 from detectors.record import LoopRecord
 from detectors.records.io import read_labels
-from detectors.report.report import judge_files, score_units, table
+from detectors.report.report import score_units, table
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve

@@ -70,7 +70,8 @@ def detect(
     about: dict,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
-    from detectors.report.report import failed, judge_files, table
+    from detectors.detection import judge_files
+    from detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")

@@ -70,14 +70,20 @@ def gap_diagnose(
     about: dict,
 ) -> None:
     """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
-    from simbench.gap.command import diagnose_files
+    from simbench.gap.command import DiagnosisFiles, diagnose_files
 
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
-        window=window, tests=test or (), effect_plugins=effect_plugin or (), **about,
-    )  # fmt: skip
+        records,
+        baseline,
+        jobs=jobs,
+        wanted=DiagnosisFiles(html, write_loop, picture),
+        window=window,
+        tests=test or (),
+        effect_plugins=effect_plugin or (),
+        **about,
+    )
     show(report.as_json() if as_json else report.as_text(), as_json)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,21 +30,58 @@ from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
 
+@dataclass(frozen=True)
+class DiagnosisFiles:
+    """Files that a diagnosis writes: its page, the loop file with the effect in it, its picture."""
+
+    html: str | Path | None = None
+    write_loop: str | Path | None = None
+    picture: str | Path | None = None
+
+
 def diagnose_files(
     records: Sequence[str | Path],
     baseline: str | Path | None,
     *,
     jobs: int = 1,
-    html: str | Path | None = None,
-    write_loop: str | Path | None = None,
-    picture: str | Path | None = None,
+    wanted: DiagnosisFiles = DiagnosisFiles(),
     window: tuple[int, int] | None = None,
     tests: Sequence[str] = (),
     effect_plugins: Sequence[str | Path] = (),
     **about: Any,
 ) -> GapReport:
-    """Diagnose the records of one loop beside its loop file.
+    """Diagnose the records of one loop with its loop file.
 
+    Parameters
+    ----------
+    records : sequence of str or Path
+        Files of one loop's records.
+    baseline : str, Path or None
+        Loop file of the simulation; None identifies the loop from the record.
+    jobs : int
+        Processes, where there are several records.
+    wanted : DiagnosisFiles
+        Files to write.
+    window : (int, int), optional
+        First sample that is judged, and the one after the last.
+    tests : sequence of str
+        Records of tests of the same loop, each with its settings file after a colon.
+    effect_plugins : sequence of str or Path
+        Files of further effects.
+    **about
+        What is known of the records, as in `read_record`.
+
+    Returns
+    -------
+    GapReport
+
+    Raises
+    ------
+    UserError
+        For files that cannot be read or compared, in one sentence.
+
+    Examples
+    --------
     >>> import tempfile, pathlib
     >>> from simbench.files import write_record
     >>> from random_case import random_case
@@ -54,18 +91,55 @@ def diagnose_files(
     >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml").block
     'controller'
     """
+    _refuse_wrong_request(records, baseline, tests, wanted)
+    loop = None if baseline is None else read_baseline(baseline)
+    read = [_cut(read_record(path, automatic=False, **about), window, path) for path in records]
+    _refuse_shares(read, records)
+    recorded_tests = [
+        read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about)
+        for t in tests
+        if loop is not None
+    ]
+    source = read if len(read) > 1 else read[0]
+    with effects_known(effect_plugins):
+        # other processes do not know them
+        jobs = 1 if effect_plugins else jobs
+        report = _with_assumptions(diagnose(source, loop, tests=recorded_tests, jobs=jobs), read)
+        tests_story = None
+        if wanted.html is not None and recorded_tests:
+            from simbench.gap.report.story import story
+
+            tests_story = story(report, diagnose(source, loop, jobs=jobs), recorded_tests)
+        options = {
+            **about,
+            "window": window,
+            "effect-plugin": list(effect_plugins),
+            "test": list(tests),
+        }
+        _write(report, records, baseline, options, wanted, tests_story)
+    return report
+
+
+def _refuse_wrong_request(
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    tests: Sequence[str],
+    wanted: DiagnosisFiles,
+) -> None:
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     if tests and baseline is None:
         raise ParameterError(
             "gap diagnose --test needs --baseline LOOP.toml, which all records are compared with"
         )
-    told = [part for t in tests for part in files_of(t) if part]
-    refuse_own_input([html, write_loop, picture], [*records, baseline, *told])
-    if picture is not None:
-        picture_kind(picture)
-    loop = None if baseline is None else read_baseline(baseline)
-    read = [_cut(read_record(path, automatic=False, **about), window, path) for path in records]
+    inputs = [part for t in tests for part in files_of(t) if part]
+    outputs = [wanted.html, wanted.write_loop, wanted.picture]
+    refuse_own_input(outputs, [*records, baseline, *inputs])
+    if wanted.picture is not None:
+        picture_kind(wanted.picture)
+
+
+def _refuse_shares(read: Sequence[LoopRecord], records: Sequence[str | Path]) -> None:
     for record, path in zip(read, records, strict=True):
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
@@ -73,59 +147,37 @@ def diagnose_files(
                 f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is"
                 " needed"
             )
-    asked = [
-        read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about)
-        for t in tests
-        if loop is not None
-    ]
-    with effects_known(effect_plugins):
-        # other processes do not know them
-        jobs = 1 if effect_plugins else jobs
-        report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
-        assumed = dict.fromkeys(
-            note for record in read for note in record.notes if note not in report.notes
-        )
-        report = replace(report, notes=(*report.notes, *assumed))
-        again = {
-            **about,
-            "window": window,
-            "effect-plugin": list(effect_plugins),
-            "test": list(tests),
-        }
-        told = None
-        if html is not None and asked:
-            from simbench.gap.report.story import story
 
-            told = story(
-                report, diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs), asked
-            )
-        _write(report, records, baseline, again, write_loop, picture, html, told)
-    return report
+
+def _with_assumptions(report: GapReport, read: Sequence[LoopRecord]) -> GapReport:
+    """Return the report with what reading the records assumed among its notes."""
+    assumed = dict.fromkeys(
+        note for record in read for note in record.notes if note not in report.notes
+    )
+    return replace(report, notes=(*report.notes, *assumed))
 
 
 def _write(
     report: GapReport,
     records: Sequence[str | Path],
     baseline: str | Path | None,
-    about: dict[str, Any],
-    write_loop: str | Path | None,
-    picture: str | Path | None,
-    html: str | Path | None,
-    told: Any,
+    options: dict[str, Any],
+    wanted: DiagnosisFiles,
+    story: Any,
 ) -> None:
     """Write what was asked for of a report."""
-    if write_loop is not None:
-        with whole_file(write_loop) as f:
+    if wanted.write_loop is not None:
+        with whole_file(wanted.write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
-    if picture is not None:
+    if wanted.picture is not None:
         from simbench.figures._style import write_picture
         from simbench.gap.report.sheet import draw_sheet
 
-        write_picture(draw_sheet(report), picture)
-    if html is not None:
+        write_picture(draw_sheet(report), wanted.picture)
+    if wanted.html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, about), told)
+        write_page(report, wanted.html, _again(report, records, baseline, options), story)
 
 
 def discover_file(

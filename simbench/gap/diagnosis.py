@@ -1,4 +1,10 @@
-"""diagnose(): one record beside one loop file, from the check to the report."""
+"""`diagnose`: one record compared with one loop file, from the check to the report.
+
+The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
+with each effect (`ClosedLoops`), weigh the effects (`classify`), refuse an effect that does not
+narrow the gap (`closing`), describe what stays unknown (`_locate_unknown`), and write the report
+(`report`).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +28,7 @@ from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.discover.discovery import described
+from simbench.gap.discover.discovery import Discovery, described
 from simbench.gap.discover.search import search
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
@@ -98,10 +104,14 @@ def diagnose(
     Examples
     --------
     >>> import simbench as sb
-    >>> plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 2}, {"type": "PI", "Kc": 1, "Ti": 10}
-    >>> more = {"sampling": {"Ts": 1, "n": 1500}, "noise": {"std": 0.1}, "setpoint": {"steps": [[100, 55], [700, 48]]}}
-    >>> told = sb.Loop(plant=plant, controller=controller, **more)
-    >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
+    >>> loop = sb.Loop(
+    ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     controller={"type": "PI", "Kc": 1, "Ti": 10},
+    ...     sampling={"Ts": 1, "n": 1500},
+    ...     noise={"std": 0.1},
+    ...     setpoint={"steps": [[100, 55], [700, 48]]},
+    ... )
+    >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
     several: list[Any] = (
@@ -136,19 +146,10 @@ def diagnose_all(
     with one_thread():
         found, behind, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
-        judged_by, like = closing(classify(found), found, runs), None
-        weights = judged_by
-        if describe and named_by(weights, found) == [UNKNOWN]:
-            like = described(
-                found.situation,
-                search(found.situation, held_out(found.situation)),
-                lambda: found,
-                seed,
-            )
-            if like.block:
-                # a law that pays on unseen samples, or the best of all explanations, says where
-                # better than a test that fails
-                weights = replace(weights, unknown_block=like.block)
+        judged_by = closing(classify(found), found, runs)
+        weights, like = judged_by, None
+        if describe and named_by(judged_by, found) == [UNKNOWN]:
+            weights, like = _locate_unknown(judged_by, found, seed)
         out = replace(report(found, weights, runs, more, behind, judged_by), looks_like=like)
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
             # what a simulation with friction does not model is not the friction that the valve has
@@ -158,6 +159,19 @@ def diagnose_all(
             )
             return replace(out, conclusion=sound.conclusion)
         return out
+
+
+def _locate_unknown(
+    weights: Classified, found: Assessment, seed: int
+) -> tuple[Classified, Discovery]:
+    """Return the probabilities with the block of what is unknown, and its description.
+
+    A law that pays on unseen samples, or the best of all explanations, locates it better than a
+    test that fails.
+    """
+    situation = found.situation
+    like = described(situation, search(situation, held_out(situation)), lambda: found, seed)
+    return (replace(weights, unknown_block=like.block) if like.block else weights), like
 
 
 def conclude(
@@ -215,21 +229,28 @@ def _assess_one(
 
     Beside a trusted baseline friction is weighed with all other effects: no loops are needed then.
     """
+    # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
-    loop, given, said = completed(record, baseline)
+    loop, given, completions = completed(record, baseline)
+    # 2. what the record shows without any likelihood
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
+    situation = replace(situation, notes=[*situation.notes, *completions])
+    # 3. every effect fitted and scored, with the tests of the same loop
+    found = beside_tests(situation, tests)
+    # 4. beside an identified baseline: does friction explain the record better than other loops?
     behind: CandidateLoops | str = ""
     try:
         refuse_unweighable(record)
-        behind = behind if situation.trusted else candidate_loops(record, baseline)
+        if not situation.trusted:
+            behind = candidate_loops(record, baseline)
     except UserError as why:
-        behind, silent = str(why), f"{FRICTION}: cannot tell, {why}"
-        found = replace(
-            found, situation=replace(found.situation, notes=[*found.situation.notes, silent])
-        )
+        behind = str(why)
+        notes = [*found.situation.notes, f"{FRICTION}: cannot tell, {why}"]
+        found = replace(found, situation=replace(found.situation, notes=notes))
+    if situation.trusted:
+        return found, behind
     sticky = None if isinstance(behind, str) else behind.probability >= DENIED_BELOW
-    return found if situation.trusted else plausible(found, sticky), behind
+    return plausible(found, sticky), behind
 
 
 def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:

@@ -1,10 +1,11 @@
-"""What the pages of this room share: sections out of sentences, tiles, pictures and tables, and the
-writing of the file.
+"""What the pages of this subpackage share: sections with sentences, tiles, pictures and tables, and
+the writing of the file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,18 @@ from simbench.html.table import sortable
 ROOM = "simbench.plant"
 
 
+@dataclass(frozen=True)
+class SectionTable:
+    """A table of a section: which columns hold long text, small text `beside` a column's cells by
+    its name, and whether the cells form a matrix.
+    """
+
+    frame: pd.DataFrame
+    long: Sequence[str] = ()
+    beside: dict[str, Sequence[str]] | None = None
+    matrix: bool = False
+
+
 def section(
     name: str,
     title: str,
@@ -28,21 +41,26 @@ def section(
     *,
     tiles: Sequence[tuple[str, str]] = (),
     pictures: Sequence[tuple[Figure, str]] = (),
-    table: pd.DataFrame | None = None,
-    long: Sequence[str] = (),
-    beside: dict[str, Sequence[str]] | None = None,
-    matrix: bool = False,
+    table: SectionTable | None = None,
     points: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return one section of a page."""
+    """Return one section of a page: paragraphs, tiles, pictures with captions, a table, a list."""
     drawn = [
         {"svg": inline_svg(f, f"{name}-{i}", says), "caption": says}
         for i, (f, says) in enumerate(pictures)
     ]
+    rows = None
+    if table is not None:
+        rows = sortable(table.frame, long=table.long, beside=table.beside, matrix=table.matrix)
     body: Markup = render(
-        ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
-        table=None if table is None else sortable(table, long=long, beside=beside, matrix=matrix),
-    )  # fmt: skip
+        ROOM,
+        "section.html",
+        paragraphs=paragraphs,
+        tiles=tiles,
+        pictures=drawn,
+        points=points,
+        table=rows,
+    )
     return {"id": name, "title": title, "body": body}
 
 

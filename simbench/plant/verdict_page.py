@@ -12,7 +12,7 @@ import pandas as pd
 from detectors.record import LoopRecord
 from detectors.report import summary
 from detectors.report.report import Report, ShownConclusion
-from simbench.plant.page import section, write
+from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
@@ -51,7 +51,7 @@ def write_page(
                     points=summary.notes_of(verdicts, record),
                 )
             )
-    parts.append(section("methods", "Every method", table=_table(report), long=["reason"]))
+    parts.append(section("methods", "Every method", table=SectionTable(_table(report), ["reason"])))
     if report.refused:
         parts.append(
             section(

@@ -17,7 +17,7 @@ import detectors.methods as built_in
 from detectors.plugins.registry import methods
 from scenarios.grid import Grid, load_grid
 from simbench.bench.execute import plugin_host as guests
-from simbench.bench.execute.work import work
+from simbench.bench.execute.work import WorkSettings, work
 from simbench.bench.scenario.oracle import ORACLE
 
 PLUGINS = ("horch", "he", "ellipse")  # copies of these, as a stranger would hand them in
@@ -46,7 +46,7 @@ def _of_process(pid: int) -> float:
 def piece(grid: Grid, index: int, names: list[str]) -> None:
     """Work one group as a worker of the job does for the first time."""
     guests._theory.cache_clear()
-    work(grid, 0, [index], names)
+    work(grid, 0, [index], WorkSettings(tuple(names)))
 
 
 def compared(grid: Grid, names: list[str], inside: str, isolated: str) -> tuple[float, float]:

@@ -119,7 +119,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
 
 def test_colour_is_for_terminals_alone(folder, capsys):
     assert "\x1b[" not in said(capsys, "detect", folder / "sticky.csv", *FAST).out
-    from detectors.report.report import judge_files
+    from detectors.detection import judge_files
 
     assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
 

@@ -1,10 +1,14 @@
-"""The architecture in one picture: how data flow, and which room stands on which, from the import
-rules that are executed.
+"""The architecture in one picture: how data flow, and which subpackage may import which, from the
+import rules that `make lint` checks.
+
+The picture is committed (`PICTURE`), with its words as the description in the file; run this file
+to print it again.
 """
 
 from __future__ import annotations
 
 import importlib
+import json
 import textwrap
 import tomllib
 from pathlib import Path
@@ -15,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 PYPROJECT = Path(__file__).parents[3] / "pyproject.toml"
+PICTURE = Path(__file__).parents[1] / "_static" / "architecture.svg"
 FLOW = (
     ("scenarios", "what to try:\nloop, grid"),
     ("simbench", "simulate it:\nloop, valves, effects"),
@@ -33,29 +38,35 @@ WIDE, ROW = 8.6, 0.42
 
 
 def layers() -> list[list[str]]:
-    """Return the rooms of simbench, the uppermost first; those in one list do not know each
+    """Return the parts of simbench, the uppermost first; those in one list do not import each
     other.
     """
     contracts = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
     (rule,) = (c for c in contracts if c["type"] == "layers" and c["containers"] == ["simbench"])
-    return [[room.strip() for room in layer.split("|")] for layer in rule["layers"]]
+    return [[part.strip() for part in layer.split("|")] for layer in rule["layers"]]
 
 
-def question(room: str) -> str:
-    """Return the first sentence of a room's own docstring."""
-    text = " ".join(
-        (importlib.import_module(f"simbench.{room}").__doc__ or "").split("\n\n")[0].split()
-    )
-    return textwrap.fill(text.partition(". ")[0].rstrip("."), 100)
+def purposes() -> dict[str, str]:
+    """Return the first sentence of the docstring of every part that the picture shows."""
+    found = {}
+    for part in (part for layer in layers()[:-1] for part in layer):  # the last are small helpers
+        text = (importlib.import_module(f"simbench.{part}").__doc__ or "").split("\n\n")[0]
+        found[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
+    return found
+
+
+def words() -> str:
+    """Return what the picture says, as the description in its file."""
+    return json.dumps([FLOW, ALONE, purposes()])
 
 
 def draw() -> Figure:
     """Draw the picture."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 8.5}):
-        rooms = [room for layer in layers()[:-1] for room in layer]  # the last are small helpers
-        height = 2.0 + ROW * len(rooms) + 0.9
+        parts = purposes()
+        height = 2.0 + ROW * len(parts) + 0.9
         figure = Figure(figsize=(WIDE, height))
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set(xlim=(0, WIDE), ylim=(0, height))
@@ -65,17 +76,17 @@ def draw() -> Figure:
         axes.text(
             0.1,
             y + 0.12,
-            "Rooms of simbench: each may use those below it, none above it",
+            "Parts of simbench: each may import those below it, and none above it",
             weight="bold",
         )
-        for room in rooms:
+        for part, purpose in parts.items():
             y -= ROW
             _box(axes, (0.1, y, WIDE - 0.2, ROW - 0.06), COLOUR["simbench"])
-            axes.text(0.25, y + 0.5 * (ROW - 0.06), room, va="center", weight="bold")
+            axes.text(0.25, y + 0.5 * (ROW - 0.06), part, va="center", weight="bold")
             axes.text(
                 1.3,
                 y + 0.5 * (ROW - 0.06),
-                question(room),
+                textwrap.fill(purpose, 100),
                 va="center",
                 fontsize=8,
                 linespacing=1.1,
@@ -85,7 +96,7 @@ def draw() -> Figure:
             left = 0.1 + k * (WIDE - 0.1) / 2
             _box(axes, (left, y, (WIDE - 0.3) / 2, 0.5), COLOUR[name])
             axes.text(left + 0.15, y + 0.32, name, va="center", weight="bold")
-            axes.text(left + 0.15, y + 0.14, f"{says}; knows nothing of simbench", va="center")
+            axes.text(left + 0.15, y + 0.14, f"{says}; does not import simbench", va="center")
         return figure
 
 
@@ -111,7 +122,11 @@ def _box(axes: Axes, place: tuple[float, float, float, float], colour: str) -> N
     )
 
 
-def write(path: Path) -> None:
+def write(path: Path = PICTURE) -> None:
     """Write the picture as SVG, the same bytes every time."""
     with matplotlib.rc_context({"svg.hashsalt": "architecture", "svg.fonttype": "path"}):
-        draw().savefig(path, format="svg", metadata={"Date": None})
+        draw().savefig(path, format="svg", metadata={"Date": None, "Description": words()})
+
+
+if __name__ == "__main__":
+    write()

@@ -1,5 +1,9 @@
 """Run a grid: pieces in parallel, each on disk as soon as it is whole, so that nothing finished is
 ever lost.
+
+`run_grid` names the steps from a grid to the two tables: read the grid, host the plug-ins, choose
+the methods, refuse what cannot run, describe the run in its manifest, work all pieces (`work` in
+work.py simulates and judges one), and join them.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -32,7 +37,7 @@ from scenarios.sample import Sample
 from simbench.bench.execute import adaptive, pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.pieces import Receipt
-from simbench.bench.execute.work import Thresholds, work
+from simbench.bench.execute.work import Thresholds, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
@@ -41,6 +46,7 @@ from simbench.bench.store.place import Place, place_of
 from simbench.loop.hosted import hosted_parts
 
 _BACKENDS = ("loky", "dask", "ray")
+_PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
@@ -48,126 +54,233 @@ class Interrupted(KeyboardInterrupt):
     """A run stopped by Ctrl-C or SIGTERM; its text says how to resume."""
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """How a grid is run, in addition to which methods judge it and where the tables go.
+
+    Attributes
+    ----------
+    raw : bool
+        Report only the verdicts without the common oscillation detection.
+    front_end : {"acf", "hagglund"}
+        Method that decides whether a loop oscillates.
+    plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
+        Files of detectors and of parts of loops that do not belong to the package.
+    time_limit : float
+        Seconds that a plug-in may take for one record.
+    own : mapping of str to detector
+        Detectors of the caller, by name.
+    backend : {"loky", "dask", "ray"}
+        Library that distributes the pieces; `address` is the URL of a running scheduler.
+    resume : bool
+        Continue where an earlier run in the same folder stopped.
+    until_width : float, optional
+        Add seeds until the interval of the accuracy is this narrow.
+    sets, axes : mapping, optional
+        Changed settings of the grid, and other values of its axes.
+    fresh_seeds : bool
+        Draw the grid's seed instead of using the one in its file.
+    thresholds : mapping of method id to mapping, optional
+        Thresholds that replace the methods' defaults.
+    keep : int
+        Number of records that are stored with the run.
+    progress : bool, optional
+        Show progress on stderr; None shows it on a terminal.
+    large : bool
+        Allow more than a million scenarios.
+    """
+
+    raw: bool = False
+    front_end: str = "acf"
+    plugins: Iterable[str | Path] = ()
+    backend: str = "loky"
+    address: str | None = None
+    resume: bool = False
+    until_width: float | None = None
+    sets: Mapping[str, Any] | None = None
+    axes: Mapping[str, Sequence[Any]] | None = None
+    thresholds: Thresholds | None = None
+    keep: int = 0
+    progress: bool | None = None
+    large: bool = False
+    time_limit: float = SECONDS
+    valve_plugins: Iterable[str | Path] = ()
+    effect_plugins: Iterable[str | Path] = ()
+    plant_plugins: Iterable[str | Path] = ()
+    controller_plugins: Iterable[str | Path] = ()
+    fresh_seeds: bool = False
+    own: Mapping[str, Any] | None = None
+
+
 def run_grid(
     grid: str | Path | Grid,
     out: str | Path | None = None,
     methods: Iterable[str] = ("fast",),
     jobs: int = 1,
-    *,
-    raw: bool = False,
-    front_end: str = "acf",
-    plugins: Iterable[str | Path] = (),
-    backend: str = "loky",
-    address: str | None = None,
-    resume: bool = False,
-    until_width: float | None = None,
-    sets: Mapping[str, Any] | None = None,
-    axes: Mapping[str, Sequence[Any]] | None = None,
-    thresholds: Thresholds | None = None,
-    keep: int = 0,
-    progress: bool | None = None,
-    large: bool = False,
-    time_limit: float = SECONDS,
-    valve_plugins: Iterable[str | Path] = (),
-    effect_plugins: Iterable[str | Path] = (),
-    plant_plugins: Iterable[str | Path] = (),
-    controller_plugins: Iterable[str | Path] = (),
-    fresh_seeds: bool = False,
-    own: Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> Path:
-    """Simulate a grid, judge it by detectors, and write both tables."""
+    """Simulate a grid, judge every record by detectors, and write both tables.
+
+    Parameters
+    ----------
+    grid : str, Path or Grid
+        Name of a grid, a TOML file, or a grid already read.
+    out : str or Path, optional
+        Folder or URL of the run; runs/NAME by default.
+    methods : iterable of str
+        Method ids, "fast", "full" and "oracle".
+    jobs : int
+        Worker processes; -1 uses all cores.
+    **options
+        Fields of `RunOptions`.
+
+    Returns
+    -------
+    Path
+        Folder of the run, which holds the tables and the manifest.
+
+    Raises
+    ------
+    RunError
+        For options that contradict each other, and for a run that cannot be continued.
+    Interrupted
+        After Ctrl-C or SIGTERM; its text says how to resume.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = run_grid("smoke", tempfile.mkdtemp(), ["he"], sets={"disturbance": "none"})
+    >>> (folder / "manifest.json").exists()
+    True
+    """
     began = time.perf_counter()
-    if backend not in _BACKENDS:
-        raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")
-    if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
+    asked = RunOptions(**options)
+    _refuse_wrong_options(asked, grid)
+    plan = _read_plan(grid, asked)
+    files, parts = _plugin_files(asked)
+    # read before any plug-in runs, as one may move its own file
+    digests = _digests(("", files), *zip(_PARTS, parts))
+    own = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
+    with (
+        registry.adopted(own),
+        registry.hosted(files, asked.time_limit) as added,
+        hosted_parts(*parts, seconds=asked.time_limit),
+    ):
+        names = _choose_methods(methods, added)
+        _refuse_wrong_run(plan, names, asked)
+        manifest = _describe_run(plan, names, asked, digests)
+        place = place_of(Path("runs") / plan.name if out is None else out)
+        place.refuse_unkept()
+        with _workers(asked.backend, asked.address, jobs) as run, pieces.held(place):
+            pieces.open_run(place, manifest, asked.resume)
+            if pieces.is_finished(place):
+                check_tables(place, read_manifest(place))
+                return _path(place)
+            settings = _work_settings(names, asked, files, parts)
+            task = _Task(plan, place, run_key(manifest), settings)
+            with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(place):
+                receipts = _all_pieces(plan, place, task, run, bar, asked.until_width, names)
+                times = bar.times(time.perf_counter() - began)
+                pieces.finish(place, receipts, {**manifest, "times": times, **bar.extra})
+        return _path(place)
+
+
+def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
+    if asked.backend not in _BACKENDS:
+        raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, _BACKENDS)}")
+    width = asked.until_width
+    if width is not None and not adaptive.NARROWEST <= width < 1:
         raise RunError(
-            f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed"
+            f"until_width = {width}; a number between {adaptive.NARROWEST} and 1 is needed"
         )
-    parts = (valve_plugins, effect_plugins, plant_plugins, controller_plugins)
-    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
-    if fresh_seeds and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
+    if asked.fresh_seeds and (
+        asked.resume or isinstance(grid, Grid) or "seed" in (asked.sets or {})
+    ):
         raise RunError(
             "--fresh-seeds draws the grid's seed: it needs a grid by name or file, and neither"
             " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
             " the seed that its manifest states)"
         )
-    drawn = {"seed": secrets.randbits(62)} if fresh_seeds else {}
-    plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
-    files = [str(Path(p).resolve()) for p in plugins]
-    callers = own or {}
-    # read before any plug-in runs, as one may move its own file
-    digests = _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
-    adopted = registry.adopted(
-        {name: as_plugin(name, detector) for name, detector in callers.items()}
+
+
+def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
+    if isinstance(grid, Grid):
+        return grid
+    drawn = {"seed": secrets.randbits(62)} if asked.fresh_seeds else {}
+    return load_grid(grid, {**(asked.sets or {}), **drawn}, asked.axes)
+
+
+def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Return the files of detectors, and those of each kind of part in the order of _PARTS."""
+    kinds = (
+        asked.plugins,
+        asked.valve_plugins,
+        asked.effect_plugins,
+        asked.plant_plugins,
+        asked.controller_plugins,
     )
-    with (
-        adopted,
-        registry.hosted(files, time_limit) as added,
-        hosted_parts(*stages, seconds=time_limit),
-    ):
-        asked = [part.strip() for text in methods for part in text.split(",")]
-        names = choose_methods(m for m in asked if m != ORACLE)
-        names += [a for a in added if a not in names]
-        names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
-        refuse_wrong_forms(names)
-        _check_settings(names, thresholds or {})
-        refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
-        refuse_wrong_parts(plan)
-        manifest = describe(
-            {
-                "grid": plan.name,
-                "grid_hash": plan.hash,
-                "cells_hash": plan.cells_hash,
-                "grid_content": plan.content.model_dump(mode="json"),
-                "overrides": plan.overrides,
-                "seed": plan.content.seed,
-                "scenarios": len(plan),
-                "methods": {n: about_method(n) for n in names},
-                "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": (
-                    digests
-                    | {
-                        f"own {name}": _source_digest(detector)
-                        for name, detector in callers.items()
-                    }
-                ),
-                "until_width": until_width,
-                "raw": raw,
-                "front_end": known_front_end(front_end),
-                "command": masked(" ".join(sys.argv)),
-                **({"points": plan.points} if isinstance(plan, Sample) else {}),
-            }
-        )
-        chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        settings = (
-            tuple(names),
-            tuple(files),
-            chosen,
-            keep,
-            time_limit,
-            stages,
-            front_end,
-            callers,
-        )
-        where = Path("runs") / plan.name if out is None else out
-        place = place_of(where)
-        place.refuse_unkept()
-        with _workers(backend, address, jobs) as run, pieces.held(place):
-            pieces.open_run(place, manifest, resume)
-            if pieces.is_finished(place):
-                check_tables(place, read_manifest(place))
-                return _path(place)
-            task = _Task(plan, place, run_key(manifest), settings)
-            with _Bar(progress, len(plan)) as bar, _stoppable():
-                try:
-                    receipts = _all_pieces(plan, place, task, run, bar, until_width, names)
-                    times = bar.times(time.perf_counter() - began)
-                    pieces.finish(place, receipts, {**manifest, "times": times, **bar.extra})
-                except KeyboardInterrupt:
-                    raise Interrupted(f"interrupted: {pieces.standing(place)}") from None
-                except UserError as error:
-                    raise RunError(f"{error}; {pieces.standing(place)}") from error
-        return _path(place)
+    files, *parts = (tuple(str(Path(p).resolve()) for p in some) for some in kinds)
+    return files, tuple(parts)
+
+
+def _choose_methods(methods: Iterable[str], added: Sequence[str]) -> list[str]:
+    """Return the ids of all methods that judge: those asked for, the plug-ins', then the oracle."""
+    asked = [part.strip() for text in methods for part in text.split(",")]
+    names = choose_methods(m for m in asked if m != ORACLE)
+    names += [a for a in added if a not in names]
+    return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
+
+
+def _refuse_wrong_run(plan: Grid, names: Sequence[str], asked: RunOptions) -> None:
+    """Refuse, before anything is simulated, what would fail in every worker."""
+    refuse_wrong_forms(names)
+    _refuse_wrong_thresholds(names, asked.thresholds or {})
+    refuse_too_large(size_of(plan, *_budgets(names)), plan.name, asked.large)
+    refuse_wrong_parts(plan)
+
+
+def _describe_run(
+    plan: Grid, names: Sequence[str], asked: RunOptions, digests: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the manifest: everything that decides the numbers of the run."""
+    own = {f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()}
+    return describe(
+        {
+            "grid": plan.name,
+            "grid_hash": plan.hash,
+            "cells_hash": plan.cells_hash,
+            "grid_content": plan.content.model_dump(mode="json"),
+            "overrides": plan.overrides,
+            "seed": plan.content.seed,
+            "scenarios": len(plan),
+            "methods": {n: about_method(n) for n in names},
+            "thresholds": {k: dict(v) for k, v in (asked.thresholds or {}).items()},
+            "plugins": {**digests, **own},
+            "until_width": asked.until_width,
+            "raw": asked.raw,
+            "front_end": known_front_end(asked.front_end),
+            "command": masked(" ".join(sys.argv)),
+            **({"points": plan.points} if isinstance(plan, Sample) else {}),
+        }
+    )
+
+
+def _work_settings(
+    names: Sequence[str],
+    asked: RunOptions,
+    files: tuple[str, ...],
+    parts: tuple[tuple[str, ...], ...],
+) -> WorkSettings:
+    return WorkSettings(
+        methods=tuple(names),
+        plugins=files,
+        thresholds={k: dict(v) for k, v in (asked.thresholds or {}).items()},
+        keep=asked.keep,
+        time_limit=asked.time_limit,
+        parts=parts,
+        front_end=asked.front_end,
+        own=asked.own or {},
+    )
 
 
 def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextManager[Runner]:
@@ -184,7 +297,7 @@ def _path(place: Place) -> Path:
 class _Task:
     """What every piece has in common; where it is called, the piece is worked and written."""
 
-    def __init__(self, grid: Grid, place: Place, key: str, settings: tuple) -> None:
+    def __init__(self, grid: Grid, place: Place, key: str, settings: WorkSettings) -> None:
         # packed once, not for every piece; a worker may stand in another folder
         # by value: a caller's own detector may stand in a notebook
         self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
@@ -192,7 +305,7 @@ class _Task:
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
         grid, place, key, settings = _unpacked(self._packed)
         there = pieces.find_receipt(place, number, key)
-        return there or pieces.write_piece(place, work(grid, number, groups, *settings), key)
+        return there or pieces.write_piece(place, work(grid, number, groups, settings), key)
 
 
 @lru_cache(maxsize=2)
@@ -267,6 +380,17 @@ def _stoppable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+@contextlib.contextmanager
+def _resumable(place: Place) -> Iterator[None]:
+    """Let whatever stops a run tell how much of it is on disk."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(f"interrupted: {pieces.standing(place)}") from None
+    except UserError as error:
+        raise RunError(f"{error}; {pieces.standing(place)}") from error
+
+
 class _Bar:
     """Progress on stderr, and the sums that end in the manifest."""
 
@@ -312,7 +436,7 @@ class _Bar:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}
 
 
-def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
+def _refuse_wrong_thresholds(names: Sequence[str], thresholds: Thresholds) -> None:
     for method, values in thresholds.items():
         if method not in names:
             raise RunError(

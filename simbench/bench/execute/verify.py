@@ -7,7 +7,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from simbench.bench.execute.pieces import Receipt, partition_file, records_hash
 from simbench.bench.execute.plugin_host import said_of, settled, truth
 from simbench.bench.execute.run import about_method
 from simbench.bench.execute.verify_result import Notes, Verification
-from simbench.bench.execute.work import scenario_columns, work
+from simbench.bench.execute.work import WorkSettings, scenario_columns, work
 from simbench.bench.execute.workers import on_processes
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.baseline import read_book
@@ -117,15 +117,15 @@ def verify_run(
         n, held = sum(map(grid.size, order)), np.cumsum([grid.size(group) for group in order])
         least = [max(math.ceil(share * n), min(n, some)) for some in (_LEAST_FAST, _LEAST)]
         wide, deep = (frozenset(order[: int(np.searchsorted(held, some)) + 1]) for some in least)
-        settings = {
-            "thresholds": manifest["thresholds"],
-            "front_end": manifest["front_end"],
-            "plugins": files[""],
-        }
-        about = {**settings, "seconds": seconds, "stages": stages}
-        task = _Verification(
-            place.absolute(), marks, grid, (tuple(fast), tuple(asked)), (wide, deep), about
+        settings = WorkSettings(
+            tuple(asked),
+            tuple(files[""]),
+            manifest["thresholds"],
+            time_limit=seconds,
+            parts=stages,
+            front_end=manifest["front_end"],
         )
+        task = _Verification(place.absolute(), marks, grid, tuple(fast), (wide, deep), settings)
         with on_processes(jobs) as run:
             for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
                 notes.merge(found)  # pyright: ignore
@@ -147,27 +147,28 @@ class _Verification:
     place: Place
     marks: dict[str, list[str]]  # checksums of both tables' files
     grid: Grid
-    methods: tuple[tuple[str, ...], tuple[str, ...]]  # of budget "fast", and all that can be asked
+    fast: tuple[str, ...]  # methods of budget "fast"
     sampled: tuple[
         frozenset[int], frozenset[int]
     ]  # groups simulated again, and those of them that all methods judge again
-    settings: dict[str, Any]  # how `work` asks
+    settings: WorkSettings  # with all methods that can be asked
 
     def __call__(self, number: int, groups: Sequence[int]) -> Notes:
-        add_parts(*self.settings["stages"], seconds=self.settings["seconds"])
+        add_parts(*self.settings.parts, seconds=self.settings.time_limit)
         notes = Notes()
         files = [(partition_file(kind, number), self.marks[kind][number]) for kind in TABLE_KINDS]
         stored_verdicts, stored_scenarios = (_rows(verified(self.place, *file)) for file in files)
-        (fast, every), (wide, deep) = self.methods, self.sampled
+        wide, deep = self.sampled
         rows = {
             g: [scenario_columns(s, g) for s, _ in settled(self.grid.group(g))]
             for g in groups
             if g not in wide
         }
         verdicts: list[dict[str, Any]] = []
-        for methods, some in ((every, wide & deep), (fast, wide - deep)):
+        quick = replace(self.settings, methods=self.fast)
+        for settings, some in ((self.settings, wide & deep), (quick, wide - deep)):
             chosen = [g for g in groups if g in some]
-            chunk = work(self.grid, number, chosen, methods, **self.settings)
+            chunk = work(self.grid, number, chosen, settings)
             for row in _rows(chunk.scenarios):
                 rows.setdefault(row["group"], []).append(row)
             verdicts += _rows(chunk.verdicts)

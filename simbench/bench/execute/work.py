@@ -107,35 +107,40 @@ class _Judged:
     record: LoopRecord | None
 
 
-def work(
-    grid: Grid,
-    number: int,
-    groups: Sequence[int],
-    methods: Sequence[str],
-    plugins: Iterable[str] = (),
-    thresholds: Thresholds | None = None,
-    keep: int = 0,
-    seconds: float = SECONDS,
-    stages: tuple[tuple[str, ...], ...] = (),
-    front_end: str = "acf",
-    callers: Mapping[str, Any] | None = None,
-) -> Chunk:
+@dataclass(frozen=True)
+class WorkSettings:
+    """How the records of a run are judged, the same for every piece.
+
+    `plugins` and `parts` are files outside the package, of detectors and of parts of loops, which
+    may take `time_limit` seconds for a record; `own` are the caller's detectors; of each piece the
+    first `keep` records are handed back.
+    """
+
+    methods: tuple[str, ...]
+    plugins: tuple[str, ...] = ()
+    thresholds: Thresholds = field(default_factory=dict)
+    keep: int = 0
+    time_limit: float = SECONDS
+    parts: tuple[tuple[str, ...], ...] = ()
+    front_end: str = "acf"
+    own: Mapping[str, Any] = field(default_factory=dict)
+
+
+def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings) -> Chunk:
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for
     its times.
-
-    `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers`
-    the caller's own detectors; `seconds` is the time a file's may take for a record, `keep` how
-    many records are handed back, from the first on.
     """
     began = time.perf_counter()
-    add_parts(*stages, seconds=seconds)
-    registry.add_hosted(*plugins, seconds=seconds)
-    registry.adopt({name: as_plugin(name, detector) for name, detector in (callers or {}).items()})
-    own = [m for m in methods if m != ORACLE]
+    seconds, methods = settings.time_limit, settings.methods
+    add_parts(*settings.parts, seconds=seconds)
+    registry.add_hosted(*settings.plugins, seconds=seconds)
+    registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
     chosen = {
-        m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own
+        m: check_thresholds(m, registry.load(m).METHOD, settings.thresholds.get(m, {}))
+        for m in methods
+        if m != ORACLE
     }
-    asked = _Questions(chosen, ORACLE in methods, front_end)
+    asked = _Questions(chosen, ORACLE in methods, settings.front_end)
     rng = np.random.default_rng([grid.content.seed, number])
     settling, found, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
@@ -150,7 +155,7 @@ def work(
                 # follow from what was asked last
                 judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
                 for _, one in sorted(judged.items()):
-                    if one.record is not None and len(kept) < keep:
+                    if one.record is not None and len(kept) < settings.keep:
                         kept.append((one.row["scenario_id"], one.record))
                     found.append(replace(one, record=None))
                 held = []

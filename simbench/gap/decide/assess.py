@@ -1,5 +1,9 @@
 """Which effect: all candidates scored on one record, block by block, and the residual tests that
 lead to "unknown".
+
+The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
+(`beside_the_load`, `beside_the_plant`), score (`_scores`), choose one or two (`_choose_effects`),
+and test what the best model leaves behind (`tests_of`).
 """
 
 from __future__ import annotations
@@ -103,31 +107,9 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(
         situation.proven, SURE
     )
-    chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
-    order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
-    final, on_top = base, {}
-    if len(chosen) < 2:
-        best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
-        if best is not None and gains[best] > (
-            _asked_beside(chosen[0], situation, best) if chosen else 0.0
-        ):
-            chosen.append(best)
-            final = candidates[best].fit if best in candidates else base
-    if len(chosen) == 1:
-        on_top = _gains_on_top(
-            situation,
-            engine,
-            final,
-            [e for e in order if block_of(e) not in map(block_of, chosen)],
-            gains,
-            candidates,
-        )
-        runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if runner is not None and on_top[runner] > _asked_beside(chosen[0], situation, runner):
-            chosen.append(runner)
-            if runner in candidates:
-                final = fit_candidates(engine, final, [runner])[runner].fit
-                parameters[runner] = recogniser(runner).numbers(final, situation)
+    chosen, final, on_top = _choose_effects(situation, engine, base, candidates, gains)
+    if len(chosen) == 2 and on_top and chosen[1] in candidates:
+        parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, situation)
     # the limits are those of one record, and what a plant of higher order leaves behind adds up
     # over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
@@ -150,6 +132,37 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         beside_load=beside_load,
         by_lab=by_lab,
     )
+
+
+def _choose_effects(
+    s: Situation,
+    engine: Engine,
+    base: Fit,
+    candidates: dict[str, Candidate],
+    gains: dict[str, float],
+) -> tuple[list[str], Fit, dict[str, float]]:
+    """Return the one or two effects that the evidence asks for, the fit with them, and the nats
+    that others bring on top of the first.
+    """
+    chosen = sorted(s.proven, key=lambda e: -gains[e])[:2]
+    order = sorted((e for e in gains if e not in s.proven), key=lambda e: -gains[e])
+    final, on_top = base, {}
+    if len(chosen) < 2:
+        best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
+        if best is not None and gains[best] > (
+            _asked_beside(chosen[0], s, best) if chosen else 0.0
+        ):
+            chosen.append(best)
+            final = candidates[best].fit if best in candidates else base
+    if len(chosen) == 1:
+        others = [e for e in order if block_of(e) not in map(block_of, chosen)]
+        on_top = _gains_on_top(s, engine, final, others, gains, candidates)
+        runner = max(on_top, key=lambda e: on_top[e], default=None)
+        if runner is not None and on_top[runner] > _asked_beside(chosen[0], s, runner):
+            chosen.append(runner)
+            if runner in candidates:
+                final = fit_candidates(engine, final, [runner])[runner].fit
+    return chosen, final, on_top
 
 
 def _fitted(

@@ -18,7 +18,7 @@ from simbench.gap.stiction.conclusion import WORDS
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import OverTime, marks
-from simbench.plant.page import ROOM, section, write
+from simbench.plant.page import ROOM, SectionTable, section, write
 from simbench.plant.report.advice import MEASUREMENT, TUNING, UPSTREAM, VALVE, best
 from simbench.plant.report.fleet import Fleet, FleetLoop
 from simbench.plant.resumed import resumed
@@ -90,17 +90,22 @@ def write_fleet(
     of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
-        section("ranking", "Where to go first", table=shown, long=["next"], beside=of_all),
+        section("ranking", "Where to go first", table=SectionTable(shown, ["next"], of_all)),
         section("events", "Oscillations that loops share", fleet.shared() or [_ALONE]),
         section(
-            "matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True
+            "matrix",
+            "Detectors and loops",
+            [_legend()],
+            table=SectionTable(_matrix(frame, fleet), matrix=True),
         ),
     ]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
         parts.append(
             section(
-                "score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))
+                "score",
+                "Score against the labels",
+                table=SectionTable(pd.DataFrame(score_units(pairs, labels))),
             )
         )
     asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._style import BLUE, GREY, RED, label, panels, styled
-from simbench.plant.page import section, write
+from simbench.plant.page import SectionTable, section, write
 from simbench.plant.study.result import Study
 
 _SHOWN = 12  # features drawn
@@ -51,9 +51,9 @@ def write_study(found: Study, path: str | Path) -> None:
             "effects",
             "What explains it",
             _explained(found),
-            table=_effects(found) if found.effects else None,
+            table=SectionTable(_effects(found)) if found.effects else None,
         ),
-        section("methods", "What it costs each detector", table=_methods(found)),
+        section("methods", "What it costs each detector", table=SectionTable(_methods(found))),
         section(
             "limits", "What so few loops can and cannot show", _limits(found), points=found.notes
         ),

@@ -10,7 +10,7 @@ import pandas as pd
 
 from detectors.report import summary
 from simbench.plant.episodes import marks
-from simbench.plant.page import section, write
+from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.trust.result import Trust
 
@@ -64,7 +64,9 @@ def write_page(found: Trust, path: str | Path) -> None:
         ]
         parts.append(section("power", "What this record could have shown", pictures=pictures))
     parts.append(
-        section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"])
+        section(
+            "methods", "Whom to believe on this loop", table=SectionTable(_table(found), ["reason"])
+        )
     )
     points = [*(r.sentence() for r in found.helps), *found.notes]
     points += summary.notes_of(

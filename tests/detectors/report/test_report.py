@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 from detectors import __main__ as command
+from detectors.detection import judge_files
 from detectors.errors import ParameterError, UnknownName
-from detectors.report.report import Report, choose_methods, columns, judge_files, score_units
+from detectors.report.report import Report, choose_methods, columns, score_units
 from detectors.report.summary import own_reason, sentence
 from detectors.verdict import Verdict
 from detectors.views import page_part

@@ -477,7 +477,7 @@ def test_a_piece_adds_up_its_seconds(small, monkeypatch):
     """
     seconds = iter(range(10**6))
     monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
-    piece = work.work(small, 0, [0], ["he"])
+    piece = work.work(small, 0, [0], work.WorkSettings(("he",)))
     assert piece.count == 2
     assert piece.simulating == 1.0 + piece.count
     assert 0 < piece.judging < piece.total

@@ -1,0 +1,66 @@
+"""One question to the worker process of a plug-in detector, and the check of its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from detectors.plugins.host import Host, PluginError, cleaned
+from detectors.prepared import Prepared
+from detectors.verdict import Verdict, wrong_types
+
+_Judge = Callable[[str, Prepared, tuple[bool, ...], dict], list[Verdict]]
+
+
+def ask_worker(
+    host: Host,
+    judge: _Judge,
+    name: str,
+    prepared: Prepared,
+    modes: tuple[bool, ...],
+    thresholds: dict[str, float],
+) -> list[Verdict]:
+    """Return a plug-in's verdicts, one for each mode; `judge` is what its worker calls."""
+    bare = replace(prepared, shared={})
+    bare.__dict__.update(
+        {
+            key: prepared.__dict__[key]
+            for key in ("oscillation", "flags")
+            if key in prepared.__dict__
+        }
+    )
+    seconds = host.seconds * len(modes)
+    answer = host.call(_judge_there, judge, name, bare, modes, thresholds, seconds=seconds)
+    if not isinstance(answer, list) or len(answer) != len(modes):
+        raise PluginError("answered with something that is no verdict")
+    return [_checked(name, verdict) for verdict in answer]
+
+
+def _judge_there(
+    judge: _Judge, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
+) -> list[Verdict]:
+    """Judge a record in the worker, where the plug-in must not change it."""
+    for signal in ("op", "pv", "sp", "mv"):
+        if (values := getattr(prepared.record, signal)) is not None:
+            values.flags.writeable = False
+    return judge(name, prepared, modes, thresholds)
+
+
+def _checked(name: str, verdict: Verdict) -> Verdict:
+    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where
+    it is none.
+    """
+    for wrong in wrong_types(verdict):
+        raise PluginError(wrong)
+    ends = {key: getattr(verdict, key) for key in "SJ"}
+    return verdict.but(
+        method=name,
+        score=float(verdict.score),
+        indices={cleaned(key): float(value) for key, value in verdict.indices.items()},
+        S_unit=cleaned(str(verdict.S_unit)),
+        reason=cleaned(verdict.reason),
+        **{
+            key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x)
+            for key, x in ends.items()
+        },
+    )

@@ -1,0 +1,71 @@
+"""The page on the architecture is true: its functions exist, no part is left out, and the picture
+shows the import rules of today.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs/site/architecture.md").read_text(encoding="utf-8")
+NAMED = re.findall(r"`([\w/]+\.py):([\w.]+)`", PAGE)
+
+
+@pytest.fixture
+def architecture(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs/site/written"))
+    import architecture
+
+    yield architecture
+    sys.modules.pop("architecture")
+
+
+def defined(file: str, name: str) -> bool:
+    """Whether a file defines a function, or a class and its method."""
+    body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
+    for part in name.split("."):
+        here = [
+            node
+            for node in body
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == part
+        ]
+        if not here:
+            return False
+        body = here[-1].body
+    return True
+
+
+@pytest.mark.parametrize(("file", "name"), NAMED)
+def test_every_function_that_the_page_names_exists(file, name):
+    assert defined(file, name)
+
+
+def test_each_path_has_five_to_eight_functions():
+    paths = re.split(r"^## From ", PAGE, flags=re.MULTILINE)[1:]
+    assert len(paths) == 3
+    for path in paths:
+        steps = re.findall(r"^(\d)\. `[\w/]+\.py:[\w.]+`", path, flags=re.MULTILINE)
+        assert 5 <= len(steps) <= 8
+        assert steps == [str(k) for k in range(1, len(steps) + 1)]
+
+
+def test_every_subpackage_has_a_paragraph():
+    folders = [p.parent for p in (ROOT / "simbench").glob("*/__init__.py")]
+    assert [f.name for f in folders if f"**simbench.{f.name}**" not in PAGE] == []
+    for package in ("simbench", "detectors", "scenarios"):
+        assert f"**{package}** " in PAGE
+
+
+def test_the_picture_shows_the_import_rules_and_docstrings_of_today(architecture):
+    (description,) = (
+        element.text
+        for element in ET.parse(architecture.PICTURE).iter()
+        if element.tag.endswith("}description")
+    )
+    assert description == architecture.words()
