@@ -7,10 +7,10 @@ periods. Parameters: `eta_low`, `eta_high` (-), published; `two_line` (0 or 1): 
 off first. `he@chapter` has two_line = 1. Indices: eta in 0..1 (triangle with free apex and zero
 ends; decides), eta_two_line in 0..1 (the chapter's two straight lines, which have four free
 parameters against the sine's two and lean to "triangle" in noise). Rule: eta = MSE_sine / (MSE_sine
-+ MSE_triangle), averaged over the half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13). Not
-for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth
-of the signal, where both misfits are noise and eta goes to 0.5. Source: Q.P. He, J. Wang, M.
-Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10 to 11.13.
++ MSE_triangle), averaged over the half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
+Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a
+fifth of the signal, where both misfits are noise and eta goes to 0.5. Source: Q.P. He, J. Wang,
+M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10 to 11.13.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def detect(
     --------
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
-    >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)), **METHOD.defaults()).verdict
+    >>> record = LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'stiction'
     """
     name = "PV" if prepared.integrating else "OP"

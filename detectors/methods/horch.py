@@ -5,11 +5,11 @@ Needs: OP and PV of a self-regulating process under PI, three periods of a susta
 Parameters: `drho_low`, `drho_high`, `dtau_low`, `dtau_high` (-), from the phase margins pi/6 and
 pi/3 of Horch (1999). Indices: dtau in 0..1 (shift of the function's axis), drho in 0..1 (its height
 at lag 0 against its peak). Rule: stiction when dtau >= 2/3 and drho >= 1/3; no stiction when dtau
-<= 1/3 and drho <= 0.072; otherwise, and when the two disagree, no decision (Eqs 11.8 and 11.9). Not
-for: integrating processes; loops whose controller is slow or fast against the oscillation, because
-for every linear PI loop dtau = (2/pi) atan(1/(w Ti)) whatever the valve does: it measures w Ti.
-Source: A. Horch (1999), Control Engineering Practice 7, 1221-1231; Jelali (2013), Eqs 11.6 to 11.9
-(absolute bars restored).
+<= 1/3 and drho <= 0.072; otherwise, and when the two disagree, no decision (Eqs 11.8 and 11.9).
+Not for: integrating processes; loops whose controller is slow or fast against the oscillation,
+because for every linear PI loop dtau = (2/pi) atan(1/(w Ti)) whatever the valve does: it measures
+w Ti. Source: A. Horch (1999), Control Engineering Practice 7, 1221-1231; Jelali (2013), Eqs 11.6 to
+11.9 (absolute bars restored).
 """
 
 from __future__ import annotations

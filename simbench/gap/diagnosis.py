@@ -98,9 +98,11 @@ def diagnose(
     Examples
     --------
     >>> import simbench as sb
-    >>> plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 2}, {"type": "PI", "Kc": 1, "Ti": 10}
-    >>> more = {"sampling": {"Ts": 1, "n": 1500}, "noise": {"std": 0.1}, "setpoint": {"steps": [[100, 55], [700, 48]]}}
-    >>> told = sb.Loop(plant=plant, controller=controller, **more)
+    >>> told = sb.Loop(
+    ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     controller={"type": "PI", "Kc": 1, "Ti": 10},
+    ...     sampling={"Ts": 1, "n": 1500}, noise={"std": 0.1},
+    ...     setpoint={"steps": [[100, 55], [700, 48]]})
     >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
     'detuning'
     """
