@@ -26,7 +26,10 @@ _PLAIN_SAMPLES = (
     400_000  # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
 )
 LANES = 32
-"""Values that a row of `lanes` holds: four AVX-512 registers. Below that LLVM unrolls the loops over them instead."""
+"""Values that a row of `lanes` holds: four AVX-512 registers.
+
+Below that LLVM unrolls the loops over them instead.
+"""
 
 
 def lanes():

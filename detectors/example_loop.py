@@ -6,34 +6,43 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from detectors.record import LoopRecord
 
 
-def example_loop(
-    S: float = 5.0,
-    J: float = 2.0,
-    process: str = "self-regulating",
-    K: float = 1.0,
-    T: float = 10.0,
-    Td: float = 2.0,
-    Kc: float = 1.0,
-    Ti: float = 10.0,
-    Ts: float = 1.0,
-    n: int = 1500,
-    noise: float = 0.0,
-    load: np.ndarray | None = None,
-    kick: float = 4.0,
-    seed: int = 0,
-    kind: str | None = None,
-) -> LoopRecord:
+class ExampleLoop(NamedTuple):
+    """What `example_loop` may be told; times in s, K in PV units per %."""
+
+    S: float = 5.0  # % of OP
+    J: float = 2.0  # % of OP
+    process: str = "self-regulating"
+    K: float = 1.0
+    T: float = 10.0
+    Td: float = 2.0
+    Kc: float = 1.0
+    Ti: float = 10.0
+    Ts: float = 1.0
+    n: int = 1500  # samples
+    noise: float = 0.0  # standard deviation, PV units
+    load: np.ndarray | None = None  # at the plant's input, shape (n,), %
+    kick: float = 4.0  # of OP at the start, %
+    seed: int = 0
+    kind: str | None = None  # of the loop: flow, level, ...
+
+
+def example_loop(**settings: Any) -> LoopRecord:
     """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
 
-    For trying detectors; `simbench` simulates every other loop, faster and with everything a plant
-    has.
+    `settings` are the fields of `ExampleLoop`. For trying detectors; `simbench` simulates every
+    other loop, faster and with everything a plant has.
+
+    >>> example_loop(S=4.0, J=1.0, noise=0.1, n=600).op.shape
+    (600,)
     """
+    S, J, process, K, T, Td, Kc, Ti, Ts, n, noise, load, kick, seed, kind = ExampleLoop(**settings)
     random = np.random.default_rng(seed).standard_normal(n) * noise
     load = np.zeros(n) if load is None else load
     pole = math.exp(-Ts / T) if process == "self-regulating" else 1.0

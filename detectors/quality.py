@@ -156,7 +156,8 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
     of exceptions, or steps.
 
     >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
-    >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
+    >>> note = "archive: OP holds its last stored value in 90% of 200 samples"
+    >>> resolution(LoopRecord(op, op, 1.0, notes=(note,)), {})
     (2.0, 0.0)
     """
     hidden = {"op": 0.0, "pv": 0.0}

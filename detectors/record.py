@@ -310,7 +310,8 @@ class LoopRecord:
         Examples
         --------
         >>> import pandas as pd
-        >>> LoopRecord.from_frame(pd.DataFrame({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]})).Ts
+        >>> frame = pd.DataFrame({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]})
+        >>> LoopRecord.from_frame(frame).Ts
         2.0
         """
         columns = {str(c).strip().lower(): c for c in frame.columns}

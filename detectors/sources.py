@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     Source = LoopRecord | Recorded | str | Path | Mapping[str, Any] | pd.DataFrame
 
 Answer = Verdict | str | bool | None | tuple[str | bool | None, float]
-"""A verdict, its word, true (stiction), false, None (no decision), or one of these words with a score."""
+"""A verdict, its word, true (stiction), false, None (no decision), or one of these with a score."""
 
 
 class Judging(Protocol):

@@ -147,7 +147,8 @@ class Level:
         return bool(record.pv.std() > self.level)
 
 
-own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=[mine, Level(2.0), "horch"], process="integrating")
+methods = [mine, Level(2.0), "horch"]
+own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=methods, process="integrating")
 table = sb.detect({"op": [1.0], "pv": [1.0], "t": [0.0]}, mine, kind="flow")
 folder = sb.run("smoke", ["horch", mine, Level()], sets={"repeats": 2}, resume=True)
 sure = sb.trust({"op": [1.0], "pv": [1.0]}, loop, [mine], Ts=1.0).probability

@@ -132,7 +132,8 @@ def detect(
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(4000)
     >>> noise = 0.05 * np.random.default_rng(0).standard_normal(4000)
-    >>> detect(Prepared(LoopRecord(np.sin(t / 8) + noise, np.cos(t / 8) + noise, 1.0)), **METHOD.defaults()).verdict
+    >>> record = LoopRecord(np.sin(t / 8) + noise, np.cos(t / 8) + noise, 1.0)
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
     record = prepared.record

@@ -118,7 +118,8 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     --------
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(3000) / 10
-    >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.sign(np.cos(t)), 0.1)), **METHOD.defaults()).verdict
+    >>> record = LoopRecord(np.arcsin(np.sin(t)), np.sign(np.cos(t)), 0.1)
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'stiction'
     """
     period = prepared.period

@@ -56,7 +56,8 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     --------
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(3000) / 5
-    >>> detect(Prepared(LoopRecord(op=np.sin(t), pv=np.cos(t), Ts=1.0)), **METHOD.defaults()).verdict
+    >>> record = LoopRecord(op=np.sin(t), pv=np.cos(t), Ts=1.0)
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
     record = prepared.record

@@ -16,13 +16,18 @@ from simbench.usage import exit_code
 
 HEAD = """# Gallery
 
-Every figure and table of the chapter (M. Jelali, Control Performance Management in Industrial Automation, Springer 2013,
-chapter 11), drawn from this code. Beside each picture lies a CSV with the numbers drawn. `simbench figure all -o
-results/figures` draws them, `simbench figure ID -o DIR` one of them, and `python -m results.studies.gallery` writes this page.
+Every figure and table of the chapter (M. Jelali, \
+Control Performance Management in Industrial Automation, Springer 2013,
+chapter 11), drawn from this code. Beside each picture lies a CSV with the numbers drawn. \
+`simbench figure all -o
+results/figures` draws them, `simbench figure ID -o DIR` one of them, and \
+`python -m results.studies.gallery` writes this page.
 How every published number compares stands in [chapter against code](chapter_against_code.md).
 
-The chapter's text lost its figure numbers; they are those of its captions, counted. Figures 11.1 to 11.3 (block diagram, tank,
-valve drawing) and 11.19 (flow chart of Procedure 11.3, which `detectors/methods/choudhury.py` follows) hold no numbers
+The chapter's text lost its figure numbers; they are those of its captions, counted. \
+Figures 11.1 to 11.3 (block diagram, tank,
+valve drawing) and 11.19 (flow chart of Procedure 11.3, \
+which `detectors/methods/choudhury.py` follows) hold no numbers
 of loops: they are sketches.
 """
 

@@ -76,7 +76,8 @@ def exchanged(fit: Callable) -> Callable:
 
     >>> t = np.linspace(0, 6, 50)
     >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
-    >>> round(exchanged(ellipse.fit_ellipse)(x, y).apparent_stiction / ellipse.fit_ellipse(x, y).apparent_stiction, 9)
+    >>> other, own = exchanged(ellipse.fit_ellipse)(x, y), ellipse.fit_ellipse(x, y)
+    >>> round(other.apparent_stiction / own.apparent_stiction, 9)
     1.0
     """
 

@@ -460,10 +460,8 @@ def main(arguments: list[str] | None = None) -> int:
         for source in (*GRIDS, *BLIND):
             homes[source].learn(name, homes, source)
     found = list(order(homes, fast))
-    print(
-        f"{', '.join(f'{h} {home.sticky.size} loops ({home.sticky.sum()} sticky)' for h, home in homes.items())};"
-        f" seed {SEED}"
-    )
+    sizes = (f"{h} {x.sticky.size} loops ({x.sticky.sum()} sticky)" for h, x in homes.items())
+    print(f"{', '.join(sizes)}; seed {SEED}")
     print(
         "cost: an error 1, no decision .5, sticky and sound loops counting the same; abroad: mean"
         " over homes without *, where"

@@ -74,14 +74,16 @@ class _Calibration:
                 f" {self.false_alarm:g}"
             ),
             (
-                f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
+                f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}"
+                f"{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
                 f"{'published':>15s}{'abstaining: decided, wrong':>29s}"
             ),
         ]
         for r in self.table.itertuples():
             note = "" if r.informative else "  not informative here"
             lines.append(
-                f"{r.method:17s}{r.cut:9.3g}{r.false_alarm:11.3f}{_range(r.false_alarm_lo, r.false_alarm_hi):>15s}"
+                f"{r.method:17s}{r.cut:9.3g}{r.false_alarm:11.3f}"
+                f"{_range(r.false_alarm_lo, r.false_alarm_hi):>15s}"
                 f"{r.detection:8.3f}{r.auc:7.3f}{_range(r.auc_lo, r.auc_hi):>15s}"
                 f"{f'{r.published_false_alarm:.3f}, {r.published_detection:.3f}':>15s}"
                 f"{f'{r.coverage:.3f}, {r.wrong_decided:.3f}':>29s}{note}"

@@ -119,7 +119,8 @@ def confirm(
     Examples
     --------
     >>> t = np.arange(2000.0)
-    >>> one, two = ({"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)} for P in (90, 150))
+    >>> turns = (2 * np.pi * t / P for P in (90, 150))
+    >>> one, two = ({"t": t, "op": 50 + np.sin(x), "pv": np.cos(x)} for x in turns)
     >>> confirm(one, two, ratio=0.6).verdict
     'stiction'
     """

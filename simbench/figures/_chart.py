@@ -79,7 +79,8 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
     axes.set_axis_off()
 
     for q in questions:
-        _box(axes, left, middle[q], _BOX, heights[q], texts[q], BLUE, q in {s for s, _ in taken})
+        frame = left, middle[q], _BOX, heights[q]
+        _box(axes, frame, texts[q], BLUE, q in {s for s, _ in taken})
     for source, target in dict.fromkeys(zip(table["source"], table["target"])):
         part = table[(table["source"] == source) & (table["target"] == target)]
         # of several answers with one target only the one taken is named
@@ -125,7 +126,8 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
     for c, text in says.items():
         pairs = table[table["target"] == c][["source", "answer"]].itertuples(index=False, name=None)
         reached = any(p in taken for p in pairs)
-        _box(axes, left + _BOX + _GAP, middle[c], 3.95, heights[c], text, GREY, reached, bold=True)
+        frame = left + _BOX + _GAP, middle[c], 3.95, heights[c]
+        _box(axes, frame, text, GREY, reached, bold=True)
     return figure
 
 
@@ -136,17 +138,16 @@ def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
 
 def _box(
     axes: Axes,
-    x: float,
-    y: float,
-    width: float,
-    height: float,
+    frame: tuple[float, float, float, float],
     text: str,
     edge: str,
     marked: bool,
     bold: bool = False,
 ) -> None:
+    """Draw a box; `frame`: its left edge, the middle of its height, its width and its height."""
     from matplotlib.patches import FancyBboxPatch
 
+    x, y, width, height = frame
     style = "round,pad=0,rounding_size=0.06"
     face = "#FBE9DF" if marked else "white"
     ink = RED if marked else edge

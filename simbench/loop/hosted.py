@@ -126,8 +126,9 @@ def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
     """Return kind and name of every valve stage and effect a loop names.
 
     >>> loop = Loop.from_table({
-    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
-    ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})
+    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1},
+    ...     "sampling": {"Ts": 1}, "valve": {"model": "lag", "T": 2.0},
+    ...     "effect": [{"name": "stiction", "S": 5, "J": 2}]})
     >>> sorted(parts_of_loop(loop))
     [('effect', 'stiction'), ('valve', 'lag')]
     """

@@ -205,7 +205,10 @@ def runs_plainly(step: FunctionType) -> str:
 @lru_cache(maxsize=256)
 def _compiled(steps, stages, classes):
     loop = _loop_of(dict(steps))
-    text = f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n@njit(cache=True)\n{inspect.getsource(loop)}"
+    text = (
+        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n"
+        f"@njit(cache=True)\n{inspect.getsource(loop)}"
+    )
     return getattr(
         cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__
     )

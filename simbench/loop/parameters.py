@@ -39,7 +39,7 @@ CONTROLLER_PLUGINS = PluginFolder(
 )
 
 FOLLOWS = math.nan
-"""Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""
+"""Default of a number that follows from the others: the plug-in's `complete` fills it."""
 
 
 @dataclass(frozen=True)

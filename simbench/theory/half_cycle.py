@@ -92,18 +92,8 @@ def _with_moving_samples(
     head = np.zeros(
         (c, c + 1)
     )  # of z one sample before break-away and of 1: state after the move and the dead time
-    _move(
-        loop.A,
-        loop.B_old,
-        loop.B_new,
-        loop.C,
-        loop.integral,
-        loop.beta,
-        loop.fd,
-        loop.delay,
-        m,
-        head,
-    )
+    plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta)
+    _move(plant, control, loop.fd, loop.delay, m, head)
     lows = _sign_changes(head, T, loop.fs, waits)
     if lows.size == 0:
         return
@@ -268,10 +258,12 @@ def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
 
 
 @njit_cached
-def _move(A, B_old, B_new, C, integral, beta, fd, delay, m, out):
+def _move(plant, control, fd, delay, m, out):
     """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z
-    and 1.
+    and 1; `plant` as in `march`, `control` = (integral, beta).
     """
+    A, B_old, B_new, C = plant
+    integral, beta = control
     order, columns = A.shape[0], out.shape[1]
     x, fresh, v = np.zeros(order), np.zeros(order), np.zeros(m + 1)
     for column in range(columns):

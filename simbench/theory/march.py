@@ -12,21 +12,23 @@ _ENDED, _STALLED, _SPENT = 0, 1, 2
 
 
 @njit_cached
-def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, stop, moved):
-    """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max`
+def march(plant, control, valve, state, n_max, stall, out):
+    """Advance the loop in place until `out` is full of reversals, the valve stalls, or `n_max`
     samples are spent.
 
     `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP;
     `control` = (integral, beta, lo, hi); `valve` = (fs, fd, whether it sticks again after every
-    sample). `s` = [OP, C x, v, direction, moving]; `past` = the last delay + 2 valve positions,
-    newest last. Per reversal: the sample of the break-away, and of the half cycle that it ends the
-    extreme of OP, the position where the valve stopped, and the number of samples from break-away
-    to the last stop. All positions are deviations from rest in %. Returns (reversals, samples, how
-    it ended).
+    sample). `state` = (x of the plant, [OP, C x, v, direction, moving], the last delay + 2 valve
+    positions, newest last). `out`, shape (4, reversals): the sample of the break-away, and of the
+    half cycle that it ends the extreme of OP, the position where the valve stopped, and the number
+    of samples from break-away to the last stop. All positions are deviations from rest in %.
+    Returns (reversals, samples, how it ended).
     """
     A, B_old, B_new, C = plant
     integral, beta, lo, hi = control
     fs, fd, resticks = valve
+    x, s, past = state
+    samples, extreme, stop, moved = out[0], out[1], out[2], out[3]
     order = x.shape[0]
     depth = past.shape[0]
     fresh = x.copy()
@@ -111,5 +113,6 @@ def reversals(
         (loop.integral, loop.beta, loop.lo, loop.hi),
     )
     valve = loop.fs, loop.fd, loop.resticks
-    found, samples, how = march(plant, control, valve, x, s, past, most, loop.patience, *arrays)
+    state = x, s, past
+    found, samples, how = march(plant, control, valve, state, most, loop.patience, arrays)
     return _Reversals(*arrays[:, :found], samples=samples, stalled=how == _STALLED)

@@ -68,19 +68,14 @@ def finished(tmp_path_factory):
     )
 
 
-def make_book(
-    verdict,
-    truth,
-    score=None,
-    methods=None,
-    ids=None,
-    hashes=None,
-    places=None,
-    axes=None,
-    grid="toy",
-    grid_hash="g",
-):
-    """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1."""
+def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, **more):
+    """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1.
+
+    `more` may hold places, axes, grid and grid_hash.
+    """
+    toy = {"places": None, "axes": None, "grid": "toy", "grid_hash": "g"}
+    assert set(more) <= set(toy), f"{set(more) - set(toy)}"
+    places, axes, grid, grid_hash = (toy | more).values()
     verdict = np.atleast_2d(np.asarray(verdict, dtype=np.int8))
     m, n = verdict.shape
     methods = tuple(methods or (f"m{i}" for i in range(m)))

@@ -44,7 +44,8 @@ needs_browser = pytest.mark.skipif(
 PAPER = 703  # px of A4 between margins of 12 mm
 OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e => {
   const frame = e.closest(".scroll, .wide"), edge = document.documentElement.clientWidth + 1;
-  return e.getBoundingClientRect().right > edge || (frame && getComputedStyle(frame).overflow !== "visible"); }).length"""
+  return e.getBoundingClientRect().right > edge ||
+    (frame && getComputedStyle(frame).overflow !== "visible"); }).length"""
 
 
 def lost_on_paper(file: Path) -> int:

@@ -43,8 +43,9 @@ def he_position(op, S, J, state):
     return np.array(out)
 
 
-def naive(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, poles, delays):
+def naive(given, S, J, start, poles, delays):
     """The same error from its definition, by least squares over stacked columns."""
+    op, y, q, half, first, last, sign, _, _, stops = given
     u = op[0]
     state = {
         2.0: (u - (S - J) / 2, 1.0, 1.0, u - 1e-9),
@@ -92,7 +93,7 @@ def test_error_equals_least_squares_by_definition(stops, q, stride, S, J, start)
     delays = 1 + stride * np.arange(3)
     found = errors(case(q, stops=stops), [S] * 3, [J] * 3, [start] * 3, POLES, delays, stride)
     for (error, delay), pole in zip(found, POLES):
-        slow = naive(*case(q, stops=stops), S, J, start, [pole], delays)
+        slow = naive(case(q, stops=stops), S, J, start, [pole], delays)
         assert error == pytest.approx(slow[0], abs=1e-9)
         assert delay == slow[2]
 

@@ -113,7 +113,7 @@ def test_what_a_killed_process_left_half_written_goes_and_what_others_write_stay
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names[1:])
 
 
-def test_a_link_that_leads_back_to_itself_is_refused_where_it_is_written_and_no_matter_where_others_are_read(
+def test_a_link_to_itself_is_refused_where_it_is_written_and_harmless_where_others_are_read(
     tmp_path,
 ):
     (tmp_path / "self.csv").symlink_to("self.csv")

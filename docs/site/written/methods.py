@@ -14,11 +14,12 @@ from detectors.plugins.registry import methods
 RESULTS = Path(__file__).parents[3] / "results"
 PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")
 ABOUT = """\
-The table is what was measured, on loops whose truth is known (grid ``chapter``, {n} loops) and on real loops ({real}). Accuracy
-counts no decision as not right. Below it every method says itself what it needs and when not to use it. In short:
+The table is what was measured, on loops whose truth is known (grid ``chapter``, {n} loops) and on
+real loops ({real}). Accuracy counts no decision as not right. Below it every method says itself
+what it needs and when not to use it. In short:
 
-- OP and PV alone: begin with ``procedure``, which weighs the others; on one loop of your own, ``simbench trust`` says whom to
-  believe there.
+- OP and PV alone: begin with ``procedure``, which weighs the others; on one loop of your own,
+  ``simbench trust`` says whom to believe there.
 - MV or a flow is recorded: ``yamashita``.
 - The process integrates (level): a method made for self-regulating loops says so and is left out.
 - An answer that hangs on one method hangs on one wave form: read its reason (``--why``).

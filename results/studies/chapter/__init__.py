@@ -7,8 +7,10 @@ from results.studies.chapter.row import Row, Source
 
 HEAD = """# Chapter against code
 
-Every number and statement that can be checked of M. Jelali, Control Performance Management in Industrial Automation (Springer
-2013), chapter 11, beside what this code gives, and why they differ. Written by `python -m results.studies.chapter --isdb
+Every number and statement that can be checked of M. Jelali, \
+Control Performance Management in Industrial Automation (Springer
+2013), chapter 11, beside what this code gives, and why they differ. \
+Written by `python -m results.studies.chapter --isdb
 RECORDS`; do not edit.
 """
 

@@ -98,7 +98,8 @@ def opened_exam(
     >>> with tempfile.TemporaryDirectory() as place:
     ...     _ = make_exam("smoke", f"{place}/exam", f"{place}/exam.key", n=2)
     ...     name = next(iter(read_exam(f"{place}/exam").records))
-    ...     _ = Path(place, "mine.csv").write_text(f"method,record,verdict,score\\nmine,{name},stiction,0.7\\n")
+    ...     rows = f"method,record,verdict,score\\nmine,{name},stiction,0.7\\n"
+    ...     _ = Path(place, "mine.csv").write_text(rows)
     ...     with opened_exam(f"{place}/exam", f"{place}/exam.key", [f"{place}/mine.csv"]) as opened:
     ...         opened.missing
     {'mine': 1}

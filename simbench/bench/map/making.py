@@ -64,7 +64,8 @@ class GridMap:
             ),
             "",
             (
-                f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}{'accuracy > .9':<15}{'Brier score':<13}n"
+                f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}"
+                f"{'accuracy > .9':<15}{'Brier score':<13}n"
             ),
         ]
         good = (self.table.accuracy > 0.9).groupby(self.table.method).mean()
@@ -146,7 +147,8 @@ def map_grid(
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     found = map_grid("smoke", folder, points=6, methods=["he"], x="disturbance", progress=False)
+    ...     found = map_grid(
+    ...         "smoke", folder, points=6, methods=["he"], x="disturbance", progress=False)
     >>> found.axes, len(found.table)
     (('disturbance', 'Td_over_T'), 24)
     """

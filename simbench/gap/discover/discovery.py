@@ -145,9 +145,11 @@ def discover(
     --------
     >>> from scenarios.spec import Loop
     >>> from simbench.loop.simulate import simulate
-    >>> plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 2}, {"type": "PI", "Kc": 1, "Ti": 10}
-    >>> more = {"sampling": {"Ts": 1, "n": 1500}, "noise": {"std": 0.1}, "setpoint": {"steps": [[100, 55], [700, 48]]}}
-    >>> told = Loop(plant=plant, controller=controller, **more)
+    >>> told = Loop(
+    ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     controller={"type": "PI", "Kc": 1, "Ti": 10},
+    ...     sampling={"Ts": 1, "n": 1500}, noise={"std": 0.1},
+    ...     setpoint={"steps": [[100, 55], [700, 48]]})
     >>> found = discover(simulate(told.with_("controller.Kc", 1.6), 1).record, told)
     >>> found.law.form, round(found.law.numbers["gain"], 3)
     ('tuning', 1.6)

@@ -25,7 +25,8 @@ from detectors.method import Method, Threshold
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
-    title="PV fuller than OP", source="a test", process=("self-regulating",), front_end=False, min_samples=3,
+    title="PV fuller than OP", source="a test", process=("self-regulating",), front_end=False,
+    min_samples=3,
     thresholds={"least": Threshold(0.02, "-", 0.0, 0.2, "a test", "above it: stiction")},
 )
 CALLS = []
@@ -41,7 +42,8 @@ def detect(prepared, *, least):
         return Verdict("own", NO_DECISION, reason="no oscillation")
     op, pv = prepared.clean("op"), prepared.clean("pv")
     more = fullness(pv) - fullness(op)
-    return Verdict("own", STICTION if more > least else NO_STICTION, more, {"fuller": more}, reason=f"by {more:.3f}")
+    answer = STICTION if more > least else NO_STICTION
+    return Verdict("own", answer, more, {"fuller": more}, reason=f"by {more:.3f}")
 '''
 BROKEN = [
     # what is exchanged, for what, and the words of the sentence

@@ -164,10 +164,12 @@ METHOD = Method(title="vandal", source="nobody", front_end=False)
 def found():
     import numba
     import detectors.compiled
-    folders = {{v for v in os.environ.values() if os.path.isdir(v)}} - {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
+    folders = {{v for v in os.environ.values() if os.path.isdir(v)}}
+    folders -= {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
     folders |= {{tempfile.gettempdir(), os.getcwd(), str(Path.home()), str(Path.home() / ".cache")}}
     folders |= {{str(detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
-    folders |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items()) if n.startswith("simbench_")}}
+    folders |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items())
+                if n.startswith("simbench_")}}
     folders |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
                 if n.partition(".")[0] == "detectors" and getattr(m, "__file__", None)}}
     return [Path(f) for f in folders if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
@@ -184,7 +186,8 @@ def detect(prepared):
     prepared.clean("pv"), prepared.half_cycles("op")
     touched = 0
     for folder in found():
-        for file in [f for f in folder.rglob("*") if f.is_file() and f.suffix in (".nbc", ".nbi", ".py", ".pyc")]:
+        kinds = (".nbc", ".nbi", ".py", ".pyc")
+        for file in [f for f in folder.rglob("*") if f.is_file() and f.suffix in kinds]:
             if file.suffix == ".py" and not file.name.startswith("simbench_"):
                 continue
             file.write_bytes(forged(file.read_bytes()) if file.suffix == ".nbc" else b"junk")

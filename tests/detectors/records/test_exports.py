@@ -729,7 +729,8 @@ READ = {
     "pi: web api": (
         "Name,Timestamp,UnitsAbbreviation,Good,Questionable,Substituted,Annotated,Value\n"
         + "".join(
-            f"FIC101.{n},{t},,{not (n == 'PV' and k in (40, 41))},False,False,False,{(BAD if n == 'PV' else x)[k]}\n"
+            f"FIC101.{n},{t},,{not (n == 'PV' and k in (40, 41))},"
+            f"False,False,False,{(BAD if n == 'PV' else x)[k]}\n"
             for n, x in LOOP
             for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S.0000000Z"))
         ),
@@ -804,8 +805,8 @@ READ = {
     ),
     "ip21: process explorer": (
         wide(
-            "Tag Name,FIC101.PV,,FIC101.OP,\nDescription,Feed,,Valve,\nMap,IP_AnalogMap,,IP_AnalogMap,\nTime,Value,Status,"
-            "Value,Status",
+            "Tag Name,FIC101.PV,,FIC101.OP,\nDescription,Feed,,Valve,\n"
+            "Map,IP_AnalogMap,,IP_AnalogMap,\nTime,Value,Status,Value,Status",
             stamps(WORDS + ".0"),
             BAD,
             FLAG,

@@ -84,7 +84,11 @@ from results.studies.worlds.refinery import drawing as refinery
 from simbench.loop.effects import EFFECTS
 
 worlds = [WORLDS.load(name).TITLE for name in NAMES]
-pairs = [list(world._pair(np.random.default_rng(seed))) for world in (mill, refinery) for seed in range(40)]
+pairs = [
+    list(world._pair(np.random.default_rng(seed)))
+    for world in (mill, refinery)
+    for seed in range(40)
+]
 plan = Plan(per_cell=1, none=0, two=0, foreign=0, effects=("noise",), strengths=("strong",))
 make(sys.argv[1] + "/set", sys.argv[1] + "/key", seed=3, plan=plan, world="mill")
 print(json.dumps({"known": list(EFFECTS), "worlds": worlds, "pairs": pairs}))

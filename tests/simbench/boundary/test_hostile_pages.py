@@ -19,7 +19,8 @@ PLUGIN = f'''"""Says what a page must not run."""
 from detectors.method import Method
 from detectors.verdict import STICTION, Verdict
 
-METHOD = Method(title={SCRIPT + IMAGE!r}, source={TEXTS[2]!r}, process=("self-regulating", "integrating"), front_end=False)
+METHOD = Method(title={SCRIPT + IMAGE!r}, source={TEXTS[2]!r},
+                process=("self-regulating", "integrating"), front_end=False)
 
 
 def detect(prepared):
@@ -31,8 +32,10 @@ def detect(prepared):
 # whatever would run or load: an event handler, a script that is not the page's own, a link that is
 # no place on the page
 FOREIGN = """[...document.querySelectorAll("*")].filter(e =>
-  [...e.attributes].some(a => a.name.startsWith("on") || (["href", "src", "xlink:href", "action"].includes(a.name)
-    && !a.value.startsWith("#") && !a.value.startsWith("data:")))).map(e => e.outerHTML.slice(0, 100))"""
+  [...e.attributes].some(a => a.name.startsWith("on") ||
+    (["href", "src", "xlink:href", "action"].includes(a.name)
+      && !a.value.startsWith("#") && !a.value.startsWith("data:"))))
+  .map(e => e.outerHTML.slice(0, 100))"""
 
 
 @pytest.fixture

@@ -77,8 +77,10 @@ os.chdir(folder)
 do("simulate", {str(folder.parent / "loop.toml")!r}, "-o", "rec.csv")
 do("detect", "rec.csv", "--json")
 do("gap", "diagnose", "rec.csv", "--baseline", {str(folder.parent / "loop.toml")!r}, "--json")
-do("trust", "rec.csv", "--loop", {str(folder.parent / "loop.toml")!r}, "--method", "horch", "--json")
-small = ["--set", "disturbance=none", "--set", "Td_over_T=0.3", "--set", "S_over_2J=0.5", "--set", "Td_over_Ti=0.05"]
+loop = {str(folder.parent / "loop.toml")!r}
+do("trust", "rec.csv", "--loop", loop, "--method", "horch", "--json")
+sets = ["disturbance=none", "Td_over_T=0.3", "S_over_2J=0.5", "Td_over_Ti=0.05"]
+small = [word for one in sets for word in ("--set", one)]
 do("run", "smoke", *small, "-o", "run", "--method", "horch", "-j", {jobs!r}, "--json")
 do("score", "run", "--json")
 """
@@ -123,7 +125,8 @@ from detectors.detection import detect
 from detectors.record import LoopRecord
 sys.stderr = sys.stdout
 wave = [50 + k % 7 for k in range(600)]
-for verdict in detect(LoopRecord(wave, wave[::-1], 1.0), ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
+record = LoopRecord(wave, wave[::-1], 1.0)
+for verdict in detect(record, ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
     print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
 """)
     assert "mine process" in said

@@ -16,7 +16,8 @@ from simbench.loop.parameters import Number
 
 SOURCE = "a test"
 BLOCK = "sensor"
-PARAMETERS = {"size": Number("PV units", low=0.0, high=10.0, identity=0.0, says="what is read too much")}
+SIZE = Number("PV units", low=0.0, high=10.0, identity=0.0, says="what is read too much")
+PARAMETERS = {"size": SIZE}
 ACTS = "loop"
 
 

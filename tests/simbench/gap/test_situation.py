@@ -18,29 +18,17 @@ FOPTD = {"type": "foptd", "K": 2.0, "T": 30.0, "Td": 6.0}
 VESSEL = {"type": "integrating", "K": 0.05, "Td": 6.0}
 
 
-def situation(
-    *,
-    plant=FOPTD,
-    noise=0.1,
-    sp=None,
-    mv=None,
-    op=OP,
-    valve=None,
-    T=15.0,
-    Td=3.0,
-    K=2.0,
-    n=N,
-    law=None,
-    archive=None,
-):
+def situation(*, plant=FOPTD, op=OP, valve=None, law=None, archive=None, **fit):
+    fit = {"K": 2.0, "T": 15.0, "Td": 3.0, "n": N} | fit
     table = {
         "plant": plant,
         "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
         "sampling": {"Ts": 2.0},
-        "noise": {"std": noise},
+        "noise": {"std": 0.1},
     }
-    record = LoopRecord(op=op, pv=PV, sp=sp, mv=mv, Ts=2.0, tag="FIC1")
-    data = Data(np.zeros(n), np.zeros(n), K, T, Td, noise)
+    record = LoopRecord(op=op, pv=PV, Ts=2.0, tag="FIC1")
+    zero = np.zeros(fit["n"])
+    data = Data(zero, zero, fit["K"], fit["T"], fit["Td"], 0.1)
     return Situation(
         record,
         Loop.from_table(table | ({"valve": valve} if valve else {})),

@@ -97,13 +97,17 @@ table = {
     "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 1500},
     "noise": {"std": 0.1},
-    "setpoint": {"value": 50.0, "steps": [[t, 50.0 + 5.0 * (i % 2)] for i, t in enumerate(range(100, 1500, 150))]},
+    "setpoint": {
+        "value": 50.0,
+        "steps": [[t, 50.0 + 5.0 * (i % 2)] for i, t in enumerate(range(100, 1500, 150))],
+    },
     "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
 }
 limited = Loop.from_table({**table, "effect": [{"name": "stroke_limit", "rate": 0.1}]})
 record, free = simulate(limited, seed=1).record, simulate(Loop.from_table(table), seed=1).record
 baseline = Loop.from_table({**table, "disturbance": []})
-out = {"listed": [row["name"] for row in catalogue("effects")], "moved": float(abs(record.mv - free.mv).max())}
+out = {"listed": [row["name"] for row in catalogue("effects")]}
+out["moved"] = float(abs(record.mv - free.mv).max())
 out["fastest"] = float(abs(record.mv[1:] - record.mv[:-1]).max())
 for name, mv in (("blind", None), ("with mv", record.mv)):
     found = diagnose(replace(record, mv=mv), baseline)

@@ -270,30 +270,30 @@ def test_a_tail_leaves_the_record_as_it_was():
     assert np.ptp(long.tail.pv) > 0.0
 
 
+DEAD_TIME = st.floats(0, 20)
+
+
 @settings(max_examples=40, deadline=None)
 @given(
-    K=st.floats(0.1, 5),
-    T=st.floats(0.5, 50),
-    Td=st.floats(0, 20),
-    Kc=st.floats(0.05, 5),
-    Ti=st.floats(1, 100),
+    plant=st.fixed_dictionaries(
+        {"type": st.just("foptd"), "K": st.floats(0.1, 5), "T": st.floats(0.5, 50), "Td": DEAD_TIME}
+    )
+    | st.fixed_dictionaries(
+        {"type": st.just("integrating"), "K": st.floats(0.005, 0.25), "Td": DEAD_TIME}
+    ),
+    controller=st.fixed_dictionaries(
+        {"type": st.just("PI"), "Kc": st.floats(0.05, 5), "Ti": st.floats(1, 100)}
+    )
+    | st.fixed_dictionaries({"type": st.just("P"), "Kc": st.floats(0.05, 5)}),
     S=st.floats(0, 10),
     J=st.floats(0, 10),
     std=st.floats(0, 1),
     kick=st.floats(-10, 10),
-    integrating=st.booleans(),
-    P=st.booleans(),
 )
-def test_compiled_and_plain_loop_give_the_same_bits(
-    K, T, Td, Kc, Ti, S, J, std, kick, integrating, P
-):
+def test_compiled_and_plain_loop_give_the_same_bits(plant, controller, S, J, std, kick):
     table = {
-        "plant": (
-            {"type": "integrating", "K": K / 20, "Td": Td}
-            if integrating
-            else {"type": "foptd", "K": K, "T": T, "Td": Td}
-        ),
-        "controller": {"type": "P", "Kc": Kc} if P else {"type": "PI", "Kc": Kc, "Ti": Ti},
+        "plant": plant,
+        "controller": controller,
         "valve": {"model": "choudhury", "S": S, "J": J},
         "sampling": {"Ts": 1.0, "n": 200},
         "noise": {"std": std},

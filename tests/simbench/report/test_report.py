@@ -168,9 +168,10 @@ def test_missing_values_are_empty_cells():
 
 WIDE = 704  # px: a wide picture scrolls in its own frame on a phone
 
-VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
-  const style = getComputedStyle(s);
-  return [r.width, r.height, r.left, r.right, b.width, b.height, style.visibility, style.display]; })"""
+VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
+  const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
+  return [r.width, r.height, r.left, r.right, b.width, b.height,
+          style.visibility, style.display]; })"""
 
 
 @needs_browser
@@ -211,7 +212,8 @@ def test_in_a_browser_every_column_of_every_table_sorts_both_ways(report):
       [...t.tHead.rows[0].cells].map((h, j) => [1, 2].map(() => {
       h.querySelector("button").click();
       return [h.getAttribute("aria-sort"), h.classList.contains("n"),
-              [...t.tBodies[0].rows].map(r => r.cells[j].dataset.v ?? r.cells[j].textContent.trim())]; })))"""
+              [...t.tBodies[0].rows].map(r =>
+                r.cells[j].dataset.v ?? r.cells[j].textContent.trim())]; })))"""
     with chromium.opened(report) as page:
         tables = page.evaluate(code)
         assert page.errors == []
@@ -237,9 +239,11 @@ def test_on_paper_no_column_and_no_row_is_lost(report):
 
 @needs_browser
 def test_on_a_phone_a_name_stays_beside_its_numbers(report):
-    code = """[...document.querySelectorAll(".scroll")].filter(s => s.scrollWidth > s.clientWidth + 1).map(s => {
+    code = """[...document.querySelectorAll(".scroll")]
+      .filter(s => s.scrollWidth > s.clientWidth + 1).map(s => {
       s.scrollLeft = s.scrollWidth;
-      const name = s.querySelector("td.name").getBoundingClientRect(), frame = s.getBoundingClientRect();
+      const name = s.querySelector("td.name").getBoundingClientRect();
+      const frame = s.getBoundingClientRect();
       return [name.left - frame.left, name.width / frame.width]; })"""
     with chromium.opened(report, 390) as page:
         scrolled = page.evaluate(code)

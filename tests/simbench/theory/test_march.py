@@ -152,6 +152,7 @@ def test_plain_and_compiled_march_agree(loop):
         arrays = np.zeros((4, 8))
         plant = (sampled.A, sampled.B_old, sampled.B_new, sampled.C)
         control = (sampled.integral, sampled.beta, sampled.lo, sampled.hi)
-        function(plant, control, (sampled.fs, sampled.fd, False), x, s, past, 400, 400, *arrays)
+        valve = sampled.fs, sampled.fd, False
+        function(plant, control, valve, (x, s, past), 400, 400, arrays)
         ends.append(np.concatenate([x, s, past, arrays.ravel()]))
     assert np.abs(ends[0] - ends[1]).max() < 1e-9

@@ -20,7 +20,8 @@ CRITICAL = 2.0 * np.sqrt(52538.0 * 1.36)
 
 
 @numba.njit
-def _steps(op, Fs, Fc, Fv, vs, m, k, stroke, dv, n, h, mv):
+def _steps(op, valve, n, h, mv):
+    Fs, Fc, Fv, vs, m, k, stroke, dv = valve
     x, v = op[0] / 100.0 * stroke, 0.0
     for i in range(op.size):
         F = op[i] / 100.0 * k * stroke
@@ -44,7 +45,8 @@ def friction_in_steps(op, p, h, vs=0.0):
     """
     mv = np.empty(op.size)
     n = round(p.Ts / h)
-    _steps(op, p.Fs, p.Fc, p.Fv, vs, p.m, p.k, p.stroke, getattr(p, "dv", 1e-9), n, p.Ts / n, mv)
+    valve = p.Fs, p.Fc, p.Fv, vs, p.m, p.k, p.stroke, getattr(p, "dv", 1e-9)
+    _steps(op, valve, n, p.Ts / n, mv)
     return mv
 
 

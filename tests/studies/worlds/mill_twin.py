@@ -53,10 +53,12 @@ class SuperposedPlant:
 class PlainController:
     """Each product's law as its manual would say it."""
 
-    def __init__(self, family, rule, Kc, Ti, Ts, u0, lo=0.0, hi=100.0, tracking=1.0):
-        self.family, self.rule, self.Kc, self.Ti, self.Ts = family, rule, Kc, Ti, Ts
-        self.lo, self.hi, self.integral, self.last_e, self.last_u = lo, hi, u0, 0.0, u0
-        self.track = None if Ti is None else min(1.0, Ts / (tracking * Ti))
+    def __init__(self, family, rule, tuning, Ts, u0, limits=(0.0, 100.0), tracking=1.0):
+        self.family, self.rule, self.Ts = family, rule, Ts
+        self.Kc, self.Ti = tuning
+        self.lo, self.hi = limits
+        self.integral, self.last_e, self.last_u = u0, 0.0, u0
+        self.track = None if self.Ti is None else min(1.0, Ts / (tracking * self.Ti))
 
     def area(self, e):
         return {"forward": self.last_e, "backward": e, "trapezoidal": (e + self.last_e) / 2}[

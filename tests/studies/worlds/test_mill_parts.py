@@ -13,6 +13,7 @@ import pytest
 
 from results.studies.worlds.mill import archive, controller, nature, valve
 from results.studies.worlds.mill.controller import PRODUCTS, RULES
+from results.studies.worlds.mill.loop import Law
 from results.studies.worlds.mill.plant import discretise, fitted, margins
 
 TWIN = runpy.run_path(str(Path(__file__).with_name("mill_twin.py")))
@@ -69,28 +70,26 @@ def test_margins_say_unstable_where_the_loop_grows():
         assert cross == pytest.approx(crosses, rel=0.02)
 
 
+def law_of(product, Kc, ki, shares, limits=(0.0, 100.0), back=0.5):
+    return Law(product, 1.0, Kc, ki, *shares, back, *limits, 0.0, 0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize("name", PRODUCTS)
 @pytest.mark.parametrize("limits", [(0.0, 100.0), (45.0, 56.0)])
 def test_products_agree_with_their_manuals(name, limits):
     product, Kc, Ti, Ts, tracking = PRODUCTS[name], 1.8, 12.0, 1.5, 0.4
-    twin = PlainController(FAMILY[product.law], product.rule, Kc, Ti, Ts, 50.0, *limits, tracking)
-    now, before = RULES[product.rule]
+    twin = PlainController(FAMILY[product.law], product.rule, (Kc, Ti), Ts, 50.0, limits, tracking)
+    law = law_of(
+        product.law,
+        Kc,
+        Kc * Ts / Ti,
+        RULES[product.rule],
+        limits=limits,
+        back=min(1.0, Ts / (tracking * Ti)),
+    )
     state = np.array([50.0, 0.0, 50.0])
     e = 3.0 * np.sin(np.arange(200) / 9.0) + np.random.default_rng(1).standard_normal(200)
-    ours = [
-        controller.control(
-            product.law,
-            x,
-            state,
-            Kc,
-            Kc * Ts / Ti,
-            now,
-            before,
-            *limits,
-            min(1.0, Ts / (tracking * Ti)),
-        )
-        for x in e
-    ]
+    ours = [controller.control(x, state, law) for x in e]
     theirs = [twin(x) for x in e]
     assert np.allclose(ours, theirs, atol=1e-9)
     assert limits == (0.0, 100.0) or (min(ours) == 45.0 and max(ours) == 56.0)
@@ -98,20 +97,14 @@ def test_products_agree_with_their_manuals(name, limits):
 
 def test_products_of_one_rule_are_one_law_while_no_limit_is_reached():
     e = np.random.default_rng(2).standard_normal(100)
-    for rule, (now, before) in RULES.items():
+    for rule, shares in RULES.items():
         runs = []
         for product in (
             p for p in PRODUCTS.values() if p.rule == rule and p.law != controller.PROPORTIONAL
         ):
             state = np.array([50.0, 0.0, 50.0])
-            runs.append(
-                [
-                    controller.control(
-                        product.law, x, state, 0.7, 0.1, now, before, 0.0, 100.0, 0.5
-                    )
-                    for x in e
-                ]
-            )
+            law = law_of(product.law, 0.7, 0.1, shares)
+            runs.append([controller.control(x, state, law) for x in e])
         assert len(runs) >= 3
         assert np.allclose(runs, runs[0], atol=1e-9)
 
@@ -122,9 +115,8 @@ def test_products_of_one_rule_are_one_law_while_no_limit_is_reached():
 def test_return_from_manual_is_bumpless(law):
     state = np.array([50.0, 0.0, 50.0])
     controller.follow(law, 2.5, state, 1.3, 61.0)
-    assert controller.control(
-        law, 2.5, state, 1.3, 0.0, 1.0, 0.0, 0.0, 100.0, 0.5
-    ) == pytest.approx(61.0)
+    settings = law_of(law, 1.3, 0.0, RULES["backward"])
+    assert controller.control(2.5, state, settings) == pytest.approx(61.0)
 
 
 def positions(model, op, S, J):

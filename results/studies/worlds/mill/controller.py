@@ -64,75 +64,84 @@ def clip(u, lo, hi):
     return min(max(u, lo), hi)
 
 
+# `law` in what follows is the named tuple `Law` of loop.py
+
+
 @njit
-def proportional(e, state, Kc, lo, hi):
+def proportional(e, state, law):
     """u = bias + Kc e."""
     state[1] = e
-    state[2] = clip(state[0] + Kc * e, lo, hi)
+    state[2] = clip(state[0] + law.Kc * e, law.lo, law.hi)
     return state[2]
 
 
 @njit
-def velocity(e, state, Kc, ki, now, before, lo, hi):
+def increment(e, state, law):
+    """Return ki (now e + before e_prev), what one scan adds to the integral."""
+    return law.ki * (law.now * e + law.before * state[1])
+
+
+@njit
+def velocity(e, state, law):
     """u = limited last u + Kc (e - e_prev) + ki (now e + before e_prev): the limit itself is the
     anti-windup.
     """
-    u = state[2] + Kc * (e - state[1]) + ki * (now * e + before * state[1])
+    u = state[2] + law.Kc * (e - state[1]) + increment(e, state, law)
     state[1] = e
-    state[2] = clip(u, lo, hi)
+    state[2] = clip(u, law.lo, law.hi)
     return state[2]
 
 
 @njit
-def conditional(e, state, Kc, ki, now, before, lo, hi):
+def conditional(e, state, law):
     """u = Kc e + I; the increment of I is dropped while u is beyond a limit and the increment would
     drive it further.
     """
-    more = ki * (now * e + before * state[1])
-    u = Kc * e + state[0] + more
-    if (u > hi and more > 0.0) or (u < lo and more < 0.0):
+    more = increment(e, state, law)
+    u = law.Kc * e + state[0] + more
+    if (u > law.hi and more > 0.0) or (u < law.lo and more < 0.0):
         u -= more
     else:
         state[0] += more
     state[1] = e
-    state[2] = clip(u, lo, hi)
+    state[2] = clip(u, law.lo, law.hi)
     return state[2]
 
 
 @njit
-def tracking(e, state, Kc, ki, now, before, lo, hi, back):
+def tracking(e, state, law):
     """u = Kc e + I; I is corrected by `back` (Ts/Tt, at most 1) times what the limit took away."""
-    state[0] += ki * (now * e + before * state[1])
-    raw = Kc * e + state[0]
+    state[0] += increment(e, state, law)
+    raw = law.Kc * e + state[0]
     state[1] = e
-    state[2] = clip(raw, lo, hi)
-    state[0] += back * (state[2] - raw)
+    state[2] = clip(raw, law.lo, law.hi)
+    state[0] += law.back * (state[2] - raw)
     return state[2]
 
 
 @njit
-def clamped(e, state, Kc, ki, now, before, lo, hi):
+def clamped(e, state, law):
     """u = Kc e + I with I itself limited: at a limit the proportional part can still take OP
     back.
     """
-    state[0] = clip(state[0] + ki * (now * e + before * state[1]), lo, hi)
+    state[0] = clip(state[0] + increment(e, state, law), law.lo, law.hi)
     state[1] = e
-    state[2] = clip(Kc * e + state[0], lo, hi)
+    state[2] = clip(law.Kc * e + state[0], law.lo, law.hi)
     return state[2]
 
 
 @njit
-def control(law, e, state, Kc, ki, now, before, lo, hi, back):
+def control(e, state, law):
     """Return OP of one scan of the product's law; e has the sign of the action already."""
-    if law == PROPORTIONAL:
-        return proportional(e, state, Kc, lo, hi)
-    if law == VELOCITY:
-        return velocity(e, state, Kc, ki, now, before, lo, hi)
-    if law == CONDITIONAL:
-        return conditional(e, state, Kc, ki, now, before, lo, hi)
-    if law == TRACKING:
-        return tracking(e, state, Kc, ki, now, before, lo, hi, back)
-    return clamped(e, state, Kc, ki, now, before, lo, hi)
+    if law.product == PROPORTIONAL:
+        return proportional(e, state, law)
+    if law.product == VELOCITY:
+        return velocity(e, state, law)
+    if law.product == CONDITIONAL:
+        return conditional(e, state, law)
+    if law.product == TRACKING:
+        return tracking(e, state, law)
+    return clamped(e, state, law)
 
 
 @njit

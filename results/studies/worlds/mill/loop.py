@@ -97,34 +97,36 @@ def _titrate(y, width, shape):
 
 
 @njit
-def _valve(u, memory, ring_state, band, kind, first, second, R, keep, rate, stop_lo, stop_hi, ring):
+def _valve(u, memory, ring_state, element):
     """One sample of the final control element; memory: play, lag, stroke, then the friction model's
     own.
     """
-    memory[0] = play(u, memory[0], band)
+    memory[0] = play(u, memory[0], element.band)
     v = memory[0]
-    if kind == DEADZONE:
-        v = deadzone(v, first, second)
+    if element.kind == DEADZONE:
+        v = deadzone(v, element.first, element.second)
     else:
-        v = friction(kind, v, memory[3:], first, second)
-    v = installed(v, R)
-    memory[1] = keep * memory[1] + (1.0 - keep) * v
+        v = friction(element.kind, v, memory[3:], element.first, element.second)
+    v = installed(v, element.R)
+    memory[1] = element.keep * memory[1] + (1.0 - element.keep) * v
     v = memory[1]
+    ring = element.ring
     if ring[0, 2] != 0.0:
         position = ring[0, 0] * ring_state[0] + ring[0, 1] * ring_state[1] + ring[0, 2] * v
         ring_state[1] = ring[1, 0] * ring_state[0] + ring[1, 1] * ring_state[1] + ring[1, 2] * v
         ring_state[0] = position
         v = position
-    if abs(v - memory[2]) > rate:
-        v = memory[2] + (rate if v > memory[2] else -rate)
-    v = clip(clip(v, stop_lo, stop_hi), 0.0, 100.0)
+    if abs(v - memory[2]) > element.rate:
+        v = memory[2] + (element.rate if v > memory[2] else -element.rate)
+    v = clip(clip(v, element.stop_lo, element.stop_hi), 0.0, 100.0)
     memory[2] = v
     return v
 
 
 @njit
-def _run(A, old, new, c, delay, law, element, sensor, s, place):
+def _run(plant, law, element, sensor, s, place):
     """Return PV as the controller saw it, OP, MV and PV as it is, each (N,)."""
+    A, old, new, c, delay = plant
     n, m = len(s.sp), len(c)
     pv, op, mv, w, true = np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
     x, following = np.zeros(m), np.zeros(m)
@@ -159,9 +161,7 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
             u = clip(taken + s.hand[k], law.lo, law.hi)
             follow(law.product, e, state, law.Kc, u)
         elif s.mode[k] == 0:
-            u = control(
-                law.product, e, state, law.Kc, law.ki, law.now, law.before, law.lo, law.hi, law.back
-            )
+            u = control(e, state, law)
         elif s.mode[k] < 3:
             u = clip(state[2] + (law.hand * e if s.mode[k] == 2 else 0.0), law.lo, law.hi)
             follow(law.product, e, state, law.Kc, u)
@@ -172,21 +172,7 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
             out = np.round(out / law.resolution) * law.resolution
         op[k] = clip(out, law.lo, law.hi)
 
-        mv[k] = _valve(
-            op[k],
-            memory,
-            ring_state,
-            element.band,
-            element.kind,
-            element.first,
-            element.second,
-            element.R,
-            element.keep,
-            element.rate,
-            element.stop_lo,
-            element.stop_hi,
-            element.ring,
-        )
+        mv[k] = _valve(op[k], memory, ring_state, element)
         before_mv = mv[k]
 
         flow = mv[k] - place.mv0 + s.load[k]
@@ -207,7 +193,5 @@ def run(
     plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place
 ) -> dict[str, np.ndarray]:
     """Run the loop over all rows of the signals, from rest at the operating point."""
-    pv, op, mv, true = _run(
-        plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place
-    )
+    pv, op, mv, true = _run(plant, law, element, sensor, signals, place)
     return {"pv": pv, "op": op, "mv": mv, "true": true}

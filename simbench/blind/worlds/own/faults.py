@@ -254,7 +254,10 @@ KNOWN = tuple(name for name in _ACT if name not in FOREIGN)
 
 NEEDS_SP_STEPS = frozenset({"sp_weight", "level_gain"})
 NEEDS_PLANT = {"time_constant_mismatch": "foptd", "level_gain": "integrating"}
-"""A gain that follows PV is a valve characteristic on a plant whose PV follows OP; on a vessel it is its shape."""
+"""A gain that follows PV is a valve characteristic on a plant whose PV follows OP.
+
+On a vessel it is its shape.
+"""
 
 
 @njit_cached

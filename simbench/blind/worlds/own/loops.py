@@ -222,24 +222,8 @@ def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals
     """
     case, n = setup.case, setup.size
     op, pv, true, mv = (np.empty(n) for _ in range(4))
-    sim.run(
-        sim.Physics(**setup.physics),
-        setup.sp,
-        setup.noise,
-        setup.load,
-        setup.sensor,
-        setup.skip,
-        setup.hold,
-        setup.asleep,
-        setup.op_add,
-        setup.valve_add,
-        setup.gain,
-        setup.hand,
-        op,
-        pv,
-        true,
-        mv,
-    )
+    inputs = sim.Inputs(*(getattr(setup, name) for name in sim.Inputs._fields))
+    sim.run(sim.Physics(**setup.physics), inputs, op, pv, true, mv)
     mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
     shift = int(case.log_is_late if late is None else late)
     rows = slice(setup.start, n)

@@ -18,7 +18,10 @@ STRENGTHS: dict[str, tuple[float, float]] = {
     "medium": (2.0, 4.0),
     "strong": (4.0, 12.0),
 }
-"""Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""
+"""Ratio gap(true loop without the fault) / floor.
+
+Strong has no upper end by definition; the generator stops at 12.
+"""
 CLOUD, _REAL = 16, 4
 _OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
 

@@ -99,18 +99,28 @@ def _stem(u, x, w, p, h):
     return x + h * new, new
 
 
-@njit_cached
-def run(
-    p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand, op, pv, true, mv
-):
-    """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free
-    PV) and mv.
+class Inputs(NamedTuple):
+    """Everything that reaches one run from outside, each of shape (n,)."""
 
-    Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K;
-    skip = 1: the controller misses its turn; hold = 1: the transmitter repeats its last value;
-    asleep = 1: the valve does not answer; hand is what an operator adds to the OP at which he took
-    over, NaN in automatic.
+    sp: np.ndarray  # PV units
+    noise: np.ndarray  # PV units
+    load: np.ndarray  # %
+    sensor: np.ndarray  # added to the measurement, PV units
+    skip: np.ndarray  # 1: the controller misses its turn
+    hold: np.ndarray  # 1: the transmitter repeats its last value
+    asleep: np.ndarray  # 1: the valve does not answer
+    op_add: np.ndarray  # %
+    valve_add: np.ndarray  # %
+    gain: np.ndarray  # factor on K
+    hand: np.ndarray  # % an operator adds to the OP at which he took over, NaN in automatic
+
+
+@njit_cached
+def run(p, inputs, op, pv, true, mv):
+    """Run the loop over all samples of `inputs`; fills op, pv (as the controller saw it), true
+    (noise-free PV) and mv.
     """
+    sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand = inputs
     n = sp.size
     h = p.Ts / SUBSTEPS
     delay = round(p.Td / h) + 1

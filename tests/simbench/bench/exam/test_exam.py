@@ -34,7 +34,9 @@ import time
 from detectors.method import Method
 from detectors.verdict import NO_STICTION, STICTION, Verdict
 
-METHOD = Method(title="slow", source="test", process=("self-regulating", "integrating"), front_end=False)
+METHOD = Method(
+    title="slow", source="test", process=("self-regulating", "integrating"), front_end=False
+)
 
 
 def detect(prepared):

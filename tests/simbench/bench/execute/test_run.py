@@ -284,7 +284,8 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
             try:
-                run_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "run")!r}, ["he"], {jobs},
+                small = make_grid(SMALL, "small", {{"repeats": 2}})
+                run_grid(small, {str(tmp_path / "run")!r}, ["he"], {jobs},
                          plugins=[{str(file)!r}], resume=True)
             except Interrupted as stop:
                 print(stop)

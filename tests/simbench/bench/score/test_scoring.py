@@ -236,8 +236,8 @@ def test_the_table_against_another_truth_counts_that_truth(scores, joined):
     one = joined[(joined.method == "he") & joined.oscillating]
     assert (row.n, row.positives) == (
         one.predicted.notna().sum(),
-        (one.predicted == True).sum(),
-    )  # noqa: E712
+        (one.predicted == True).sum(),  # noqa: E712
+    )
     assert (
         f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
         " a limit cycle" in text
@@ -324,7 +324,10 @@ def test_the_winner_of_random_halves_and_the_separated_pairs_are_counted(book):
 
 def test_json_is_the_contracts(scores):
     found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
-    keys = "method,truth,front_end,process,population,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found"
+    keys = (
+        "method,truth,front_end,process,population,n,applicable,accuracy_applicable,"
+        "accuracy_decided,no_decision,found"
+    )
     new = "found_at_5,cost,risk_coverage,home"
     assert {",".join(row) for row in found["rows"]} == {
         f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"

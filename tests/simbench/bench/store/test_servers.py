@@ -24,7 +24,8 @@ CODE = """
 import json, sys
 from scenarios.grid import make_grid
 from simbench.bench.execute.run import run_grid
-run_grid(make_grid(json.loads(sys.argv[2]), "small", {"repeats": 2}), sys.argv[1], ["he", "yamashita"])
+grid = make_grid(json.loads(sys.argv[2]), "small", {"repeats": 2})
+run_grid(grid, sys.argv[1], ["he", "yamashita"])
 """
 
 

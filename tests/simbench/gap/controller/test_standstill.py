@@ -142,7 +142,7 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
     assert skips_scans(op, e, np.ones(op.size, dtype=bool), size, unit * size) == skips
 
 
-def test_a_dead_band_ends_half_way_between_the_largest_error_that_stands_and_the_smallest_that_moves():
+def test_a_dead_band_ends_half_way_between_the_largest_resting_and_the_smallest_moving_error():
     op, e = rest(100, 1000)
     reach, moves = np.maximum(np.abs(e[1:]), np.abs(e[:-1])), np.diff(op) != 0.0
     # the pair that enters the band and the one that leaves it move already; a few at the end stand

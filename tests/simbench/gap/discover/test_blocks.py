@@ -94,7 +94,7 @@ def test_a_block_whose_effects_are_not_known_stands_by_what_it_does_freely(hidde
 @pytest.mark.parametrize(
     ("slow", "height", "block"), [(0.0, 2.5, "sensor"), (20.0, 12.0, "disturbance")]
 )
-def test_sudden_events_are_the_reading_s_where_pv_jumps_and_the_load_s_where_it_follows_as_the_plant_does(
+def test_sudden_events_are_the_sensor_s_where_pv_jumps_and_the_load_s_where_it_follows(
     slow, height, block
 ):
     situation, base = fitted("nothing")

@@ -141,9 +141,7 @@ def test_a_slow_plants_dead_time_is_sought_by_its_time_constant_and_a_quick_ones
 @pytest.mark.parametrize(
     ("where", "effect"), [("valve", "valve_lag"), ("extra", "extra_lag"), ("sensor", "sensor_lag")]
 )
-def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_plants_that_lengthened_in_its_stead(
-    where, effect
-):
+def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load(where, effect):
     engine = Engine(near("tau", 5.0))
     found, price = fit(effect, engine)
     assert (found.spec.pole, price) == (where, 1.0)

@@ -64,7 +64,7 @@ def lattice(step):
         (replace(PLAIN, straight=0.16), LAW, Archive()),
     ],
 )
-def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(
+def test_a_lattice_counts_where_it_hides_something_and_is_the_archives_where_op_saw_none(
     samples, law, archive
 ):
     found, plant_pv, mismatch = _archive(seen_in(law, samples))

@@ -119,9 +119,10 @@ def through_pole(covariance, pole, gain, start):
     return A @ covariance @ A.T + start**2 * np.outer(pole**k, pole**k)
 
 
-def covariance(
-    n, T, loads, noise, spread, *, lag=0.0, tau=0.0, load_walk=0.0, walk=0.0, colour=0.0
-):
+NOISE, SPREAD = 0.4, 5.0
+
+
+def covariance(n, T, loads, *, lag=0.0, tau=0.0, load_walk=0.0, walk=0.0, colour=0.0):
     """Return the covariance of PV: loads (time constant, std) through a second lag, the plant and
     one more pole, and noise.
     """
@@ -134,10 +135,10 @@ def covariance(
         )
     load = load + load_walk**2 * walked
     a = np.exp(-1 / T) if T else 1.0
-    pv = through_pole(load, a, 1 - a if T else 1.0, spread)
+    pv = through_pole(load, a, 1 - a if T else 1.0, SPREAD)
     if tau:
-        pv = through_pole(pv, np.exp(-1 / tau), 1 - np.exp(-1 / tau), spread)
-    return pv + walk**2 * walked + noise**2 * (colour**apart if colour else np.eye(n))
+        pv = through_pole(pv, np.exp(-1 / tau), 1 - np.exp(-1 / tau), SPREAD)
+    return pv + walk**2 * walked + NOISE**2 * (colour**apart if colour else np.eye(n))
 
 
 LOAD = [(15.0, 1.3)]
@@ -163,7 +164,7 @@ LOAD = [(15.0, 1.3)]
 )
 def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     y = np.random.default_rng(4).standard_normal(150)
-    L = np.linalg.cholesky(covariance(150, T, loads, 0.4, 5.0, **more))
+    L = np.linalg.cholesky(covariance(150, T, loads, **more))
     of = {
         "tau": 0.0,
         "load_walk": 0.0,
@@ -194,7 +195,7 @@ def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
 def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, places):
     n, load_time, jump = 700, 15.0, 6.0
     y = np.random.default_rng(4).standard_normal(n)
-    whole = covariance(n, T, LOAD, 0.4, 5.0)
+    whole = covariance(n, T, LOAD)
     a = np.exp(-1 / T) if T else 1.0
     for k in [*places, *(k + 1 for k in places)]:
         height = np.zeros(n)

@@ -179,9 +179,10 @@ def test_a_page_that_cannot_be_written_leaves_nothing(sticky, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
-  const style = getComputedStyle(s);
-  return [r.width, r.height, r.left, r.right, b.width, b.height, style.visibility, style.display]; })"""
+VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
+  const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
+  return [r.width, r.height, r.left, r.right, b.width, b.height,
+          style.visibility, style.display]; })"""
 
 
 @needs_browser

@@ -129,7 +129,7 @@ def test_json_has_the_contracts_keys_and_finite_numbers(found):
     assert set(answer["smallest_visible"]) == {"S", "J"}
 
 
-def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(
+def test_of_methods_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(
     found,
 ):
     made = [m for m in found.methods if m.verdict.applicable is not False]
