@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -86,9 +85,6 @@ class Recogniser:
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: (
         None
     )  # the size that would have shown in this record
-    # draws all that is not size (direction, place, shape) and returns the parameters as a function
-    # of x, from 0, barely there, to 1, gross
-    draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 
 
 def clip(x: float, low: float, high: float) -> float:

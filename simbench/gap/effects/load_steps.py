@@ -8,7 +8,6 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import gammaln
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -152,17 +151,10 @@ def ordinary(fit: Fit, base: Fit) -> bool:
     return alone or small or not fit.spec.lasting
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw how many."""
-    rate = float(rng.uniform(4, 25)) / y.seconds
-    return lambda x: {"rate": rate, "size": min(between(x, 0.2, 10.0) * y.op, 20.0)}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
     bends_plant=True,
     leaves_traces=True,
-    draw=draw,
 )
