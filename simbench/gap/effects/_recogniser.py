@@ -17,14 +17,6 @@ Parameters = dict[str, float | str]
 NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
 
 
-def _always(s: Situation) -> bool:
-    return True
-
-
-def _never(s: Situation) -> bool:
-    return False
-
-
 @dataclass(frozen=True)
 class Recogniser:
     """How one effect is recognised; what does not apply to an effect stays at its default."""
@@ -35,7 +27,9 @@ class Recogniser:
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
     # the effect's numbers in the units of the loop file; needed with `fit`
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
-    possible: Callable[[Situation], bool] = _always  # whether `fit` makes sense for this baseline
+    possible: Callable[[Situation], bool] = lambda s: (
+        True
+    )  # whether `fit` makes sense for this baseline
     # what the controller's law or single samples show without doubt
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     # of what loads do by themselves as well: whether the fit shows no more than that. It is then
@@ -57,9 +51,8 @@ class Recogniser:
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
         None
     )
-    masked_by_archive: Callable[[Situation], bool] = (
-        _never  # whether something proven makes all the evidence of this effect
-    )
+    # whether something proven makes all the evidence of this effect
+    masked_by_archive: Callable[[Situation], bool] = lambda s: False
     remark: Callable[[Situation], str] = lambda s: (
         ""
     )  # what the record shows of it beside the answer; "" for nothing

@@ -11,7 +11,7 @@ from scipy.special import gammaln
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, lag_of, size_penalty
+from simbench.gap.likelihood.model import Fit, Spec, input_gain, lag_of, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -90,7 +90,10 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     the std of their heights.
     """
     d, th, n = engine.data, fit.theta, engine.data.n
-    response = _step_response(fit, d)
+    unit = np.ones(d.n)
+    unit[0] = 0.0
+    g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
+    response = np.append(g[1:], g[-1])
     white = kernels.whiten(
         response[None, :],
         th["T"] if d.T > 0 else 0.0,
@@ -124,13 +127,6 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
         found.append(k)
         heights.append(height)
     return found, float(np.sqrt(np.mean(np.square(heights)))) if heights else 0.0
-
-
-def _step_response(fit: Fit, d: Data) -> np.ndarray:
-    unit = np.ones(d.n)
-    unit[0] = 0.0
-    g = kernels.plant(unit, fit.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
-    return np.append(g[1:], g[-1])
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
@@ -151,8 +150,8 @@ def _which(report: GapReport) -> Markup:
             "effect": [words(r.effect) for r in report.ranking],
             "block": [r.block for r in report.ranking],
             "probability": [r.probability for r in report.ranking],
-            "gap before": _column(r.gap_before for r in report.ranking),
-            "gap after": _column(r.gap_after for r in report.ranking),
+            "gap before": pd.Series([r.gap_before for r in report.ranking], dtype=float),
+            "gap after": pd.Series([r.gap_after for r in report.ranking], dtype=float),
             "parameters": [numbers(r.effect, r.parameters, "") for r in report.ranking],
         }
     )
@@ -219,7 +218,3 @@ def _open(report: GapReport) -> Markup:
 
 def _meaning(effect: str) -> str:
     return _MEANING.get(effect) or EFFECTS[effect].says
-
-
-def _column(values: Any) -> pd.Series:
-    return pd.Series(list(values), dtype=float)
