@@ -16,6 +16,13 @@ _COUNTED = ("medium", "strong")
 """Strengths the levels are for; weak is shown beside them."""
 
 
+def _holds(figure: Share | Figure) -> bool | None:
+    """Whether the level is reached; None without level or value."""
+    if figure.value is None or figure.level is None:
+        return None
+    return figure.value <= figure.level if figure.at_most else figure.value >= figure.level
+
+
 @dataclass(frozen=True)
 class Share:
     """k of n with its 95 % Wilson interval, and the level it must reach."""
@@ -39,10 +46,7 @@ class Share:
         ci = stats.binomtest(self.k, self.n).proportion_ci(method="wilson")
         return float(ci.low), float(ci.high)
 
-    @property
-    def holds(self) -> bool | None:
-        """Whether the level is reached; None without level or records."""
-        return _holds(self.value, self.level, self.at_most)
+    holds = property(_holds)
 
     def row(self) -> dict[str, Any]:
         """Return the share as one row of a table."""
@@ -60,20 +64,11 @@ class Figure:
     level: float | None = None
     at_most: bool = False
 
-    @property
-    def holds(self) -> bool | None:
-        """Whether the level is reached; None without level or value."""
-        return _holds(self.value, self.level, self.at_most)
+    holds = property(_holds)
 
     def row(self) -> dict[str, Any]:
         """Return the figure as one row of a table."""
         return asdict(self) | {"holds": self.holds}
-
-
-def _holds(value: float | None, level: float | None, at_most: bool) -> bool | None:
-    if value is None or level is None:
-        return None
-    return value <= level if at_most else value >= level
 
 
 def levels(table: pd.DataFrame) -> list[Share | Figure]:

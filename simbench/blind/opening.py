@@ -118,7 +118,8 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
         value = "-" if f.value is None else f"{f.value:.3f}"
         interval = "[{:.2f}, {:.2f}]".format(*f.interval) if isinstance(f, Share) and f.n else ""
         level = "" if f.level is None else f"{'<=' if f.at_most else '>='} {f.level:g}"
-        lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {_yes(f.holds)} |")
+        holds = "" if f.holds is None else "yes" if f.holds else "NO"
+        lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {holds} |")
     for measure, title in (
         ("first", "first answer right"),
         ("in_group", "right within its group"),
@@ -137,10 +138,6 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
             }
             lines.append(f"| {effect} | " + " | ".join(cells.get(s, "") for s in order) + " |")
     return "\n".join(lines) + "\n"
-
-
-def _yes(holds: bool | None) -> str:
-    return "" if holds is None else "yes" if holds else "NO"
 
 
 def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:

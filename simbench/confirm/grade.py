@@ -76,7 +76,11 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Gr
     last = int(np.flatnonzero(test.phase == 0)[-1])
     return [
         _gain(loop, test, rest, last),
-        _graded(NOISE, _band(test, rest), f"{_SIGMAS:g} standard deviations of PV while OP rests"),
+        _graded(
+            NOISE,
+            float(_SIGMAS * test.trace.pv[rest // 2 : rest].std()),
+            f"{_SIGMAS:g} standard deviations of PV while OP rests",
+        ),
         _graded(
             HYSTERESIS,
             _hysteresis(loop),
@@ -138,10 +142,6 @@ def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     return _graded(
         GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps"
     )
-
-
-def _band(test: TravelTest, rest: int) -> float:
-    return float(_SIGMAS * test.trace.pv[rest // 2 : rest].std())
 
 
 def _hysteresis(loop: Loop) -> float:

@@ -7,12 +7,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from effect_draws import DRAWS, Yardstick
 
 from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.effects import recogniser
-from simbench.gap.effects._draw import Yardstick
 from simbench.loop.simulate import simulate
 
 PLAIN = (0.45, 0.75)  # of the way from barely there to gross
@@ -104,8 +104,7 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
     ParameterError
         When nobody said how to draw this effect at random.
     """
-    draw = recogniser(name).draw
-    if draw is None:
+    if name not in DRAWS:
         raise ParameterError(f"effect {name!r}: nobody said how to draw it at random")
     plant, control = loop.plant, loop.controller
     T = plant.T or (control.Ti or 100.0) / 4
@@ -118,7 +117,7 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
         Td=plant.Td,
         integral=control.Ti is not None,
     )
-    return draw(yard, rng)(float(rng.uniform(*PLAIN)))
+    return DRAWS[name](yard, rng)(float(rng.uniform(*PLAIN)))
 
 
 def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Case:

@@ -11,6 +11,7 @@ import numpy as np
 
 from scenarios.spec import Loop, Plant
 from simbench.gap.effects import load_steps, recogniser
+from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
@@ -90,7 +91,7 @@ def fixed_loop(
     gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
     led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {
-        "op0": _clip(_rest(situation, fit) + led, 1.0, 99.0),
+        "op0": clip(_rest(situation, fit) + led, 1.0, 99.0),
         "pv0": float(sp[0]),
     }
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
@@ -135,8 +136,4 @@ def _rest(situation: Situation, fit: Fit) -> float:
     # lag between them
     maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None
     slope = float(np.polyfit(v, situation.op, 1)[0]) if maps and np.ptp(v) > 0 else 1.0
-    return _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
-
-
-def _clip(x: float, low: float, high: float) -> float:
-    return float(min(max(x, low), high))
+    return clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)

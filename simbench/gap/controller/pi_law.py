@@ -103,7 +103,8 @@ def examine_law(
     noise: float = 0.0,
 ) -> Law:
     """Judge the controller from SP, PV and OP."""
-    law = _examine(op, pv, sp, Ts, Kc, Ti, trusted, noise)
+    loop = (Ts, Kc, Ti, trusted, noise)
+    law = _examine(op, pv, sp, *loop)
     if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a
@@ -111,14 +112,14 @@ def examine_law(
     late = np.append(pv[0], pv[:-1])
     tries = [law]
     for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
-        other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted, noise)
+        other = _examine(op, late, sp_late, *loop)
         recovered_pv = (
             None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
         )
         tries.append(replace(other, recovered_pv=recovered_pv, late=1))
     if sp is not None:
         shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
-        tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted, noise) for s in shifted]
+        tries += [_examine(op, pv, s, *loop) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
@@ -412,11 +413,7 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
         kept = float(np.std(off[shown.exact])) < faithful
     if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
         law = replace(law, recovered_pv=candidate, residual=fitted.fit.base)
-    if kept and a != Kc + Ki:
-        kc, ti = _nearest_form(a, b, asked)
-        law = replace(law, Kc=kc, Ti=ti)
-        law = replace(law, tuning=_retuned(law, asked))
-    return law
+    return _tuned(law, a, b, asked) if kept and a != Kc + Ki else law
 
 
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
@@ -455,10 +452,13 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
         Kc=Kc,
         Ti=asked.Ti or np.inf,
     )
-    if i < stated:
-        return law
-    kc, ti = _nearest_form(*tunings[i], asked)
-    law = replace(law, Kc=kc, Ti=ti)
+    return law if i < stated else _tuned(law, *tunings[i], asked)
+
+
+def _tuned(law: Law, a: float, b: float, asked: _Asked) -> Law:
+    """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""
+    Kc, Ti = _nearest_form(a, b, asked)
+    law = replace(law, Kc=Kc, Ti=Ti)
     return replace(law, tuning=_retuned(law, asked))
 
 

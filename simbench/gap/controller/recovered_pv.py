@@ -4,7 +4,7 @@ archive of PV is not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -23,8 +23,7 @@ _BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
 
-@dataclass(frozen=True, eq=False)
-class _Hidden:
+class _Hidden(NamedTuple):
     """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
     misfit to the recorded error.
 

@@ -137,10 +137,14 @@ def leak(
 def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
     """Return what a law with filtered derivative leaves of dOP."""
     X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])[rows[2:]]
-    y = du[2:][rows[2:]]
+    return about_zero(left_by_most(X, du[2:][rows[2:]])) / size
+
+
+def left_by_most(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return what a regression leaves of y that is fitted to the four fifths it explains best."""
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
     for _ in range(4):
         off = np.abs(y - X @ beta)
         keep = off <= np.quantile(off, 0.8)
         beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
-    return about_zero(y - X @ beta) / size
+    return y - X @ beta

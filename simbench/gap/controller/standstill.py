@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.controller.regression import about_zero, by_steps
+from simbench.gap.controller.regression import about_zero, by_steps, left_by_most
 
 _OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
 _LEANT = (
@@ -117,13 +117,7 @@ def skips_scans(
     rows = inside[moves[1:]] & inside[moves[:-1]]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]
-    beta = np.linalg.lstsq(X, y, rcond=None)[0]
-    for _ in range(4):
-        off = np.abs(y - X @ beta)
-        keep = off <= np.quantile(off, 0.8)
-        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
-    scale = about_zero(y) or 1.0
-    off = np.abs(y - X @ beta) / scale
+    off = np.abs(left_by_most(X, y)) / (about_zero(y) or 1.0)
     # nearly every move obeys; over all samples the standstills stay unexplained
     unexplained = (
         np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()

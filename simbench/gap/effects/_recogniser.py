@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -16,14 +15,6 @@ from simbench.gap.situation import Situation
 
 Parameters = dict[str, float | str]
 NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
-
-
-def _always(s: Situation) -> bool:
-    return True
-
-
-def _never(s: Situation) -> bool:
-    return False
 
 
 @dataclass(frozen=True)
@@ -36,7 +27,9 @@ class Recogniser:
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
     # the effect's numbers in the units of the loop file; needed with `fit`
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
-    possible: Callable[[Situation], bool] = _always  # whether `fit` makes sense for this baseline
+    possible: Callable[[Situation], bool] = lambda s: (
+        True
+    )  # whether `fit` makes sense for this baseline
     # what the controller's law or single samples show without doubt
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     # of what loads do by themselves as well: whether the fit shows no more than that. It is then
@@ -58,9 +51,8 @@ class Recogniser:
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
         None
     )
-    masked_by_archive: Callable[[Situation], bool] = (
-        _never  # whether something proven makes all the evidence of this effect
-    )
+    # whether something proven makes all the evidence of this effect
+    masked_by_archive: Callable[[Situation], bool] = lambda s: False
     remark: Callable[[Situation], str] = lambda s: (
         ""
     )  # what the record shows of it beside the answer; "" for nothing
@@ -86,9 +78,6 @@ class Recogniser:
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: (
         None
     )  # the size that would have shown in this record
-    # draws all that is not size (direction, place, shape) and returns the parameters as a function
-    # of x, from 0, barely there, to 1, gross
-    draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 
 
 def clip(x: float, low: float, high: float) -> float:

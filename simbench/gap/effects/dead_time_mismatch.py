@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._mismatch import dead_times, released
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.effects._smallest import Probe
@@ -18,15 +15,6 @@ def smallest(probe: Probe) -> tuple[float, str]:
     return probe.first(spec, lambda x: {"Td": Td + x * 5.0}, lambda x: x * 5.0 * Ts), "s"
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw whether it is shorter or longer; what the archive's late OP hides of it cannot be taken
-    away.
-    """
-    if y.Td >= 2 * y.record.Ts and rng.random() < 0.25:
-        return lambda x: {"extra": -between(x, 0.1, 1.0) * y.Td}
-    return lambda x: {"extra": between(x, 0.03, 4.0) * y.lag}
-
-
 RECOGNISER = Recogniser(
     fit=released("Td", dead_times),
     numbers=lambda fit, s: {"extra": (delay_of(fit.spec, fit.theta) - s.data.Td) * s.record.Ts},
@@ -34,5 +22,4 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     replaces="Td",
     smallest=smallest,
-    draw=draw,
 )

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -22,11 +21,6 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     return search_map(engine, base, kernels.PLAY, coarse), 1.0
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw nothing but the width."""
-    return lambda x: {"S": min(between(x, 0.2 * y.op, 30 * y.op), 30.0)}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"S": clip(fit.theta["S"], 0.0, 100.0)},
@@ -34,5 +28,4 @@ RECOGNISER = Recogniser(
     band=lambda p: float(p["S"]),
     bends_plant=True,
     smallest=lambda probe: probe.band(kernels.PLAY),
-    draw=draw,
 )

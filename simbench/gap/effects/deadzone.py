@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -34,16 +33,9 @@ def by_mv(search: MapSearch) -> Found:
     )
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw the place."""
-    c = float(np.clip(y.record.op.mean() + y.op * rng.normal(), 5, 95))
-    return lambda x: {"D": min(between(x, 0.2 * y.op, 15 * y.op), 20.0), "c": c}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     by_mv=by_mv,
     needs="plant",
-    draw=draw,
 )

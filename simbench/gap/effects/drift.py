@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
@@ -45,15 +44,6 @@ def smallest(probe: Probe) -> tuple[float, str]:
     return found, "PV units over the record"
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw whether it is a ramp, which way, or a walk."""
-    unit = max(y.gain * y.op, y.pv)
-    if rng.random() < 0.5:
-        way = rng.choice([-1, 1])
-        return lambda x: {"rate": way * between(x, 0.2, 60.0) * unit / y.seconds, "walk": 0.0}
-    return lambda x: {"rate": 0.0, "walk": between(x, 0.1, 60.0) * unit / np.sqrt(y.seconds)}
-
-
 def by_lab(
     p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float
 ) -> float:
@@ -77,5 +67,4 @@ RECOGNISER = Recogniser(
     # the controller moves OP against a ramp that it takes for PV
     mean_op_shift=lambda p, half, K: float(p["rate"]) * half / K,
     smallest=smallest,
-    draw=draw,
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.effects._smallest import Probe
 
@@ -17,14 +16,8 @@ def smallest(probe: Probe) -> tuple[float, str] | None:
     return 2.0 * float(np.quantile(np.abs(s.sp - np.asarray(s.record.pv)), 0.2)), "PV units"
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw nothing but the width."""
-    return lambda x: {"width": between(x, 0.2, 20.0) * y.pv}
-
-
 RECOGNISER = Recogniser(
     proven=lambda s: {"width": s.law.gap} if s.law.gap > 0.0 else None,
     explains="gap",
     smallest=smallest,
-    draw=draw,
 )

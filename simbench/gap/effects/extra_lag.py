@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from simbench.gap.effects import _draw
 from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import Recogniser
 
@@ -11,5 +10,4 @@ RECOGNISER = Recogniser(
     numbers=tau,
     needs="plant",
     smallest=lambda probe: probe.pole("extra"),
-    draw=_draw.lag,
 )

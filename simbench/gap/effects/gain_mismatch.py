@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from simbench.gap.effects import _draw
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
@@ -25,5 +24,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     bends_plant=True,
     replaces="K",
-    draw=_draw.ratio(6.0),
 )

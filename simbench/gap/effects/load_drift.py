@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -36,24 +35,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(rate), "walk": float(walk)}
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw whether it is a ramp, which way, or a walk."""
-    if rng.random() < 0.5:
-        way = rng.choice([-1, 1])
-        return lambda x: {
-            "rate": way * min(between(x, 0.3, 30.0) * y.op, 40.0) / y.seconds,
-            "walk": 0.0,
-        }
-    return lambda x: {
-        "rate": 0.0,
-        "walk": min(between(x, 0.1, 20.0) * y.op, 20.0) / np.sqrt(y.seconds),
-    }
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     bends_plant=True,
     mean_op_shift=lambda p, half, K: float(p["rate"]) * half,
-    draw=draw,
 )

@@ -8,11 +8,10 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import gammaln
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, lag_of, size_penalty
+from simbench.gap.likelihood.model import Fit, Spec, input_gain, lag_of, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -91,7 +90,10 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     the std of their heights.
     """
     d, th, n = engine.data, fit.theta, engine.data.n
-    response = _step_response(fit, d)
+    unit = np.ones(d.n)
+    unit[0] = 0.0
+    g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
+    response = np.append(g[1:], g[-1])
     white = kernels.whiten(
         response[None, :],
         th["T"] if d.T > 0 else 0.0,
@@ -127,13 +129,6 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     return found, float(np.sqrt(np.mean(np.square(heights)))) if heights else 0.0
 
 
-def _step_response(fit: Fit, d: Data) -> np.ndarray:
-    unit = np.ones(d.n)
-    unit[0] = 0.0
-    g = kernels.plant(unit, fit.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
-    return np.append(g[1:], g[-1])
-
-
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return jumps per second and the std of the levels between them (%)."""
     # a jump is two parts, and between independent levels it spreads by the square root of two more
@@ -152,17 +147,10 @@ def ordinary(fit: Fit, base: Fit) -> bool:
     return alone or small or not fit.spec.lasting
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw how many."""
-    rate = float(rng.uniform(4, 25)) / y.seconds
-    return lambda x: {"rate": rate, "size": min(between(x, 0.2, 10.0) * y.op, 20.0)}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
     bends_plant=True,
     leaves_traces=True,
-    draw=draw,
 )

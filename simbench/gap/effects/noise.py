@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
@@ -36,13 +33,6 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"factor": std / stated} if stated > 0 else {"std": std}
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw whether there is more or less."""
-    if rng.random() < 0.2:
-        return lambda x: {"factor": between(x, 0.95, 0.05)}
-    return lambda x: {"factor": between(x, 1.05, 12.0)}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
@@ -50,5 +40,4 @@ RECOGNISER = Recogniser(
     masked_by_archive=lambda s: s.archive.rounding is not None or s.archive.band > 0.0,
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
-    draw=draw,
 )

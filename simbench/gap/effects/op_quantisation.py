@@ -5,19 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.signal.lattice import hides_nothing
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.situation import Situation
 
 _CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
-
-
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw nothing but the step."""
-    return lambda x: {
-        "step": min(between(x, 0.1 * y.op_change, 15 * max(y.op_change, 0.3 * y.op)), 20.0)
-    }
 
 
 def proven(s: Situation) -> Parameters | None:
@@ -30,5 +22,4 @@ RECOGNISER = Recogniser(
     proven=proven,
     explains="step",
     remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
-    draw=draw,
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec, input_gain
@@ -50,10 +49,4 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw the period."""
-    period = max(y.pace * float(np.exp(rng.uniform(np.log(1.0), np.log(20.0)))), 4 * y.record.Ts)
-    return lambda x: {"amplitude": min(between(x, 0.05, 10.0) * y.op, 30.0), "period": period}
-
-
-RECOGNISER = Recogniser(fit=fit, numbers=numbers, draw=draw)
+RECOGNISER = Recogniser(fit=fit, numbers=numbers)

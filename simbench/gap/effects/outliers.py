@@ -8,7 +8,6 @@ import numpy as np
 from scipy.special import gammaln
 
 from detectors.signal.tails import heavy_tails
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
@@ -103,13 +102,6 @@ def smallest(probe: Probe) -> tuple[float, str]:
     return _FAR * spread * probe.base.theta["noise_std"], "PV units"
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw how many, and where it happens."""
-    at = str(rng.choice(["loop", "record"]))
-    rate = float(np.exp(rng.uniform(np.log(0.002), np.log(0.05))))
-    return lambda x: {"rate": rate, "size": between(x, 2.5 * y.pv, 40 * y.pv), "at": at}
-
-
 RECOGNISER = Recogniser(
     proven=proven,
     explains="spikes",
@@ -117,5 +109,4 @@ RECOGNISER = Recogniser(
     remark=remark,
     leaves_traces=True,
     smallest=smallest,
-    draw=draw,
 )

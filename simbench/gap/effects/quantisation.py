@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
@@ -27,16 +26,9 @@ def smallest(probe: Probe) -> tuple[float, str]:
     ), "PV units"
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw where it happens."""
-    at = str(rng.choice(["loop", "record"]))
-    return lambda x: {"step": between(x, 0.1 * y.noise, 10 * y.pv), "at": at}
-
-
 RECOGNISER = Recogniser(
     proven=proven,
     explains="rounding",
     remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     smallest=smallest,
-    draw=draw,
 )

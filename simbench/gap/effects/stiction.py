@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -42,17 +41,6 @@ def by_mv(search: MapSearch) -> Found:
     )
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw J/S."""
-    jump = float(rng.uniform(0.1, 1.0))
-
-    def of(x: float) -> Parameters:
-        S = min(between(x, 0.2 * y.op, 20 * y.op), 25.0)
-        return {"S": S, "J": jump * S}
-
-    return of
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
@@ -65,5 +53,4 @@ RECOGNISER = Recogniser(
     leaves_traces=True,
     initial_op_offset=lambda p: float(p["S"]),
     smallest=lambda probe: probe.band(kernels.STICK),
-    draw=draw,
 )

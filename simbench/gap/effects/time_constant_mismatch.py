@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from simbench.gap.effects import _draw
 from simbench.gap.effects._mismatch import released, times
 from simbench.gap.effects._recogniser import Recogniser, clip
 
@@ -14,5 +13,4 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     replaces="T",
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
-    draw=_draw.ratio(8.0),
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
@@ -40,17 +39,10 @@ def smallest(probe: Probe) -> tuple[float, str]:
     return forced, ""
 
 
-def draw(y: Yardstick, rng: np.random.Generator) -> Size:
-    """Draw the way it bends."""
-    way = rng.choice([-1, 1])
-    return lambda x: {"R": between(x, 1.15, 90.0) ** way}
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"R": clip(fit.theta["R"], 0.01, 100.0)},
     by_mv=by_mv,
     needs="plant",
     smallest=smallest,
-    draw=draw,
 )

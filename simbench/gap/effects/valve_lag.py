@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from simbench.gap.effects import _draw
 from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.likelihood.valve_map import Found, MapSearch, lagged
@@ -36,5 +35,4 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     smallest=lambda probe: probe.pole("valve"),
-    draw=_draw.lag,
 )

@@ -4,8 +4,6 @@ means and spikes.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from detectors.signal.lattice import hides_nothing
@@ -25,23 +23,13 @@ _SPECKS = (
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
-class _Archived(NamedTuple):
-    """What the archive did, the PV the controller saw, the unit that rounds it, and why no PI law
-    turns the error into OP.
+def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
+    """Return what the archive did, the PV the controller saw, the unit that rounds it, and why no
+    PI law turns the error into OP.
     """
-
-    archive: Archive
-    plant_pv: np.ndarray
-    resolution: float
-    unexplained: str
-
-
-def archived(it: Observed) -> _Archived:
-    """Return what stands between the PV on record and the plant's."""
     archive, plant_pv, mismatch = _archive(it)
-    return _Archived(
-        archive, plant_pv, _resolution(archive, it.samples), _unexplained(it, archive, mismatch)
-    )
+    unexplained = _unexplained(it, archive, mismatch)
+    return archive, plant_pv, _resolution(archive, it.samples), unexplained
 
 
 def _resolution(archive: Archive, samples: Samples) -> float:

@@ -88,7 +88,7 @@ def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
     """Return the `lab` samples of a record (NaN between), None where it has none."""
     columns = (
         {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()}
-        if _is_table(path)
+        if Path(path).suffix.lower() != ".mat"
         else {}
     )
     if "lab" not in columns:
@@ -106,10 +106,6 @@ def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
             f"{path}: lab has {lab.size} rows, the signals {n}; a record without holes is needed"
         )
     return lab
-
-
-def _is_table(path: str | Path) -> bool:
-    return Path(path).suffix.lower() != ".mat"
 
 
 def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:

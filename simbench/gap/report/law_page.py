@@ -4,44 +4,33 @@ with the law in it.
 
 from __future__ import annotations
 
-from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.files import whole_file
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.discovery import Discovery
 from simbench.gap.discover.search import chance
-from simbench.gap.report import law_pictures, pictures
+from simbench.gap.report import law_pictures
+from simbench.gap.report.parts import beside, captioned, render, write
 from simbench.gap.report.traces import Traces
-from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.laws import LAW_FORMS
 
-_render = partial(render_in, "simbench.gap.report")
 _MOST = 1200  # samples of a trace drawn
 
 
 def write_law_page(found: Discovery, path: str | Path) -> None:
     """Write a discovery as one self-contained HTML page."""
-    sections = [{"id": "law", "title": "What it looks like", "body": law_section(found)}]
+    sections = [("law", "What it looks like", law_section(found))]
     if found.law is not None:
-        sections.append({"id": "look", "title": "Record and simulation", "body": _beside(found)})
+        sections.append(("look", "Record and simulation", _beside(found)))
     tag = found.situation.record.tag
-    text = _render(
-        "page.html",
-        title=f"{tag or 'Record'} beside its simulation",
-        subtitle="A law for what has no name",
-        sections=sections,
-        footer=f"simbench {version('stiction-simbench')}",
-    )
-    with whole_file(path) as f:
-        f.write(text)
+    title = f"{tag or 'Record'} beside its simulation"
+    write(path, title, "A law for what has no name", sections)
 
 
 def law_section(found: Discovery) -> Markup:
@@ -50,7 +39,7 @@ def law_section(found: Discovery) -> Markup:
     """
     law, g = found.law, found.gap
     if law is None or g is None:
-        return _render(
+        return render(
             "law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block
         )
     tiles = [
@@ -81,19 +70,17 @@ def law_section(found: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]
-    where = inline_svg(
-        law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"
-    )
+    says = "record with the law's spells shaded"
     items = [
         {
-            "svg": where,
+            "svg": inline_svg(law_pictures.draw_windows(found), "windows", says),
             "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",
         }
     ]
     if law_pictures.law_curve(found) is not None:
         drawn = inline_svg(law_pictures.draw_law(found), "law", law.text)
         items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
-    return _render(
+    return render(
         "law.html",
         sentence=found.sentence(),
         tiles=tiles,
@@ -108,25 +95,5 @@ def _beside(found: Discovery) -> Markup:
     n, Ts = s.record.n, s.record.Ts
     record = Traces(s.op, np.asarray(s.record.pv), s.sp, None, Ts)
     runs = {name: Traces(op, pv, s.sp, None, Ts) for name, (op, pv) in found.runs.items()}
-    part = (record, runs, max(held_out(s), n - _MOST), n)
-    items = [
-        {"svg": inline_svg(draw(), name, says), "caption": f"{says}."}
-        for draw, name, says in (
-            (
-                lambda: pictures.draw_traces("PV", *part),
-                "pv",
-                "PV over time, set point dotted: record and simulations",
-            ),
-            (
-                lambda: pictures.draw_traces("OP", *part),
-                "op",
-                "OP over time: record and simulations",
-            ),
-            (
-                lambda: pictures.draw_spectra(record, runs),
-                "spectra",
-                "Power spectra of PV and OP, whole record",
-            ),
-        )
-    ]
-    return _render("look.html", items=items, added="the law", absent=False, given=s.trusted)
+    items = captioned(beside(record, runs, max(held_out(s), n - _MOST), n))
+    return render("look.html", items=items, added="the law", absent=False, given=s.trusted)

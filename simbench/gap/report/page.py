@@ -5,27 +5,22 @@ what to do next.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
-from importlib.metadata import version
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.files import whole_file
 from simbench.gap.report import pictures
 from simbench.gap.report import traces as runs
 from simbench.gap.report.law_page import law_section
 from simbench.gap.report.law_pictures import draw_lacking
+from simbench.gap.report.parts import beside, captioned, render, write
 from simbench.gap.report.result import GapReport, numbers, words
-from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
-_render = partial(render_in, "simbench.gap.report")
 _SHOWN = 6  # candidates drawn as bars; the table holds all
 _SEEN = 0.005  # probability that is not rounded to 0
 _POSSIBLE = 0.05  # probability from which a candidate is called still possible
@@ -42,6 +37,7 @@ def write_page(
     `told`: its story.
     """
     tag = report.behind.found.situation.record.tag
+    loop = report.fixed_loop().to_toml().strip()
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),
         *([("story", "What the tests changed", told)] if told is not None else []),
@@ -51,17 +47,14 @@ def write_page(
         ("which", "Which effect", _which(report)),
         ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
         ("next", "What is open, and what to do next", _open(report)),
-        ("reproduce", "How to reproduce", _reproduce(report, command)),
+        (
+            "reproduce",
+            "How to reproduce",
+            render("reproduce.html", command=list(command), loop=loop),
+        ),
     ]
-    text = _render(
-        "page.html",
-        title=f"{tag or 'Record'} against its simulation",
-        subtitle="Sim-to-real gap of one control loop",
-        sections=[{"id": i, "title": title, "body": body} for i, title, body in parts],
-        footer=f"simbench {version('stiction-simbench')}",
-    )
-    with whole_file(path) as f:
-        f.write(text)
+    title = f"{tag or 'Record'} against its simulation"
+    write(path, title, "Sim-to-real gap of one control loop", parts)
 
 
 def _answer(report: GapReport) -> Markup:
@@ -91,7 +84,7 @@ def _answer(report: GapReport) -> Markup:
         }
         for e in report.effects
     ]
-    return _render(
+    return render(
         "answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else []
     )
 
@@ -104,9 +97,9 @@ def _where(report: GapReport) -> Markup:
     behind = {
         b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares
     }
-    return _render(
+    return render(
         "where.html",
-        svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says),
+        svg=inline_svg(pictures.draw_blocks(shares), "blocks", says),
         any=any(shares.values()),
         findings=[
             (b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows))
@@ -120,34 +113,15 @@ def _look(report: GapReport) -> Markup:
     record, simulated = runs.recorded(report), runs.simulated(report)
     start, stop = runs.window(report)
     part = (record, simulated, start, stop)
-    items = [
-        (
-            lambda: pictures.draw_traces("PV", *part),
-            "pv",
-            "PV over time, set point dotted: record and simulations",
-        ),
-        (lambda: pictures.draw_traces("OP", *part), "op", "OP over time: record and simulations"),
-        (lambda: pictures.draw_loops("PV", *part), "pv-op", "PV over OP: record and simulations"),
-        (
-            lambda: pictures.draw_spectra(record, simulated),
-            "spectra",
-            "Power spectra of PV and OP, whole record",
-        ),
-    ]
+    drawn = beside(*part)
+    says = "PV over OP: record and simulations"
+    drawn.insert(2, (pictures.draw_loops("PV", *part), "pv-op", says))
     if record.mv is not None:
-        items.append(
-            (
-                lambda: pictures.draw_loops("MV", *part),
-                "mv-op",
-                "MV over OP: record and simulations",
-            )
-        )
-    drawn = [
-        {"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items
-    ]
-    return _render(
+        says = "MV over OP: record and simulations"
+        drawn.append((pictures.draw_loops("MV", *part), "mv-op", says))
+    return render(
         "look.html",
-        items=drawn,
+        items=captioned(drawn),
         added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
         absent=runs.BASELINE not in simulated,
         given=report.behind.found.situation.trusted,
@@ -164,10 +138,8 @@ def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
     body = law_section(report.looks_like)
     if lacks is not None and lacks.features:
         says = "features of the record that the simulation lacks: " + lacks.sentence
-        drawn = [
-            {"svg": _picture(lambda: draw_lacking(lacks), "lacking", says), "caption": f"{says}."}
-        ]
-        body += _render("lacking.html", items=drawn)
+        drawn = captioned([(draw_lacking(lacks), "lacking", says)])
+        body += render("lacking.html", items=drawn)
     return [("like", "What it looks like", body)]
 
 
@@ -178,19 +150,19 @@ def _which(report: GapReport) -> Markup:
             "effect": [words(r.effect) for r in report.ranking],
             "block": [r.block for r in report.ranking],
             "probability": [r.probability for r in report.ranking],
-            "gap before": _column(r.gap_before for r in report.ranking),
-            "gap after": _column(r.gap_after for r in report.ranking),
+            "gap before": pd.Series([r.gap_before for r in report.ranking], dtype=float),
+            "gap after": pd.Series([r.gap_after for r in report.ranking], dtype=float),
             "parameters": [numbers(r.effect, r.parameters, "") for r in report.ranking],
         }
     )
     meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
     chances = [r.probability for r in top]
     says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
-    svg = _picture(
-        lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says
+    svg = inline_svg(
+        pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says
     )
     table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
-    return _render("which.html", svg=svg, table=table, meaning=meaning)
+    return render("which.html", svg=svg, table=table, meaning=meaning)
 
 
 def _shrinkage(report: GapReport) -> Markup:
@@ -201,9 +173,9 @@ def _shrinkage(report: GapReport) -> Markup:
     features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
     if len(features):
         features = features.sort_values("before", ascending=False)
-    return _render(
+    return render(
         "shrinkage.html",
-        svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
+        svg=inline_svg(pictures.draw_gap(sizes), "gap", says),
         resolvable=report.gap.resolvable,
         features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format))
         if len(features)
@@ -225,7 +197,7 @@ def _open(report: GapReport) -> Markup:
     tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(
         right, ascending=False
     )
-    return _render(
+    return render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
         possible=[
@@ -244,19 +216,5 @@ def _open(report: GapReport) -> Markup:
     )
 
 
-def _reproduce(report: GapReport, command: Sequence[str]) -> Markup:
-    return _render(
-        "reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip()
-    )
-
-
-def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:
-    return inline_svg(draw(), name, says)
-
-
 def _meaning(effect: str) -> str:
     return _MEANING.get(effect) or EFFECTS[effect].says
-
-
-def _column(values: Any) -> pd.Series:
-    return pd.Series(list(values), dtype=float)

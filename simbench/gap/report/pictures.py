@@ -191,9 +191,7 @@ def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure
 
 def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
     """Draw candidates as bars of their probability, as `draw_ranking`."""
-    _bars(
-        axes, names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}"
-    )
+    _bars(axes, names, probabilities, [RED, *[GREY] * (len(names) - 1)])
     axes.set(xlim=(0, 1.12), xlabel="probability")
 
 
@@ -216,7 +214,7 @@ def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
         "nearest effect": ORANGE,
         "floor": GREY,
     }
-    _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes], "{:.2f}")
+    _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes])
     axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
     axes.set(
         xlim=(0, 1.15 * max(sizes.values())),
@@ -225,7 +223,7 @@ def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
 
 
 def _bars(
-    axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str], how: str
+    axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str]
 ) -> None:
     places = np.arange(len(names))[::-1]
     axes.barh(places, values, color=colours, height=0.62)
@@ -233,7 +231,7 @@ def _bars(
     axes.tick_params(axis="y", length=0)
     for y, value in zip(places, values):
         axes.annotate(
-            how.format(value),
+            f"{value:.2f}",
             (value, y),
             (4, 0),
             textcoords="offset points",

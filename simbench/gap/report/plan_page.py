@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
 
-from simbench.files import whole_file
 from simbench.gap.plan.expected import PlannedTests
+from simbench.gap.report.parts import render, write
 from simbench.gap.report.result import GapReport, words
-from simbench.html.page import render as render_in
 from simbench.html.table import sortable
-
-_render = partial(render_in, "simbench.gap.report")
 
 
 def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> None:
@@ -30,7 +25,7 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
             "travel of OP (%)": [x.trial.op_travel for x in plan.tests],
         }
     )
-    body = _render(
+    body = render(
         "plan.html",
         believed=report.sentence(),
         sentence=plan.sentence(),
@@ -39,12 +34,5 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
         left_out=plan.left_out,
     )
     tag = report.behind.found.situation.record.tag
-    text = _render(
-        "page.html",
-        title=f"Which test next: {tag or 'record'}",
-        subtitle="Sim-to-real gap of one control loop",
-        sections=[{"id": "plan", "title": "The plan", "body": body}],
-        footer=f"simbench {version('stiction-simbench')}",
-    )
-    with whole_file(path) as f:
-        f.write(text)
+    title = f"Which test next: {tag or 'record'}"
+    write(path, title, "Sim-to-real gap of one control loop", [("plan", "The plan", body)])

@@ -5,7 +5,6 @@ changed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -14,12 +13,11 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import BLACK, GREY, label, panels, styled
 from simbench.gap.intake.recorded_test import RecordedTest
+from simbench.gap.report.parts import render
 from simbench.gap.report.result import GapReport, words
-from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 
-_render = partial(render_in, "simbench.gap.report")
 _SEEN = 0.01  # probability, before or after, from which an explanation is shown
 _WIDTH = 4.6  # inches
 
@@ -49,7 +47,7 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         }
         for i, test in enumerate(tests)
     ]
-    return _render(
+    return render(
         "story.html",
         believed=before.sentence(),
         asked="" if asked is None else asked["says"],

@@ -79,8 +79,7 @@ def kick_of(report: GapReport, effects: list[str]) -> float:
 def recorded(report: GapReport) -> Traces:
     """Return the record as the diagnosis saw it."""
     s = report.behind.found.situation
-    mv = None if s.record.mv is None else np.asarray(s.record.mv)
-    return Traces(np.asarray(s.op), np.asarray(s.record.pv), np.asarray(s.sp), mv, s.record.Ts)
+    return _trace(s.record, s.op, s.sp)
 
 
 def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
@@ -102,7 +101,8 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
         except UserError:
             continue
         if np.all(np.isfinite(record.pv)):
-            found[name] = _trace(record)
+            assert record.sp is not None
+            found[name] = _trace(record, record.op, record.sp)
     return found
 
 
@@ -113,9 +113,6 @@ def window(report: GapReport, most: int = 1200) -> tuple[int, int]:
     return max(held_out(situation), n - most), n
 
 
-def _trace(record: LoopRecord) -> Traces:
-    assert record.sp is not None
+def _trace(record: LoopRecord, op: np.ndarray, sp: np.ndarray) -> Traces:
     mv = None if record.mv is None else np.asarray(record.mv)
-    return Traces(
-        np.asarray(record.op), np.asarray(record.pv), np.asarray(record.sp), mv, record.Ts
-    )
+    return Traces(np.asarray(op), np.asarray(record.pv), np.asarray(sp), mv, record.Ts)

@@ -4,12 +4,12 @@ kept apart.
 
 import numpy as np
 import pytest
-import random_case as room
+from effect_draws import DRAWS
 from random_case import random_case, random_effect, random_loop
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.effects import Recogniser, recogniser
+from simbench.gap.effects import recogniser
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +107,7 @@ def test_an_effect_is_drawn_plain_but_not_gross(loops, integrating):
 @pytest.mark.parametrize("integrating", [False, True])
 def test_an_effect_is_measured_by_the_loop_it_acts_in(monkeypatch, loops, integrating):
     seen = []
-    monkeypatch.setattr(
-        room,
-        "recogniser",
-        lambda name: Recogniser(draw=lambda y, rng: seen.append(y) or (lambda x: {"x": x})),
-    )
+    monkeypatch.setitem(DRAWS, "any", lambda y, rng: seen.append(y) or (lambda x: {"x": x}))
     loop = next(x for x in loops if (x.plant.type == "integrating") == integrating)
     p = random_effect("any", loop, np.random.default_rng(0))
     (y,) = seen
@@ -131,8 +127,7 @@ def test_an_effect_is_measured_by_the_loop_it_acts_in(monkeypatch, loops, integr
         assert (seen[1].lag, seen[1].integral) == (pytest.approx(25.0 + loop.plant.Td), False)
 
 
-def test_an_effect_that_nobody_can_draw_is_refused(monkeypatch, loops):
-    monkeypatch.setattr(room, "recogniser", lambda name: Recogniser())
+def test_an_effect_that_nobody_can_draw_is_refused(loops):
     with pytest.raises(ParameterError, match="'strange': nobody said how to draw it"):
         random_effect("strange", loops[0], np.random.default_rng(0))
 

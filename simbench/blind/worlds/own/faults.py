@@ -47,12 +47,8 @@ def _valve_characteristic(s: Prepared, rng, p) -> None:
         s.physics["bias"] = 100.0 * math.log1p(s.case.op0 / 100.0 * (R - 1.0)) / math.log(R)
 
 
-def _gain_mismatch(s: Prepared, rng, p) -> None:
-    s.physics["K"] *= p["factor"]
-
-
-def _time_constant_mismatch(s: Prepared, rng, p) -> None:
-    s.physics["T"] *= p["factor"]
+def _mismatch(name: str, s: Prepared, rng, p) -> None:
+    s.physics[name] *= p["factor"]
 
 
 def _dead_time_mismatch(s: Prepared, rng, p) -> None:
@@ -201,8 +197,8 @@ _ACT: dict[str, Callable] = {
     "deadzone": _deadzone,
     "valve_lag": partial(_set, "valve_lag", "tau"),
     "valve_characteristic": _valve_characteristic,
-    "gain_mismatch": _gain_mismatch,
-    "time_constant_mismatch": _time_constant_mismatch,
+    "gain_mismatch": partial(_mismatch, "K"),
+    "time_constant_mismatch": partial(_mismatch, "T"),
     "dead_time_mismatch": _dead_time_mismatch,
     "extra_lag": partial(_set, "extra_lag", "tau"),
     "noise": _noise,

@@ -131,10 +131,8 @@ def _one(
 def _two(
     case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator
 ) -> DrawnRecord | None:
-    names = tuple(
-        str(x)
-        for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False)
-    )
+    known = [e for e in faults.KNOWN if e != "time_constant_mismatch" or case.plant == "foptd"]
+    names = tuple(str(x) for x in rng.choice(known, 2, replace=False))
     if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(
         set(names) <= group for group in _SAME
     ):
@@ -168,10 +166,6 @@ def _two(
             **_shrinkage(case, seed, signals, acts),
         ),
     )
-
-
-def _possible(effect: str, case: TrueLoop) -> bool:
-    return effect != "time_constant_mismatch" or case.plant == "foptd"
 
 
 def _sized(

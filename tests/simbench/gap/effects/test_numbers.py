@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from effect_draws import DRAWS, Yardstick, between
 from scipy.stats import norm, t
 
 from simbench.gap.effects import (
@@ -16,11 +17,9 @@ from simbench.gap.effects import (
     outliers,
     recogniser,
 )
-from simbench.gap.effects._draw import Yardstick, between
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
-from simbench.loop.effects import EFFECTS
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
 DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2)
@@ -214,9 +213,9 @@ YARDSTICK = SimpleNamespace(
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if recogniser(e).draw is not None])
+@pytest.mark.parametrize("effect", DRAWS)
 def test_a_drawn_effect_grows_from_barely_there_to_gross(effect, seed):
-    draw = recogniser(effect).draw
+    draw = DRAWS[effect]
     assert draw is not None
     size = draw(YARDSTICK, np.random.default_rng(seed))
     sizes = [size(x) for x in (0.0, 0.5, 1.0)]
@@ -247,7 +246,7 @@ def test_a_drawn_effect_grows_from_barely_there_to_gross(effect, seed):
 )
 def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
     # OP moves by 2 % (0.5 % a sample), PV by 0.3 and by a noise of 0.1, within 24 s
-    size = recogniser(effect).draw(YARDSTICK, np.random.default_rng(1))
+    size = DRAWS[effect](YARDSTICK, np.random.default_rng(1))
     assert [size(0.0)[name], size(1.0)[name]] == pytest.approx([low, high])
 
 
@@ -257,9 +256,7 @@ def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
 )
 def test_factors_are_drawn_either_way(effect, high):
     ends = {
-        float(
-            next(iter(recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(1.0).values()))
-        )
+        float(next(iter(DRAWS[effect](YARDSTICK, np.random.default_rng(s))(1.0).values())))
         for s in range(20)
     }
     assert sorted(ends) == pytest.approx([1.0 / high, high])
@@ -268,7 +265,7 @@ def test_factors_are_drawn_either_way(effect, high):
 @pytest.mark.parametrize("seed", range(8))
 def test_saturation_cuts_off_the_share_that_is_drawn(seed):
     size, op = (
-        recogniser("saturation").draw(YARDSTICK, np.random.default_rng(seed)),
+        DRAWS["saturation"](YARDSTICK, np.random.default_rng(seed)),
         YARDSTICK.record.op,
     )
     for x, share in ((0.0, 0.0005), (0.5, 0.015), (1.0, 0.45)):
@@ -280,9 +277,7 @@ def test_saturation_cuts_off_the_share_that_is_drawn(seed):
 
 
 def test_a_jump_is_drawn_from_a_tenth_of_the_band_to_all_of_it():
-    draws = [
-        recogniser("stiction").draw(YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)
-    ]
+    draws = [DRAWS["stiction"](YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)]
     shares = [p["J"] / p["S"] for p in draws]
     assert 0.1 <= min(shares) < 0.2
     assert 0.9 < max(shares) <= 1.0
@@ -334,7 +329,7 @@ def test_the_period_of_a_sine_in_the_innovations_is_found(period):
 )
 def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, name, ends):
     # a ramp on PV is measured by what OP does through the gain of 1.5: 3 units within 1000 s
-    sizes = [recogniser(effect).draw(YARDSTICK, np.random.default_rng(s)) for s in range(60)]
+    sizes = [DRAWS[effect](YARDSTICK, np.random.default_rng(s)) for s in range(60)]
     found = {(float(size(0.0)[name]), float(size(1.0)[name])) for size in sizes}
     if name == "rate":
         assert {np.sign(low) for low, _ in found} == {-1.0, 0.0, 1.0}
@@ -352,8 +347,7 @@ def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, na
 def test_a_proportional_controller_has_no_integral_to_detune(integral):
     loop = SimpleNamespace(**{**vars(YARDSTICK), "integral": integral})
     factors = {
-        recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0)["Ti_factor"]
-        for s in range(30)
+        DRAWS["detuning"](loop, np.random.default_rng(s))(1.0)["Ti_factor"] for s in range(30)
     }
     assert factors == ({1.0, 8.0, 1 / 8.0} if integral else {1.0})
 
@@ -377,10 +371,7 @@ def test_evidence_for_spikes_has_no_unit(unit):
 
 
 def test_a_dead_zone_is_drawn_where_op_is():
-    centres = [
-        recogniser("deadzone").draw(YARDSTICK, np.random.default_rng(s))(0.5)["c"]
-        for s in range(100)
-    ]
+    centres = [DRAWS["deadzone"](YARDSTICK, np.random.default_rng(s))(0.5)["c"] for s in range(100)]
     assert np.mean(centres) == pytest.approx(50.0, abs=0.8)
     assert np.std(centres) == pytest.approx(2.0, rel=0.25)
 
@@ -416,9 +407,7 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found)
 
 def test_kc_and_ti_are_detuned_alone_and_together_each_way():
     def ways(loop):
-        drawn = [
-            recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0) for s in range(120)
-        ]
+        drawn = [DRAWS["detuning"](loop, np.random.default_rng(s))(1.0) for s in range(120)]
         return {(np.sign(np.log(p["Kc_factor"])), np.sign(np.log(p["Ti_factor"]))) for p in drawn}
 
     assert ways(YARDSTICK) == {(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)} - {(0, 0)}
@@ -431,8 +420,7 @@ def test_kc_and_ti_are_detuned_alone_and_together_each_way():
 )
 def test_so_many_events_are_drawn_for_a_thousand_seconds(effect, name, low, high):
     counts = [
-        1000.0 * recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(0.5)[name]
-        for s in range(200)
+        1000.0 * DRAWS[effect](YARDSTICK, np.random.default_rng(s))(0.5)[name] for s in range(200)
     ]
     assert low <= min(counts) < low + 0.05 * (high - low)
     assert high - 0.1 * (high - low) < max(counts) <= high
@@ -440,13 +428,12 @@ def test_so_many_events_are_drawn_for_a_thousand_seconds(effect, name, low, high
 
 def test_the_period_of_a_drawn_oscillation_lies_within_the_loops_pace_and_twenty_times_that():
     periods = [
-        recogniser("oscillation").draw(YARDSTICK, np.random.default_rng(s))(0.5)["period"]
-        for s in range(200)
+        DRAWS["oscillation"](YARDSTICK, np.random.default_rng(s))(0.5)["period"] for s in range(200)
     ]
     assert 20.0 <= min(periods) < 23.0
     assert 350.0 < max(periods) <= 400.0
     slow = SimpleNamespace(**{**vars(YARDSTICK), "pace": 1e-3})
-    assert recogniser("oscillation").draw(slow, np.random.default_rng(0))(0.5)["period"] == 4.0
+    assert DRAWS["oscillation"](slow, np.random.default_rng(0))(0.5)["period"] == 4.0
 
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():

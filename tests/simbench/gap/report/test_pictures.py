@@ -136,7 +136,7 @@ def test_words_stand_in_their_block_or_just_above_their_line(blocks):
 
 def test_the_blocks_are_said_in_percent_of_the_gap(monkeypatch):
     said = []
-    monkeypatch.setattr(page, "_picture", lambda draw, name, says: said.append(says))
+    monkeypatch.setattr(page, "inline_svg", lambda draw, name, says: said.append(says))
     page._where(SimpleNamespace(blocks=SHARES, ranking=[]))
     assert said == [
         "control loop; share of the gap: controller 12 %, valve 62 %, process 0 %, disturbance 20"
@@ -198,7 +198,7 @@ def test_bars_are_as_long_as_they_say_from_the_top_down():
 ])  # fmt: skip
 def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
     seen = {}
-    monkeypatch.setattr(page, "_render", lambda template, **parts: seen.update(parts))
+    monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
     first = {
         "effect": "stiction",
         "block": "valve",
