@@ -87,8 +87,7 @@ def run(
     ] = None,
     sets: Annotated[list[str] | None, Option("--set", metavar="K=V", help="Repeatable.")] = None,
     axis: Annotated[
-        list[str] | None,
-        Option(metavar="K=a,b,c", help="Other values of an axis; repeatable."),
+        list[str] | None, Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")
     ] = None,
     thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
@@ -221,8 +220,7 @@ def score(
     ] = False,
     report: Report = None,
     against: Annotated[
-        Path | None,
-        Option("--compare", metavar="RUN", help="A second run, paired by scenario."),
+        Path | None, Option("--compare", metavar="RUN", help="A second run, paired by scenario.")
     ] = None,
     paired: Annotated[
         bool, Option("--paired", help="Compare this run's methods with each other, paired.")

@@ -64,8 +64,7 @@ Jobs = Annotated[
     int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
 ]
 Plugin = Annotated[
-    list[Path] | None,
-    Option(metavar="FILE.py", help="File of a further detector; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further detector; repeatable.")
 ]
 Limit = Annotated[
     float,
@@ -74,8 +73,7 @@ Limit = Annotated[
     ),
 ]
 ValvePlugin = Annotated[
-    list[Path] | None,
-    Option(metavar="FILE.py", help="File of a further valve model; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further valve model; repeatable.")
 ]
 EffectPlugin = Annotated[
     list[Path] | None, Option(metavar="FILE.py", help="File of a further effect; repeatable.")
@@ -84,8 +82,7 @@ PlantPlugin = Annotated[
     list[Path] | None, Option(metavar="FILE.py", help="File of a further plant; repeatable.")
 ]
 ControllerPlugin = Annotated[
-    list[Path] | None,
-    Option(metavar="FILE.py", help="File of a further controller; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further controller; repeatable.")
 ]
 Thresholds = Annotated[
     Path | None,
@@ -137,8 +134,7 @@ FrontEnd = Annotated[
     str, Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
 ]
 World = Annotated[
-    str,
-    Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module."),
+    str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
 ]
 
 

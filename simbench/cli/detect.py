@@ -56,8 +56,7 @@ def detect(
     power: Power = False,
     why: Annotated[bool, Option("--why", help="Each method's reason below the table.")] = False,
     csv: Annotated[
-        Path | None,
-        Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write."),
+        Path | None, Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")
     ] = None,
     html: Page = None,
     as_json: Json = False,

@@ -8,17 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import (
-    Full,
-    GridName,
-    Jobs,
-    Json,
-    Plugin,
-    Report,
-    exam_app,
-    examples,
-    show,
-)
+from simbench.cli.common import Full, GridName, Jobs, Json, Plugin, Report, exam_app, examples, show
 
 Folder = Annotated[Path, Argument(metavar="EXAM", help="Folder of the exam.")]
 Key = Annotated[
@@ -34,13 +24,11 @@ Key = Annotated[
 def make(
     grid: GridName,
     out: Annotated[
-        Path,
-        Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new."),
+        Path, Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new.")
     ],
     key: Key,
     n: Annotated[
-        int | None,
-        Option("--n", metavar="N", help="Number of records, drawn at random [all]."),
+        int | None, Option("--n", metavar="N", help="Number of records, drawn at random [all].")
     ] = None,
     jobs: Jobs = 1,
     seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
@@ -63,8 +51,7 @@ def answer(
         Path, Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")
     ],
     method: Annotated[
-        list[str] | None,
-        Option(metavar="ID", help="Method ids, fast or full; repeatable [fast]."),
+        list[str] | None, Option(metavar="ID", help="Method ids, fast or full; repeatable [fast].")
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,

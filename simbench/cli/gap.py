@@ -46,8 +46,7 @@ NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 @reads()
 def gap_diagnose(
     records: Annotated[
-        list[Path],
-        Argument(metavar="REC.csv ...", help="Records of one loop, judged together."),
+        list[Path], Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")
     ],
     baseline: Annotated[
         Path | None,
@@ -100,8 +99,7 @@ def gap_plan(
     ],
     baseline: Baseline,
     limits: Annotated[
-        Path | None,
-        Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time."),
+        Path | None, Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")
     ] = None,
     test: Annotated[
         list[str] | None,
@@ -128,8 +126,7 @@ def gap_plan(
 def gap_predict(
     record: Annotated[Path, Argument(metavar="REC.csv", help="Record of the loop as it runs now.")],
     baseline: Annotated[
-        Path,
-        Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected."),
+        Path, Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected.")
     ],
     settings: Annotated[
         list[str] | None,
@@ -241,8 +238,7 @@ def make(
     jobs: Jobs = 1,
     world: World = "own",
     tests: Annotated[
-        bool,
-        Option("--tests", help="With what every test of the menu would show of each record."),
+        bool, Option("--tests", help="With what every test of the menu would show of each record.")
     ] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
@@ -258,8 +254,7 @@ def answer(
     no_bootstrap: NoBootstrap = False,
     world: World = "own",
     tests: Annotated[
-        int,
-        Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2."),
+        int, Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")
     ] = 0,
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it

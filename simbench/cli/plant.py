@@ -7,16 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import (
-    Jobs,
-    Json,
-    Page,
-    app,
-    examples,
-    reads,
-    say_assumed,
-    show_found,
-)
+from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_found
 
 
 @app.command(
@@ -29,8 +20,7 @@ def trust_(
         Path | None, Option(metavar="LOOP.toml", help="The loop; identified if absent.")
     ] = None,
     method: Annotated[
-        list[str] | None,
-        Option(metavar="ID", help="Method ids, all, fast or full; repeatable."),
+        list[str] | None, Option(metavar="ID", help="Method ids, all, fast or full; repeatable.")
     ] = None,
     html: Page = None,
     as_json: Json = False,
@@ -57,8 +47,7 @@ def trust_(
 @reads()
 def report_(
     folder: Annotated[
-        Path,
-        Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several."),
+        Path, Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several.")
     ],
     labels: Annotated[
         Path | None, Option(help="Table with id and label: judge its records.")

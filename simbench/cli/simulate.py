@@ -103,10 +103,7 @@ def valve(
 
 
 @app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))
-def predict(
-    loop: Annotated[Path, Argument(metavar="LOOP.toml")],
-    as_json: Json = False,
-) -> None:
+def predict(loop: Annotated[Path, Argument(metavar="LOOP.toml")], as_json: Json = False) -> None:
     """Say what theory expects of a loop: table, describing function, exact cycle."""
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text
