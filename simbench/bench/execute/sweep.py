@@ -117,7 +117,8 @@ def sweep(
 
     Examples
     --------
-    >>> loop = Loop.from_table({"plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1},
+    >>> loop = Loop.from_table({"plant": {"type": "integrating", "K": 1},
+    ...     "controller": {"type": "P", "Kc": 1},
     ...     "valve": {"model": "deadband", "S": 1}, "sampling": {"Ts": 1}})
     >>> len(sweep(loop, {"valve.S": [1, 2, 5], "noise.std": [0, 0.1]}, seeds=4))
     24
