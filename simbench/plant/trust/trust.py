@@ -103,8 +103,8 @@ def trust(
     Examples
     --------
     >>> from detectors.example_loop import example_loop
-    >>> loop = example_loop(noise=0.1)
-    >>> found = trust(loop, methods=["fast"], healthy=20, each=4, help_wanted=False)
+    >>> record = example_loop(noise=0.1)
+    >>> found = trust(record, methods=["fast"], healthy=20, each=4, help_wanted=False)
     >>> 0.0 <= found.probability <= 1.0
     True
     """
