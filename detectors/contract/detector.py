@@ -189,7 +189,7 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
             first if case == "stiction" else _judged(name, module, example_record(case, process))
         )
         if found.faults:
-            yield from (f"{fault}, on {on}" for fault in found.faults)
+            yield from found.at(f"on {on}")
             continue
         verdict: Verdict = found.value
         if case in module.METHOD.exempt:

@@ -13,7 +13,7 @@ from itertools import takewhile
 import numpy as np
 
 from detectors.errors import RecordError
-from detectors.records.roles import plain
+from detectors.records.roles import entries, plain
 
 _DATES = (
     "%d.%m.%Y",
@@ -49,50 +49,33 @@ _COMPACT = "%Y%m%d%H%M%S"
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
 _MONTHS = {
-    "janv": "Jan",
-    "ene": "Jan",
-    "gen": "Jan",
-    "fev": "Feb",
-    "mar": "Mar",
-    "mrz": "Mar",
-    "maerz": "Mar",
-    "avr": "Apr",
-    "abr": "Apr",
-    "mai": "May",
-    "mag": "May",
-    "juin": "Jun",
-    "giu": "Jun",
-    "juil": "Jul",
-    "lug": "Jul",
-    "aou": "Aug",
-    "ago": "Aug",
-    "set": "Sep",
-    "sept": "Sep",
-    "okt": "Oct",
-    "ott": "Oct",
-    "dez": "Dec",
-    "dic": "Dec",
+    begins: month
+    for month, beginnings in {
+        "Jan": "janv, ene, gen",
+        "Feb": "fev",
+        "Mar": "mar, mrz, maerz",
+        "Apr": "avr, abr",
+        "May": "mai, mag",
+        "Jun": "juin, giu",
+        "Jul": "juil, lug",
+        "Aug": "aou, ago",
+        "Sep": "set, sept",
+        "Oct": "okt, ott",
+        "Dec": "dez, dic",
+    }.items()
+    for begins in entries(beginnings)
 }
 _UNITS = {
-    "s": 1.0,
-    "sec": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "milliseconds": 1e-3,
-    "us": 1e-6,
-    "min": 60.0,
-    "mins": 60.0,
-    "minute": 60.0,
-    "minutes": 60.0,
-    "h": 3600.0,
-    "hr": 3600.0,
-    "hour": 3600.0,
-    "hours": 3600.0,
-    "d": 86400.0,
-    "day": 86400.0,
-    "days": 86400.0,
+    name: size
+    for size, names in {
+        1.0: "s, sec, second, seconds",
+        1e-3: "ms, msec, milliseconds",
+        1e-6: "us",
+        60.0: "min, mins, minute, minutes",
+        3600.0: "h, hr, hour, hours",
+        86400.0: "d, day, days",
+    }.items()
+    for name in entries(names)
 }
 # counts from which a time is one of these, how many make a second, and how many seconds before 1970
 # they begin

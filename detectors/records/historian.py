@@ -19,6 +19,7 @@ from detectors.records.roles import (
     TIME_NAMES,
     VALUES,
     ends_with,
+    entries,
     is_time,
     parse,
     plain,
@@ -30,106 +31,29 @@ from detectors.records.tables import BLANK, Sheet
 _LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # what stands in place of a number when there is none
-_NO_VALUE = {
-    "bad",
-    "no data",
-    "nodata",
-    "no good data",
-    "bad input",
-    "bad quality",
-    "bad data",
-    "i/o timeout",
-    "io timeout",
-    "comm fail",
-    "calc failed",
-    "pt created",
-    "scan off",
-    "shutdown",
-    "configure",
-    "intf shut",
-    "arc off-line",
-    "no result",
-    "out of serv",
-    "no sample",
-    "not connect",
-    "over range",
-    "under range",
-    "digital state",
-    "nan",
-    "null",
-    "none",
-    "n/a",
-    "#n/a",
-    "na",
-    "-",
-    "--",
-    "---",
-    "?",
-    "1.#qnan",
-    "-1.#ind",
-    "1.#inf",
-    "calc overflow",
-    "scan timeout",
-    "equip fail",
-    "unit down",
-    "invalid float",
-    "inp outrange",
-    "bad total",
-    "set to bad",
-    "data lost",
-    "not available",
-    "error",
-    "failed",
-    "#value!",
-    "#ref!",
-    "#div/0!",
-    "no value",
-    "off-scan",
-    "undefined",
-    "invalid",
-}
-_GOOD = {
-    "good",
-    "g",
-    "ok",
-    "valid",
-    "true",
-    "gut",
-    "bon",
-    "bonne",
-    "buena",
-    "bueno",
-    "buono",
-    "好",
-    "良好",
-    "正常",
-}
-_BAD = {
-    "bad",
-    "b",
-    "invalid",
-    "false",
-    "schlecht",
-    "mauvais",
-    "mauvaise",
-    "mala",
-    "malo",
-    "cattivo",
-    "坏",
-    "差",
-    "错误",
-}
-_UNSURE = {
-    "uncertain",
-    "questionable",
-    "doubtful",
-    "u",
-    "substituted",
-    "annotated",
-    "unsicher",
-    "incertain",
-    "不确定",
-}
+_NO_VALUE = set(
+    entries("""
+    bad, no data, nodata, no good data, bad input, bad quality, bad data, i/o timeout, io timeout,
+    comm fail, calc failed, pt created, scan off, shutdown, configure, intf shut, arc off-line,
+    no result, out of serv, no sample, not connect, over range, under range, digital state, nan,
+    null, none, n/a, #n/a, na, -, --, ---, ?, 1.#qnan, -1.#ind, 1.#inf, calc overflow, scan timeout,
+    equip fail, unit down, invalid float, inp outrange, bad total, set to bad, data lost,
+    not available, error, failed, #value!, #ref!, #div/0!, no value, off-scan, undefined, invalid
+""")
+)
+_GOOD = set(
+    entries("good, g, ok, valid, true, gut, bon, bonne, buena, bueno, buono, 好, 良好, 正常")
+)
+_BAD = set(
+    entries("""
+    bad, b, invalid, false, schlecht, mauvais, mauvaise, mala, malo, cattivo, 坏, 差, 错误
+""")
+)
+_UNSURE = set(
+    entries("""
+    uncertain, questionable, doubtful, u, substituted, annotated, unsicher, incertain, 不确定
+""")
+)
 _FIRST_SURE = (
     "opcquality",
     "qstatus",
@@ -140,20 +64,7 @@ _SPANS = {
     "m%": ("m%", 0.0, 1e5),
     "‰": ("‰", 0.0, 1e3),
 }  # that a unit of OP fixes
-_OTHER_SPANS = {
-    "v",
-    "volt",
-    "bar",
-    "mbar",
-    "kpa",
-    "psi",
-    "psig",
-    "mm",
-    "deg",
-    "rpm",
-    "hz",
-    "counts",
-}
+_OTHER_SPANS = set(entries("v, volt, bar, mbar, kpa, psi, psig, mm, deg, rpm, hz, counts"))
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
 _LIKELY_SPANS = {
     "v": "1 5",

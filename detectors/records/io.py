@@ -36,6 +36,7 @@ from detectors.records.roles import (
     MODE,
     SIGNALS,
     TIME_NAMES,
+    entries,
     find_loops,
     find_time,
     is_loop,
@@ -51,18 +52,10 @@ from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
-_CAUSES = (
-    "tuning",
-    "disturbance",
-    "load",
-    "interaction",
-    "sensor",
-    "nonlinearity",
-    "quantisation",
-    "healthy",
-    "other",
-)
-_MILLISECONDS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
+_CAUSES = entries("""
+    tuning, disturbance, load, interaction, sensor, nonlinearity, quantisation, healthy, other
+""")
+_MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 

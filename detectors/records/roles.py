@@ -14,306 +14,82 @@ from shlex import quote
 
 from detectors.errors import RecordError, nearest
 
+
+def entries(table: str) -> tuple[str, ...]:
+    """Return the entries of a table of words, which commas separate."""
+    return tuple(" ".join(table.split()).split(", "))
+
+
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 ASKED = "NAME"  # stands in a hint for the column that the user alone can name
-TIME_NAMES = (
-    "t s",
-    "t",
-    "time",
-    "timestamp",
-    "ts",
-    "datetime",
-    "date time",
-    "date",
-    "time stamp",
-    "t stamp",
-    "time string",
-    "date and time",
-    "elapsed",
-    "elapsed time",
-    "zeitstempel",
-    "zeit",
-    "zeitpunkt",
-    "datum",
-    "datum uhrzeit",
-    "uhrzeit",
-    "datum zeit",
-    "horodatage",
-    "date heure",
-    "heure",
-    "temps",
-    "marca de tiempo",
-    "fecha hora",
-    "fecha y hora",
-    "fecha",
-    "hora",
-    "tiempo",
-    "ora",
-    "时间戳",
-    "时间",
-    "日期时间",
-    "日期",
-)
+TIME_NAMES = entries("""
+    t s, t, time, timestamp, ts, datetime, date time, date, time stamp, t stamp, time string,
+    date and time, elapsed, elapsed time, zeitstempel, zeit, zeitpunkt, datum, datum uhrzeit,
+    uhrzeit, datum zeit, horodatage, date heure, heure, temps, marca de tiempo, fecha hora,
+    fecha y hora, fecha, hora, tiempo, ora, 时间戳, 时间, 日期时间, 日期
+""")
 DATES, CLOCKS = (
-    ("date", "datum", "fecha", "日期"),
-    ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间"),
+    entries("date, datum, fecha, 日期"),
+    entries("time, uhrzeit, zeit, heure, hora, ora, 时间"),
 )
 # other words for a signal, its own first; CV and MV mean different things in different plants.
 # Accents are left out
 SIGNAL_WORDS = {
-    "pv": (
-        "pv",
-        "meas",
-        "measurement",
-        "measured value",
-        "process value",
-        "process variable",
-        "pv in",
-        "istwert",
-        "ist",
-        "regelgrosse",
-        "regelgroesse",
-        "mesure",
-        "valeur mesuree",
-        "medida",
-        "medicion",
-        "valor medido",
-        "valor de proceso",
-        "variable de proceso",
-        "misura",
-        "测量值",
-        "测量",
-        "过程值",
-        "过程变量",
-        "实际值",
-        "被控变量",
-    ),
-    "op": (
-        "op",
-        "out",
-        "output",
-        "co",
-        "controller output",
-        "control output",
-        "lmn",
-        "stellgrosse",
-        "stellgroesse",
-        "stellwert",
-        "stellsignal",
-        "reglerausgang",
-        "ausgang",
-        "sortie",
-        "sortie regulateur",
-        "commande",
-        "salida",
-        "salida del controlador",
-        "salida controlador",
-        "uscita",
-        "输出",
-        "输出值",
-        "控制器输出",
-        "控制输出",
-        "阀位指令",
-        "阀门开度指令",
-    ),
-    "sp": (
-        "sp",
-        "spt",
-        "sv",
-        "setpoint",
-        "set point",
-        "setpt",
-        "sollwert",
-        "soll",
-        "fuhrungsgrosse",
-        "fuehrungsgroesse",
-        "consigne",
-        "consigna",
-        "punto de consigna",
-        "设定值",
-        "设定",
-        "给定值",
-        "给定",
-    ),
-    "mv": (
-        "mv",
-        "valve position",
-        "position",
-        "ventilstellung",
-        "stellungsruckmeldung",
-        "ruckmeldung",
-        "rueckmeldung",
-        "position vanne",
-        "posicion valvula",
-        "posicion de valvula",
-        "阀位反馈",
-        "阀位",
-        "阀门开度",
-    ),
-    MODE: ("mode", "controller mode", "modus", "betriebsart", "modo", "模式"),
+    "pv": entries("""
+        pv, meas, measurement, measured value, process value, process variable, pv in, istwert, ist,
+        regelgrosse, regelgroesse, mesure, valeur mesuree, medida, medicion, valor medido,
+        valor de proceso, variable de proceso, misura, 测量值, 测量, 过程值, 过程变量, 实际值,
+        被控变量
+    """),
+    "op": entries("""
+        op, out, output, co, controller output, control output, lmn, stellgrosse, stellgroesse,
+        stellwert, stellsignal, reglerausgang, ausgang, sortie, sortie regulateur, commande, salida,
+        salida del controlador, salida controlador, uscita, 输出, 输出值, 控制器输出, 控制输出,
+        阀位指令, 阀门开度指令
+    """),
+    "sp": entries("""
+        sp, spt, sv, setpoint, set point, setpt, sollwert, soll, fuhrungsgrosse, fuehrungsgroesse,
+        consigne, consigna, punto de consigna, 设定值, 设定, 给定值, 给定
+    """),
+    "mv": entries("""
+        mv, valve position, position, ventilstellung, stellungsruckmeldung, ruckmeldung,
+        rueckmeldung, position vanne, posicion valvula, posicion de valvula, 阀位反馈, 阀位,
+        阀门开度
+    """),
+    MODE: entries("mode, controller mode, modus, betriebsart, modo, 模式"),
 }
-QUALITY = (
-    "quality",
-    "opcquality",
-    "opc quality",
-    "quality detail",
-    "quality code",
-    "data quality",
-    "status",
-    "qual",
-    "qc",
-    "validity",
-    "qstatus",
-    "qlevel",
-    "confidence",
-    "good",
-    "bad",
-    "qualitat",
-    "qualitaet",
-    "qualite",
-    "calidad",
-    "qualita",
-    "质量",
-    "状态",
-)
-TAG_COLUMNS = (
-    "tag",
-    "tagname",
-    "tag name",
-    "point",
-    "point name",
-    "pointname",
-    "variable",
-    "name",
-    "varname",
-    "var name",
-    "item id",
-    "itemid",
-    "item",
-    "object",
-    "tag path",
-    "path",
-    "series",
-    "metric",
-    "node id",
-    "nodeid",
-    "measurement",
-    "data source",
-    "messstelle",
-    "repere",
-    "etiqueta",
-    "nombre",
-    "标签",
-    "标签名",
-    "位号",
-    "点名",
-)
-PARAMETER_COLUMNS = (
-    "field",
-    "parameter",
-    "attribute",
-    "property",
-    "signal",
-    "merkmal",
-    "parametre",
-    "parametro",
-    "参数",
-)
-VALUES = (
-    "value",
-    "val",
-    "var value",
-    "varvalue",
-    "wert",
-    "messwert",
-    "valeur",
-    "valor",
-    "值",
-    "数值",
-)
+QUALITY = entries("""
+    quality, opcquality, opc quality, quality detail, quality code, data quality, status, qual, qc,
+    validity, qstatus, qlevel, confidence, good, bad, qualitat, qualitaet, qualite, calidad,
+    qualita, 质量, 状态
+""")
+TAG_COLUMNS = entries("""
+    tag, tagname, tag name, point, point name, pointname, variable, name, varname, var name,
+    item id, itemid, item, object, tag path, path, series, metric, node id, nodeid, measurement,
+    data source, messstelle, repere, etiqueta, nombre, 标签, 标签名, 位号, 点名
+""")
+PARAMETER_COLUMNS = entries("""
+    field, parameter, attribute, property, signal, merkmal, parametre, parametro, 参数
+""")
+VALUES = entries("value, val, var value, varvalue, wert, messwert, valeur, valor, 值, 数值")
 # behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
-_VALUE_SUFFIX = (
-    "cv",
-    "value",
-    "val",
-    "f",
-    "actual",
-    "current",
-    "raw",
-    "avg",
-    "mean",
-    "last",
-    "average",
-    "wert",
-)
-_UNITS = {
-    "pct",
-    "percent",
-    "prozent",
-    "%",
-    "kpa",
-    "mpa",
-    "hpa",
-    "pa",
-    "bar",
-    "barg",
-    "mbar",
-    "psi",
-    "psig",
-    "degc",
-    "degf",
-    "m3h",
-    "m3hr",
-    "kgh",
-    "kghr",
-    "nm3h",
-    "lpm",
-    "gpm",
-    "lmin",
-    "mm",
-    "cm",
-    "ma",
-    "v",
-    "volt",
-    "counts",
-    "cnt",
-    "ppm",
-    "rpm",
-    "celsius",
-    "hz",
-    "mmhg",
-    "scfm",
-    "kgs",
-    "tph",
-    "th",
-    "c",
-    "m",
-}
+_VALUE_SUFFIX = entries("cv, value, val, f, actual, current, raw, avg, mean, last, average, wert")
+_UNITS = entries("""
+    pct, percent, prozent, %, kpa, mpa, hpa, pa, bar, barg, mbar, psi, psig, degc, degf, m3h, m3hr,
+    kgh, kghr, nm3h, lpm, gpm, lmin, mm, cm, ma, v, volt, counts, cnt, ppm, rpm, celsius, hz, mmhg,
+    scfm, kgs, tph, th, c, m
+""")
 _DIN = {"w": "sp", "x": "pv", "y": "op"}  # behind a tag, as DIN 19226 calls them: TIC5.X
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
 # what may stand before the name of what is measured: Consigne débit; an output or a position may be
 # the process's own
-_FIRST = {
-    "setpoint",
-    "sollwert",
-    "istwert",
-    "stellgrosse",
-    "stellgroesse",
-    "stellwert",
-    "mesure",
-    "consigne",
-    "sortie",
-    "commande",
-    "medida",
-    "medicion",
-    "consigna",
-    "salida",
-    "misura",
-    "uscita",
-}
+_FIRST = entries("""
+    setpoint, sollwert, istwert, stellgrosse, stellgroesse, stellwert, mesure, consigne, sortie,
+    commande, medida, medicion, consigna, salida, misura, uscita
+""")
 
 
 @dataclass(frozen=True)

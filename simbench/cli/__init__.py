@@ -13,6 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
+from typer import Exit, Option
 
 from detectors.errors import ParameterError
 
@@ -35,13 +36,13 @@ def _version(wanted: bool) -> None:
         from importlib.metadata import version
 
         print(version("stiction-simbench"))
-        raise typer.Exit
+        raise Exit
 
 
 @app.callback()
 def about(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")
+        bool, Option("--version", is_eager=True, callback=_version, help="Print the version.")
     ] = False,
 ) -> None:
     """A closed-loop testbench for valve-stiction detectors."""

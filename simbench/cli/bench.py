@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Exit, Option
 
 from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
@@ -16,29 +16,34 @@ from simbench.cli.common import (
     EffectPlugin,
     FrontEnd,
     Full,
+    GridName,
     Jobs,
     Json,
     Limit,
     PlantPlugin,
     Plugin,
+    Report,
+    Seed,
     Thresholds,
     ValvePlugin,
     app,
     examples,
-    grid_completion,
     number,
     pairs,
     refuse_picture,
     show,
+    show_found,
     threshold_file,
 )
 
 if TYPE_CHECKING:
     from simbench.bench.execute.failures import Failures
 
+Run = Annotated[Path, Argument(metavar="RUN", help="Folder of a run.")]
+
 AllowFailed = Annotated[
     float,
-    typer.Option(
+    Option(
         metavar="SHARE",
         min=0.0,
         max=1.0,
@@ -56,22 +61,16 @@ AllowFailed = Annotated[
     )
 )
 def run(
-    grid: Annotated[
-        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
-    ],
+    grid: GridName,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")
+        Path | None, Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")
     ] = None,
     jobs: Jobs = 1,
     method: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle]."
-        ),
+        Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle]."),
     ] = None,
-    raw: Annotated[
-        bool, typer.Option("--raw", help="Only without the oscillation front end.")
-    ] = False,
+    raw: Annotated[bool, Option("--raw", help="Only without the oscillation front end.")] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
@@ -79,36 +78,25 @@ def run(
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[
-        str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")
-    ] = "loky",
-    address: Annotated[
-        str | None, typer.Option(metavar="URL", help="Of a running scheduler.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an earlier run stopped.")
-    ] = False,
+    backend: Annotated[str, Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
+    address: Annotated[str | None, Option(metavar="URL", help="Of a running scheduler.")] = None,
+    resume: Annotated[bool, Option("--resume", help="Go on where an earlier run stopped.")] = False,
     until_width: Annotated[
         float | None,
-        typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow."),
+        Option(metavar="W", help="Add seeds until accuracy's interval is this narrow."),
     ] = None,
-    sets: Annotated[
-        list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")
-    ] = None,
+    sets: Annotated[list[str] | None, Option("--set", metavar="K=V", help="Repeatable.")] = None,
     axis: Annotated[
-        list[str] | None,
-        typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable."),
+        list[str] | None, Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")
     ] = None,
     thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
-    large: Annotated[
-        bool, typer.Option("--large", help="Yes, more than a million scenarios.")
-    ] = False,
+    large: Annotated[bool, Option("--large", help="Yes, more than a million scenarios.")] = False,
     fresh_seeds: Annotated[
-        bool, typer.Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")
+        bool, Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")
     ] = False,
     sealed: Annotated[
-        bool, typer.Option("--sealed", hidden=True)
+        bool, Option("--sealed", hidden=True)
     ] = False,  # the former name of --fresh-seeds
     full: Full = False,
     as_json: Json = False,
@@ -167,35 +155,33 @@ def run(
     ),
 )
 def map_of_grid(
-    grid: Annotated[
-        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write.")],
+    grid: GridName,
+    out: Annotated[Path, Option("-o", "--out", metavar="DIR", help="Folder to write.")],
     points: Annotated[
         int | None,
-        typer.Option(
+        Option(
             min=1, help="Scenarios to simulate [10 % of the grid, 200 at least, 10000 at most]."
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast]."),
+        Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast]."),
     ] = None,
     x: Annotated[
-        str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from left to right.")
+        str | None, Option(metavar="AXIS", help="Axis of the pictures, from left to right.")
     ] = None,
     y: Annotated[
-        str | None, typer.Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")
+        str | None, Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")
     ] = None,
     jobs: Jobs = 1,
     backend: Annotated[
-        str, typer.Option(metavar="loky|dask|ray", help="What simulates the scenarios.")
+        str, Option(metavar="loky|dask|ray", help="What simulates the scenarios.")
     ] = "loky",
     address: Annotated[
-        str | None, typer.Option(metavar="URL", help="Address of a running scheduler.")
+        str | None, Option(metavar="URL", help="Address of a running scheduler.")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a map that was interrupted.")
+        bool, Option("--resume", help="Continue a map that was interrupted.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -228,31 +214,24 @@ def map_of_grid(
     )
 )
 def score(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    folder: Run,
     raw: Annotated[
-        bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")
+        bool, Option("--raw", help="Verdicts without the oscillation front end.")
     ] = False,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")
-    ] = None,
+    report: Report = None,
     against: Annotated[
-        Path | None,
-        typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario."),
+        Path | None, Option("--compare", metavar="RUN", help="A second run, paired by scenario.")
     ] = None,
     paired: Annotated[
-        bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")
+        bool, Option("--paired", help="Compare this run's methods with each other, paired.")
     ] = False,
     cost: Annotated[
         float,
-        typer.Option(
-            "--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1."
-        ),
+        Option("--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1."),
     ] = 0.5,
     truth: Annotated[
         str,
-        typer.Option(
-            metavar="cycled|predicted|sticky", help="The label that answers are compared with."
-        ),
+        Option(metavar="cycled|predicted|sticky", help="The label that answers are compared with."),
     ] = "cycled",
     allow_failed: AllowFailed = 0.0,
     full: Full = False,
@@ -294,23 +273,21 @@ def score(
 
 @app.command(epilog=examples("check runs/ci --against results/baseline --exact"))
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
-    against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
+    folder: Run,
+    against: Annotated[Path, Option(metavar="DIR", help="Baseline.")],
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")
+        Path | None, Option(metavar="FILE.xml", help="JUnit summary to write.")
     ] = None,
     markdown: Annotated[
-        Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")
+        Path | None, Option(metavar="FILE.md", help="Markdown summary to write.")
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")
+        bool, Option("--update", help="Make this run the baseline, and show the difference.")
     ] = False,
-    margin: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")
-    ] = 0.01,
+    margin: Annotated[float, Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
     exact: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--exact", help="Fail on every changed verdict of a built-in method, and list them."
         ),
     ] = False,
@@ -330,19 +307,19 @@ def check(
         if path is not None:
             with whole_file(path) as f:
                 f.write(text)
-    show(result.as_json() if as_json else result.as_text(), as_json)
+    show_found(result, as_json)
     if result.answer != "passed":
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 @app.command(
     epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2")
 )
 def verify(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    folder: Run,
     share: Annotated[
         float,
-        typer.Option(
+        Option(
             help=(
                 "Share of the scenarios to simulate and judge again; at least 1000 by fast methods,"
                 " 100 by others."
@@ -352,9 +329,7 @@ def verify(
     jobs: Jobs = 1,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option(
-            metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable."
-        ),
+        Option(metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable."),
     ] = None,
     time_limit: Limit = 60.0,
     as_json: Json = False,
@@ -365,18 +340,18 @@ def verify(
     from simbench.bench.execute.verify import verify_run
 
     found = verify_run(folder, share, jobs, plugin or [], time_limit)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
     if found.contradictions:
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 @app.command(epilog=examples("history results/baseline -o history.svg"))
 def history(
-    baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path(
+    baseline: Annotated[Path, Argument(metavar="DIR", help="Folder of a baseline.")] = Path(
         "results/baseline"
     ),
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")
+        Path | None, Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -389,21 +364,21 @@ def history(
         from simbench.figures import draw_history
 
         draw_history(found, out)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
 def calibrate(
-    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
+    grid: Annotated[str, Argument(help="Name of a grid, or a TOML file.")],
     false_alarm: Annotated[
-        float, typer.Option(help="Wanted share of healthy loops called sticky.")
+        float, Option(help="Wanted share of healthy loops called sticky.")
     ] = 0.05,
     method: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable.")
+        list[str] | None, Option(metavar="ID", help="Method ids, fast or full; repeatable.")
     ] = None,
     jobs: Jobs = 1,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")
+        Path | None, Option("-o", "--out", help="Folder for thresholds and ROC curves.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -411,15 +386,15 @@ def calibrate(
     from simbench.bench.calibrate import calibrate as run_calibration
 
     found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
 def worst(
-    method: Annotated[str, typer.Argument(help="Method id.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Loop file to write.")] = None,
-    budget: Annotated[int, typer.Option(min=1, help="Loops to try.")] = 2000,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    method: Annotated[str, Argument(help="Method id.")],
+    out: Annotated[Path | None, Option("-o", "--out", help="Loop file to write.")] = None,
+    budget: Annotated[int, Option(min=1, help="Loops to try.")] = 2000,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Search the healthy loop on which a method is most confidently wrong."""
@@ -430,17 +405,17 @@ def worst(
     if out is not None:
         with whole_file(out) as f:
             f.write(found.to_toml())
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))
 def figure(
-    ids: Annotated[list[str], typer.Argument(metavar="ID|all", help="Figure ids.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
+    ids: Annotated[list[str], Argument(metavar="ID|all", help="Figure ids.")],
+    out: Annotated[Path, Option("-o", "--out", help="Folder to write to.")],
     run_folder: Annotated[
-        Path | None, typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")
+        Path | None, Option("--run", metavar="RUN", help="Run for the figures that show one.")
     ] = None,
-    isdb: Annotated[Path | None, typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
+    isdb: Annotated[Path | None, Option(metavar="FILE|DIR", help="Real records.")] = None,
     as_json: Json = False,
 ) -> None:
     """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
@@ -469,7 +444,7 @@ def _interruptible() -> Iterator[None]:
         yield
     except Interrupted as stop:
         print(stop, file=sys.stderr)
-        raise typer.Exit(130) from None
+        raise Exit(130) from None
 
 
 def _where(folder: Path, full: bool) -> str:
@@ -484,4 +459,4 @@ def _end(failed: Failures, allowed: float) -> None:
     if str(failed):
         print(f"failed: {failed}", file=sys.stderr)
     if failed.above(allowed):
-        raise typer.Exit(1)
+        raise Exit(1)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Exit
 
 from detectors.errors import ParameterError, nearest
-from simbench.cli.common import Json, app, examples, show
+from simbench.cli.common import Json, app, examples, show, show_found
 
 
 @app.command(epilog=examples("contract my_detector.py"))
 def contract(
     path: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="FILE",
             help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).",
         ),
@@ -26,15 +26,15 @@ def contract(
     from simbench.contract import check_in_subprocess
 
     found = check_in_subprocess(path)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
     if not found.kept:
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
     what: Annotated[
-        str | None, typer.Argument(help="detectors, valves, grids, effects or figures.")
+        str | None, Argument(help="detectors, valves, grids, effects or figures.")
     ] = None,
     as_json: Json = False,
 ) -> None:

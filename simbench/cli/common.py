@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from detectors.errors import ParameterError, masked
 
@@ -57,92 +58,83 @@ def _workers(jobs: int) -> int:
     return jobs
 
 
-Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
-Full = Annotated[bool, typer.Option("--full", help="Print every table.")]
+Json = Annotated[bool, Option("--json", help="JSON, and nothing else, on stdout.")]
+Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
-    int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
+    int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
 ]
 Plugin = Annotated[
-    list[Path] | None,
-    typer.Option(metavar="FILE.py", help="File of a further detector; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further detector; repeatable.")
 ]
 Limit = Annotated[
     float,
-    typer.Option(
+    Option(
         "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
     ),
 ]
 ValvePlugin = Annotated[
-    list[Path] | None,
-    typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further valve model; repeatable.")
 ]
 EffectPlugin = Annotated[
-    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further effect; repeatable.")
 ]
 PlantPlugin = Annotated[
-    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further plant; repeatable.")
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further plant; repeatable.")
 ]
 ControllerPlugin = Annotated[
-    list[Path] | None,
-    typer.Option(metavar="FILE.py", help="File of a further controller; repeatable."),
+    list[Path] | None, Option(metavar="FILE.py", help="File of a further controller; repeatable.")
 ]
 Thresholds = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         metavar="FILE.json",
         help="Other thresholds than the published ones, as calibrate writes them.",
     ),
 ]
 Span = Annotated[
-    tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
+    tuple[float, float] | None, Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
 ]
 _READING: dict[str, Any] = {
-    "process": Annotated[str | None, typer.Option(help="self-regulating or integrating.")],
-    "kind": Annotated[
-        str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")
-    ],
+    "process": Annotated[str | None, Option(help="self-regulating or integrating.")],
+    "kind": Annotated[str | None, Option(help="flow, level, pressure, temperature or analyser.")],
     "op_span": Span,
     "pv_span": Span,
     "columns": Annotated[
         list[str] | None,
-        typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
+        Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
     ],
     "Ts": Annotated[
         float | None,
-        typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
+        Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
     ],
     "tag": Annotated[
         str | None,
-        typer.Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
+        Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
     ],
     "longest_segment": Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--longest-segment",
             help="Of a record with long gaps, take the longest part without one.",
         ),
     ],
     "loops": Annotated[
         Path | None,
-        typer.Option(
-            metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."
-        ),
+        Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."),
     ],
 }
+Page = Annotated[Path | None, Option(metavar="FILE.html", help="Page to write.")]
+Report = Annotated[Path | None, Option(metavar="FILE.html", help="Report with pictures to write.")]
+Seed = Annotated[int, Option(min=0)]
 Power = Annotated[
     bool,
-    typer.Option(
-        "--power", help="Also say what this record could have shown, from twins of its loop."
-    ),
+    Option("--power", help="Also say what this record could have shown, from twins of its loop."),
 ]
 FrontEnd = Annotated[
-    str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
+    str, Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
 ]
 World = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME", help="Plant simulator that draws the records: a name, or a module."
-    ),
+    str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
 ]
 
 
@@ -152,7 +144,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
     """
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
-        said = typer.Option(
+        said = Option(
             "--tag",
             "--loop",
             metavar="TAG",
@@ -216,6 +208,11 @@ def grid_completion(incomplete: str) -> list[str]:
     from scenarios.grid import grid_names
 
     return [name for name in grid_names() if name.startswith(incomplete)]
+
+
+GridName = Annotated[
+    str, Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+]
 
 
 def refuse_picture(path: Path | None, *read: Path | None) -> None:
@@ -285,6 +282,11 @@ def number(text: str) -> Any:
         return text if "_" in text else float(text)
     except ValueError:
         return text
+
+
+def show_found(found: Any, as_json: bool) -> None:
+    """Print what was found, in its own words or as its own JSON."""
+    show(found.as_json() if as_json else found.as_text(), as_json)
 
 
 def show(content: Any, as_json: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from detectors.errors import ParameterError, naming
 from simbench.cli.common import (
@@ -15,30 +15,32 @@ from simbench.cli.common import (
     reads,
     refuse_picture,
     say_assumed,
-    show,
+    show_found,
 )
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
+Loop = Annotated[Path | None, Argument(metavar="LOOP.toml")]
+Picture = Annotated[Path | None, Option(help="Picture to write (SVG or PNG).")]
 
 
 @confirm_app.command("gain-change", epilog=examples("confirm gain-change loop.toml"))
 @reads()
 def gain_change(
-    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    loop: Loop = None,
     records: Annotated[
-        tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")
+        tuple[Path, Path] | None, Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")
     ] = None,
     ratio: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--ratio",
             "--factor",
             metavar="R",
             help="New gain over old; read off the records when absent.",
         ),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    picture: Picture = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -67,11 +69,11 @@ def gain_change(
 @confirm_app.command(epilog=examples("confirm travel loop.toml --picture travel.svg"))
 @reads()
 def travel(
-    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    loop: Loop = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")
+        Path | None, Option(metavar="REC.csv", help="Of such a test, in place of a loop.")
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    picture: Picture = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -109,4 +111,4 @@ def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
         from simbench.figures._style import write_picture
 
         write_picture(result.plot(), picture)
-    show(result.as_json() if as_json else result.as_text(), as_json)
+    show_found(result, as_json)

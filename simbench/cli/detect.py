@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from simbench.cli.common import (
     FrontEnd,
     Json,
     Limit,
+    Page,
     Plugin,
     Power,
     Thresholds,
@@ -35,36 +36,29 @@ from simbench.cli.common import (
 )
 @reads(also_loop=True)
 def detect(
-    path: Annotated[
-        Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")
-    ],
+    path: Annotated[Path, Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
     method: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="ID",
             help="Method ids, all, fast or full; repeatable.",
             autocompletion=method_completion,
         ),
     ] = None,
     labels: Annotated[
-        Path | None, typer.Option(help="Table with id and label: judge and score its records.")
+        Path | None, Option(help="Table with id and label: judge and score its records.")
     ] = None,
-    raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
+    raw: Annotated[bool, Option("--raw", help="Without the oscillation front end.")] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
     power: Power = False,
-    why: Annotated[
-        bool, typer.Option("--why", help="Each method's reason below the table.")
-    ] = False,
+    why: Annotated[bool, Option("--why", help="Each method's reason below the table.")] = False,
     csv: Annotated[
-        Path | None,
-        typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write."),
+        Path | None, Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")
     ] = None,
-    html: Annotated[
-        Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")
-    ] = None,
+    html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -126,10 +120,8 @@ def detect(
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
 @reads()
 def diagnose(
-    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
-    picture: Annotated[
-        Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")
-    ] = None,
+    path: Annotated[Path, Argument(metavar="REC.csv")],
+    picture: Annotated[Path | None, Option(help="Picture of the path taken (SVG or PNG).")] = None,
     power: Power = False,
     as_json: Json = False,
     *,

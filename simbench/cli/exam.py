@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from simbench.cli.common import Full, Jobs, Json, Plugin, exam_app, examples, grid_completion, show
+from simbench.cli.common import Full, GridName, Jobs, Json, Plugin, Report, exam_app, examples, show
 
-Folder = Annotated[Path, typer.Argument(metavar="EXAM", help="Folder of the exam.")]
+Folder = Annotated[Path, Argument(metavar="EXAM", help="Folder of the exam.")]
 Key = Annotated[
-    Path, typer.Option(metavar="FILE", help="File of the key, outside the folder of the exam.")
+    Path, Option(metavar="FILE", help="File of the key, outside the folder of the exam.")
 ]
 
 
@@ -22,20 +22,16 @@ Key = Annotated[
     )
 )
 def make(
-    grid: Annotated[
-        str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
-    ],
+    grid: GridName,
     out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new."),
+        Path, Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new.")
     ],
     key: Key,
     n: Annotated[
-        int | None,
-        typer.Option("--n", metavar="N", help="Number of records, drawn at random [all]."),
+        int | None, Option("--n", metavar="N", help="Number of records, drawn at random [all].")
     ] = None,
     jobs: Jobs = 1,
-    seed: Annotated[int | None, typer.Option(min=0, hidden=True)] = None,
+    seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
 ) -> None:
     """Draw fresh seeds, write the records without their truth, and write the key elsewhere."""
     from simbench.bench.exam.making import make_exam
@@ -52,16 +48,15 @@ def make(
 def answer(
     folder: Folder,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")
+        Path, Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")
     ],
     method: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ID", help="Method ids, fast or full; repeatable [fast]."),
+        list[str] | None, Option(metavar="ID", help="Method ids, fast or full; repeatable [fast].")
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an earlier call stopped.")
+        bool, Option("--resume", help="Go on where an earlier call stopped.")
     ] = False,
 ) -> None:
     """Ask detectors about every record of an exam."""
@@ -79,16 +74,12 @@ def answer(
 )
 def open_(
     folder: Folder,
-    answers: Annotated[
-        list[Path], typer.Argument(metavar="ANSWERS.csv...", help="Files of answers.")
-    ],
+    answers: Annotated[list[Path], Argument(metavar="ANSWERS.csv...", help="Files of answers.")],
     key: Key,
     labels: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Truth of every record to write.")
+        Path | None, Option(metavar="FILE.csv", help="Truth of every record to write.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")
-    ] = None,
+    report: Report = None,
     jobs: Jobs = 1,
     full: Full = False,
     as_json: Json = False,

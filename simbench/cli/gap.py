@@ -6,21 +6,35 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from detectors.errors import ParameterError
 from simbench.cli.common import (
     EffectPlugin,
     Jobs,
     Json,
+    Page,
+    Seed,
     World,
     examples,
     gap_app,
     pairs,
     reads,
     show,
+    show_found,
     withheld_app,
 )
+
+Baseline = Annotated[Path, Option(metavar="LOOP.toml", help="The simulation that does not fit.")]
+LoopTest = Annotated[
+    list[str] | None,
+    Option(
+        metavar="REC.csv[:SETTINGS.toml]",
+        help="A test of the same loop in other operation; repeatable.",
+    ),
+]
+Check = Annotated[Path, Argument(metavar="DIR", help="Folder of the check.")]
+NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 
 
 @gap_app.command(
@@ -32,38 +46,31 @@ from simbench.cli.common import (
 @reads()
 def gap_diagnose(
     records: Annotated[
-        list[Path],
-        typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together."),
+        list[Path], Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")
     ],
     baseline: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="LOOP.toml",
             help="The simulation that does not fit; [plant] or [controller] may be missing.",
         ),
     ] = None,
     identify: Annotated[
-        bool, typer.Option("--identify", help="No baseline: estimate one from the record.")
+        bool, Option("--identify", help="No baseline: estimate one from the record.")
     ] = False,
-    test: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="REC.csv[:SETTINGS.toml]",
-            help="A test of the same loop in other operation; repeatable.",
-        ),
-    ] = None,
+    test: LoopTest = None,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
+    no_bootstrap: NoBootstrap = False,
+    html: Annotated[Path | None, Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[
-        Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")
+        Path | None, Option(metavar="FIXED.toml", help="Loop file with the effect in it.")
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")
+        Path | None, Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")
     ] = None,
     effect_plugin: EffectPlugin = None,
     window: Annotated[
-        tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")
+        tuple[int, int] | None, Option(metavar="FROM TO", help="Samples to judge.")
     ] = None,
     as_json: Json = False,
     *,
@@ -84,7 +91,7 @@ def gap_diagnose(
         effect_plugins=effect_plugin or (),
         **about,
     )
-    show(report.as_json() if as_json else report.as_text(), as_json)
+    show_found(report, as_json)
 
 
 @gap_app.command(
@@ -94,22 +101,17 @@ def gap_diagnose(
 @reads()
 def gap_plan(
     record: Annotated[
-        Path, typer.Argument(metavar="REC.csv", help="The record that is not yet explained.")
+        Path, Argument(metavar="REC.csv", help="The record that is not yet explained.")
     ],
-    baseline: Annotated[
-        Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")
-    ],
+    baseline: Baseline,
     limits: Annotated[
-        Path | None,
-        typer.Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time."),
+        Path | None, Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")
     ] = None,
     test: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."
-        ),
+        Option(metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."),
     ] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -120,7 +122,7 @@ def gap_plan(
     from simbench.gap.command import plan_files
 
     found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @gap_app.command(
@@ -128,28 +130,19 @@ def gap_plan(
 )
 @reads()
 def gap_predict(
-    record: Annotated[
-        Path, typer.Argument(metavar="REC.csv", help="Record of the loop as it runs now.")
-    ],
+    record: Annotated[Path, Argument(metavar="REC.csv", help="Record of the loop as it runs now.")],
     baseline: Annotated[
-        Path,
-        typer.Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected."),
+        Path, Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected.")
     ],
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--set",
             metavar="KEY=VALUE",
             help="Setting of controller or setpoint to change; repeatable.",
         ),
     ] = None,
-    test: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="REC.csv[:SETTINGS.toml]",
-            help="A test of the same loop in other operation; repeatable.",
-        ),
-    ] = None,
+    test: LoopTest = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -162,7 +155,7 @@ def gap_predict(
     found = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @gap_app.command(
@@ -173,14 +166,12 @@ def gap_predict(
 )
 @reads()
 def gap_discover(
-    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop.")],
-    baseline: Annotated[
-        Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")
-    ],
+    record: Annotated[Path, Argument(metavar="REC.csv", help="Record of the loop.")],
+    baseline: Baseline,
     write_effect: Annotated[
-        Path | None, typer.Option(metavar="FILE.py", help="The law as an effect to simulate.")
+        Path | None, Option(metavar="FILE.py", help="The law as an effect to simulate.")
     ] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -191,17 +182,17 @@ def gap_discover(
     from simbench.gap.command import discover_file
 
     found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
 def leave_out_(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records and table.")],
+    out: Annotated[Path, Argument(metavar="DIR", help="Folder for records and table.")],
     world: World = "own",
-    n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    n: Annotated[int, Option("-n", "--records", min=1, help="Records per effect.")] = 4,
+    seed: Seed = 0,
     tests: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")
+        int, Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")
     ] = 0,
     jobs: Jobs = 1,
     as_json: Json = False,
@@ -221,16 +212,16 @@ def leave_out_(
     epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"),
 )
 def gap_study(
-    records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
-    grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
+    records: Annotated[Path, Argument(metavar="RECORDS", help="Folder of records.")],
+    grid: Annotated[str, Option(help="Name of a grid, or a TOML file.")],
     labels: Annotated[
-        Path | None, typer.Option(help="Table with id and label: its records, by unit.")
+        Path | None, Option(help="Table with id and label: its records, by unit.")
     ] = None,
     html: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")
+        Path | None, Option(metavar="FILE.html", help="Page to write; a killed call goes on.")
     ] = None,
     write_grid: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")
+        Path | None, Option(metavar="FILE.toml", help="The grid, with the effects found.")
     ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,
@@ -241,22 +232,19 @@ def gap_study(
     from simbench.plant.command import study_folder
 
     found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
 
 
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
 def make(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
-    key: Annotated[Path, typer.Option(help="File for the key to the answers, outside DIR.")],
-    seed: Annotated[int, typer.Option(min=0)],
-    n: Annotated[
-        int, typer.Option("-n", "--records", min=100, help="About how many records.")
-    ] = 600,
+    out: Check,
+    key: Annotated[Path, Option(help="File for the key to the answers, outside DIR.")],
+    seed: Seed,
+    n: Annotated[int, Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
     world: World = "own",
     tests: Annotated[
-        bool,
-        typer.Option("--tests", help="With what every test of the menu would show of each record."),
+        bool, Option("--tests", help="With what every test of the menu would show of each record.")
     ] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
@@ -267,13 +255,12 @@ def make(
 
 @withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
 def answer(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    out: Check,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
+    no_bootstrap: NoBootstrap = False,
     world: World = "own",
     tests: Annotated[
-        int,
-        typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2."),
+        int, Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")
     ] = 0,
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it
@@ -287,12 +274,12 @@ def answer(
 
 @withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))
 def open_sealed(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    out: Check,
     key: Annotated[
-        Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")
+        Path | None, Option(help="Key file; not needed where answers.csv lies open.")
     ] = None,
     scores: Annotated[
-        Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")
+        Path | None, Option("--scores", metavar="DIR", help="Where the scores go.")
     ] = None,
     world: World = "own",
     as_json: Json = False,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from simbench.cli.common import Jobs, Json, app, examples, reads, say_assumed, show
+from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_found
 
 
 @app.command(
@@ -15,15 +15,14 @@ from simbench.cli.common import Jobs, Json, app, examples, reads, say_assumed, s
 )
 @reads()
 def trust_(
-    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
+    path: Annotated[Path, Argument(metavar="REC.csv")],
     loop: Annotated[
-        Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")
+        Path | None, Option(metavar="LOOP.toml", help="The loop; identified if absent.")
     ] = None,
     method: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable."),
+        list[str] | None, Option(metavar="ID", help="Method ids, all, fast or full; repeatable.")
     ] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -34,7 +33,7 @@ def trust_(
     from simbench.plant.command import trust_file
 
     found = trust_file(path, loop, method or ["all"], html=html, **about)
-    show(found.as_json() if as_json else found.as_text(), as_json)
+    show_found(found, as_json)
     say_assumed([found.record], as_json)
 
 
@@ -48,25 +47,20 @@ def trust_(
 @reads()
 def report_(
     folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FOLDER", help="Records of a plant's loops, or a file with several."
-        ),
+        Path, Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several.")
     ],
     labels: Annotated[
-        Path | None, typer.Option(help="Table with id and label: judge its records.")
+        Path | None, Option(help="Table with id and label: judge its records.")
     ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")
-    ] = Path("report.html"),
+    out: Annotated[Path, Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path(
+        "report.html"
+    ),
     orders: Annotated[
-        Path | None, typer.Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")
+        Path | None, Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")
     ] = None,
     previous: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Of last week's report: causes that return are said to."
-        ),
+        Option(metavar="FOLDER", help="Of last week's report: causes that return are said to."),
     ] = None,
     jobs: Jobs = 2,
     *,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from detectors.errors import ParameterError, naming
 from simbench.cli.common import (
@@ -28,14 +28,14 @@ from simbench.cli.common import (
     )
 )
 def simulate(
-    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml", help="Loop file.")] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Record to write (CSV).")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
-    kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
+    loop: Annotated[Path | None, Argument(metavar="LOOP.toml", help="Loop file.")] = None,
+    out: Annotated[Path | None, Option("-o", "--out", help="Record to write (CSV).")] = None,
+    seed: Annotated[int, Option(min=0, help="Root of all random numbers.")] = 0,
+    kick: Annotated[float, Option(help="Offset of OP at sample 0 (%).")] = 0.0,
     from_run: Annotated[
-        Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")
+        Path | None, Option("--from", metavar="RUN", help="Folder of a run.")
     ] = None,
-    scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
+    scenario: Annotated[str | None, Option("--id", help="Scenario of that run.")] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
     plant_plugin: PlantPlugin = None,
@@ -83,11 +83,11 @@ def simulate(
 
 @app.command(epilog=examples("valve --model choudhury --param S=5 --param J=2 op.csv -o mv.csv"))
 def valve(
-    source: Annotated[Path, typer.Argument(metavar="IN.csv", help="Table with a column op.")],
-    model: Annotated[str, typer.Option(help="Valve model.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
+    source: Annotated[Path, Argument(metavar="IN.csv", help="Table with a column op.")],
+    model: Annotated[str, Option(help="Valve model.")],
+    out: Annotated[Path, Option("-o", "--out", help="Table to write, with a column mv.")],
     param: Annotated[
-        list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")
+        list[str] | None, Option("--param", metavar="NAME=VALUE", help="Repeatable.")
     ] = None,
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
@@ -103,10 +103,7 @@ def valve(
 
 
 @app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))
-def predict(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
-    as_json: Json = False,
-) -> None:
+def predict(loop: Annotated[Path, Argument(metavar="LOOP.toml")], as_json: Json = False) -> None:
     """Say what theory expects of a loop: table, describing function, exact cycle."""
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text

@@ -140,7 +140,7 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
         )
         where = table["plant"]["type"]
         if found.faults:
-            yield from (f"{fault}, at no strength ({where} plant)" for fault in found.faults)
+            yield from found.at(f"at no strength ({where} plant)")
         elif found.refusal is None and not _same(found.value, plain):
             yield (
                 "is not the identity at no strength: the record changes at"
@@ -153,7 +153,7 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
     for table in strengths(module):
         found = _run(name, table)
         if found.faults:
-            yield from (f"{fault}, at {shown(table)}" for fault in found.faults)
+            yield from found.at(f"at {shown(table)}")
             return
         refused = str(found.refusal or "")
         if found.refusal is not None or _same(found.value, plain):
@@ -168,7 +168,7 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
             yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {shown(table)}"
         yield from _label(name, table)
         short = _run(name, table, {**_EFFECT_LOOP, "sampling": {"Ts": 1.0, "n": 3}})
-        yield from (f"{fault}, in a loop of 3 samples" for fault in short.faults)
+        yield from short.at("in a loop of 3 samples")
         return
     yield f"does nothing at any strength tried{': ' + refused if refused else ''}"
 

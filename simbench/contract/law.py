@@ -4,7 +4,7 @@ step, and that it is a law.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
@@ -15,7 +15,7 @@ from detectors.contract.watch import call_guarded
 from detectors.errors import UserError
 from detectors.plugins.registry import PluginFolder
 from scenarios.spec import Loop
-from simbench.contract.valve import inside, schema_faults, shown
+from simbench.contract.valve import both_ways, head_faults, inside, schema_faults, shown
 from simbench.loop import kernel
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS
 from simbench.loop.plant import sample
@@ -74,13 +74,7 @@ def _check(kind: str, folder: PluginFolder, name: str) -> Contract:
 
 
 def _description(kind: str, module: ModuleType) -> Iterator[str]:
-    if not (module.__doc__ or "").strip():
-        yield f"the file does not begin with a sentence on what the {kind} does"
-    if not str(module.SOURCE).strip():
-        yield "SOURCE is empty"
-    word = "INTEGRATING" if kind == "plant" else "INTEGRAL"
-    if not isinstance(getattr(module, word), bool):
-        yield f"{word} = {getattr(module, word)!r}, true or false is needed"
+    yield from head_faults(kind, module, "INTEGRATING" if kind == "plant" else "INTEGRAL")
     faults = list(schema_faults(module.PARAMETERS))
     yield from faults
     for key in _KEPT[kind] if not faults else ():
@@ -91,30 +85,37 @@ def _description(kind: str, module: ModuleType) -> Iterator[str]:
             )
 
 
-def _walked(what: str, start: Any, step: Any, count: int) -> tuple[list[tuple], list[str]]:
-    """Return the states from `start` over some steps, and what is wrong with them."""
+def _walked(
+    what: str, start: Callable[[], Any], step: Callable[[Any], Any], count: int
+) -> tuple[np.ndarray, list[str]]:
+    """Return the first number of every state from `start` over some steps, and what is wrong with
+    them.
+    """
 
     def walk() -> list[tuple]:
         states = [start()]
-        for k in range(count):
+        for _ in range(count):
             if (
                 not isinstance(states[-1], tuple)
                 or not states[-1]
                 or len(states[-1]) != len(states[0])
             ):
                 break
-            states.append(step(k, states[-1]))
+            states.append(step(states[-1]))
         return states
 
     found = call_guarded(walk)
     if found.faults or found.refusal:
-        return [], [f"{fault}, {what}" for fault in found.faults or [f"refuses ({found.refusal})"]]
+        return np.empty(0), [f"{fault}, {what}" for fault in found.unanswered()]
     last = found.value[-1]
     if not isinstance(last, tuple) or not last or len(last) != len(found.value[0]):
-        return [], [f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"]
-    if not np.isfinite([s[0] for s in found.value]).all():
-        return [], [f"gives values that are not finite, {what}"]
-    return found.value, []
+        return np.empty(0), [
+            f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
+        ]
+    first = [s[0] for s in found.value]
+    if not np.isfinite(first).all():
+        return np.empty(0), [f"gives values that are not finite, {what}"]
+    return np.array(first, dtype=float), []
 
 
 def _plant_faults(setup: Setup) -> Iterator[str]:
@@ -122,13 +123,12 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
     module, p = setup.plant_plugin
 
     def under(w: float, count: int) -> tuple[np.ndarray, list[str]]:
-        states, faults = _walked(
+        return _walked(
             f"with MV {w:g} % off rest",
             lambda: module.start(p),
-            lambda k, s: module.step(w, w, s, p),
+            lambda s: module.step(w, w, s, p),
             count,
         )
-        return np.array([s[0] for s in states], dtype=float), faults
 
     rest, faults = under(0.0, 100)
     up, more = under(1.0, 400)
@@ -162,14 +162,12 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
     module, p = setup.control_plugin
 
     def under(e: float, count: int) -> tuple[np.ndarray, list[str]]:
-        sp = setup.pv0
-        states, faults = _walked(
+        return _walked(
             f"under an error of {e:g}",
             lambda: module.start(p),
-            lambda k, s: module.step(e, sp, s, p),
+            lambda s: module.step(e, setup.pv0, s, p),
             count,
         )
-        return np.array([s[0] for s in states], dtype=float), faults
 
     rest, faults = under(0.0, 100)
     pushed, more = under(1.0, _LONG)
@@ -197,20 +195,11 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
 
 
 def _loop_faults(table: dict[str, Any]) -> Iterator[str]:
-    found = []
-    for plain in (True, False):
-        run = call_guarded(
-            lambda plain=plain: (
-                run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record
-            )
-        )
-        if run.faults or run.refusal:
-            how = "in plain Python" if plain else "compiled"
-            yield from (
-                f"{' '.join(str(f).split())[:300]}, {how}"
-                for f in run.faults or [f"refuses ({run.refusal})"]
-            )
-            return
-        found.append(run.value)
-    if not np.array_equal(found[0].pv, found[1].pv) or not np.array_equal(found[0].op, found[1].op):
+    records, faults = both_ways(
+        lambda plain: run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record
+    )
+    yield from faults
+    if records and any(
+        not np.array_equal(*(getattr(record, s) for record in records)) for s in ("pv", "op")
+    ):
         yield "gives other numbers compiled than in plain Python"

@@ -66,14 +66,14 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
     if r.replaces not in ("", "K", "T", "Td"):
         yield f"replaces = {r.replaces!r}, allowed: '', 'K', 'T', 'Td'"
     proven = call_guarded(lambda: r.proven(situation))
-    yield from (f"{fault}, in proven" for fault in proven.faults)
+    yield from proven.at("in proven")
     if not proven.faults and proven.value is not None:
         yield f"proves the effect ({proven.value}) in a record that has none"
     if r.fit is None:
         return
     fit, twice = (call_guarded(partial(r.fit, engine, base)) for _ in range(2))
     if fit.faults:
-        yield from (f"{fault}, in fit" for fault in fit.faults)
+        yield from fit.at("in fit")
         return
     if not isinstance(fit.value, tuple) or len(fit.value) != 2 or not isinstance(fit.value[0], Fit):
         yield f"gives {fit.value!r} for a fit; (Fit, count of numbers it pays for) is needed"
@@ -94,7 +94,7 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
 
 def _number_faults(name: str, r: Recogniser, best: Fit, situation: Situation) -> Iterator[str]:
     numbers = call_guarded(lambda: r.numbers(best, situation))
-    yield from (f"{fault}, in numbers" for fault in numbers.faults)
+    yield from numbers.at("in numbers")
     if numbers.faults:
         return
     if not isinstance(numbers.value, dict) or not numbers.value:

@@ -5,7 +5,8 @@ says it has.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -87,17 +88,22 @@ def inside(rule: Number | Choice, percent: float) -> float | str:
 
 
 def _description(module: ModuleType) -> Iterator[str]:
-    if not (module.__doc__ or "").strip():
-        yield "the file does not begin with a sentence on what the valve does"
-    if not str(module.SOURCE).strip():
-        yield "SOURCE is empty"
-    if not isinstance(module.FRICTION, bool):
-        yield f"FRICTION = {module.FRICTION!r}, true or false is needed"
+    yield from head_faults("valve", module, "FRICTION")
     yield from schema_faults(module.PARAMETERS)
     if module.FRICTION is True and not hasattr(module, "mapped_SJ"):
         yield (
             "has friction, but no mapped_SJ(p) that says which S and J (% of travel) it stands for"
         )
+
+
+def head_faults(kind: str, module: ModuleType, flag: str) -> Iterator[str]:
+    """Say what is wrong with a plug-in's first sentence, its SOURCE and its flag."""
+    if not (module.__doc__ or "").strip():
+        yield f"the file does not begin with a sentence on what the {kind} does"
+    if not str(module.SOURCE).strip():
+        yield "SOURCE is empty"
+    if not isinstance(getattr(module, flag), bool):
+        yield f"{flag} = {getattr(module, flag)!r}, true or false is needed"
 
 
 def schema_faults(schema: Any) -> Iterator[str]:
@@ -131,9 +137,7 @@ def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
     first, second = call_guarded(walk), call_guarded(walk)
     if first.faults or first.refusal:
-        yield from (
-            f"{fault}, in start or step" for fault in first.faults or [f"refuses ({first.refusal})"]
-        )
+        yield from (f"{fault}, in start or step" for fault in first.unanswered())
         return
     wrong = [
         s for s in first.value if not isinstance(s, tuple) or not s or len(s) != len(first.value[0])
@@ -159,22 +163,20 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
     rng = np.random.default_rng(1)
     op = np.clip(50.0 + np.cumsum(rng.normal(0.0, 8.0, 80) * (rng.random(80) > 0.25)), -10.0, 110.0)
     given = op.copy()
-    slow = call_guarded(lambda: valve_response(name, op, table, 0.5, plain=True))
-    fast = call_guarded(lambda: valve_response(name, op, table, 0.5))
-    for found, how in ((slow, "in plain Python"), (fast, "compiled")):
-        said = found.faults or ([f"refuses ({found.refusal})"] if found.refusal else [])
-        yield from (f"{' '.join(fault.split())[:300]}, {how}" for fault in said)
-        if said:
-            return
+    answers, faults = both_ways(lambda plain: valve_response(name, op, table, 0.5, plain=plain))
+    yield from faults
+    if faults:
+        return
+    slow, fast = answers
     if not np.array_equal(op, given):
         yield "writes into the OP it was given"
-    if not np.array_equal(slow.value, fast.value):
+    if not np.array_equal(slow, fast):
         yield (
             "gives other numbers compiled than in plain Python from sample"
-            f" {int(np.argmax(slow.value != fast.value))} on"
+            f" {int(np.argmax(slow != fast))} on"
         )
-    if slow.value.min() < 0.0 or slow.value.max() > 100.0:
-        yield f"leaves its travel: MV from {slow.value.min():.4g} to {slow.value.max():.4g} %"
+    if slow.min() < 0.0 or slow.max() > 100.0:
+        yield f"leaves its travel: MV from {slow.min():.4g} to {slow.max():.4g} %"
     rest, begun = (
         valve_response(name, np.full(50, 37.5), table),
         module.start(37.5, valve_parameters(module, table, 1.0))[0],
@@ -184,6 +186,17 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
             f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that"
             " stands still"
         )
+
+
+def both_ways(run: Callable[[bool], Any]) -> tuple[list[Any], list[str]]:
+    """Return what a run answers in plain Python and compiled, or why one of them does not."""
+    answers = []
+    for plain, how in ((True, "in plain Python"), (False, "compiled")):
+        found = call_guarded(partial(run, plain))
+        if faults := found.unanswered():
+            return [], [f"{' '.join(fault.split())[:300]}, {how}" for fault in faults]
+        answers.append(found.value)
+    return answers, []
 
 
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:

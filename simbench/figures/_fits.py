@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
 from detectors.signal.oscillation import zero_crossings
-from simbench.figures._style import BLACK, BLUE, RED, label
+from simbench.figures._style import BLACK, BLUE, RED, label, room
 
 
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
@@ -52,7 +52,6 @@ def draw_fits(axes: Axes, fits: pd.DataFrame, Ts: float, name: str, unit: str, t
         )
         axes.plot(t, part["sine"], color=BLUE, linestyle="--", label="sine" if first else None)
         axes.plot(t, part["triangle"], color=RED, label="triangle" if first else None)
-    low, high = fits["signal"].min(), fits["signal"].max()
-    axes.set_ylim(low - 0.08 * (high - low), high + 0.42 * (high - low))
+    room(axes, fits["signal"], 0.08, 0.42)
     axes.legend(ncols=3, loc="upper left")
     label(axes, "time (s)", unit, title)

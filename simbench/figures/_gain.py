@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.confirm.gain_change import gain_change
-from simbench.figures._style import GREY, SIGNAL, label, note, panels, styled
+from simbench.figures._style import GREY, SIGNAL, label, note, panels, room, styled
 
 _SHOWN = 5.5  # periods on either side of the change
 
@@ -46,10 +46,7 @@ def draw_gain(data: pd.DataFrame) -> Figure:
         values = data["OP (%)"] if name == "OP" else data["PV"]
         place.plot(data["t (s)"], values, color=SIGNAL[name])
         place.axvline(0, color=GREY, linestyle="--", linewidth=0.9)
-        low, high = values.min(), values.max()
-        place.set_ylim(
-            low - 0.06 * (high - low), high + (0.34 if name == "OP" else 0.06) * (high - low)
-        )
+        room(place, values, 0.06, 0.34 if name == "OP" else 0.06)
         label(place, "time from the change of gain (s)", unit)
         place.label_outer()
     for Kc, part in data.groupby("Kc", sort=False):

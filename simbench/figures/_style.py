@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +84,30 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **more)
 
 
+def panel(width: float, height: float) -> tuple[Figure, Axes]:
+    """Return a figure of one panel, `width` x `height` inches, and its axes."""
+    figure, axes = panels(1, 1, width, height)
+    return figure, axes[0, 0]
+
+
+def parts(
+    axes: np.ndarray, data: pd.DataFrame, column: str
+) -> Iterator[tuple[Axes, Any, pd.DataFrame]]:
+    """Yield a panel for each value of a column, in the order of the rows, with the value and its
+    rows.
+    """
+    for place, (value, rows) in zip(axes.flat, data.groupby(column, sort=False)):
+        yield place, value, rows
+
+
+def beside(
+    axes: Axes, text: str, at: Sequence[float], gap: tuple[float, float], **look: Any
+) -> None:
+    """Write a text around the place `gap` points away from a point."""
+    look = {"ha": "center", "va": "center", **look}
+    axes.annotate(text, at, gap, textcoords="offset points", **look)
+
+
 def mosaic(
     layout: list[list[str]], width: float, height: float, **more: Any
 ) -> tuple[Figure, dict[str, Axes]]:
@@ -100,6 +124,12 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(title)
+
+
+def room(axes: Axes, values: pd.Series, below: float, above: float) -> None:
+    """Let a panel reach further than the values drawn, by shares of their range."""
+    low, high = values.min(), values.max()
+    axes.set_ylim(low - below * (high - low), high + above * (high - low))
 
 
 def note(
@@ -128,16 +158,7 @@ def span(
         arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
     )
     middle = (np.add(start, end) / 2.0).tolist()
-    axes.annotate(
-        text,
-        middle,
-        gap,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=8,
-        bbox=_LABEL_BOX,
-    )
+    beside(axes, text, middle, gap, fontsize=8, bbox=_LABEL_BOX)
 
 
 def table(

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.methods.yamashita import movement_indices
-from simbench.figures._style import BLUE, RED, label, note, panels, styled
+from simbench.figures._style import BLUE, RED, beside, label, note, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.11a to c, after Yamashita (2006) and Manum & Scali (2006)"
 # corners (OP, MV) of each loop and the symbol of the side that leaves it
@@ -45,10 +45,8 @@ def data() -> pd.DataFrame:
     """
     rows = []
     for panel, corners in SHAPES.items():
-        (op, mv), symbols = (
-            np.array([c for c, _ in corners], dtype=float).T,
-            [s for _, s in corners],
-        )
+        places, symbols = zip(*corners)
+        op, mv = np.array(places, dtype=float).T
         rho = movement_indices(*walk(op, mv))
         frame = pd.DataFrame({"panel": panel, "OP": op, "MV": mv, "symbol": symbols})
         rows.append(frame.assign(**{f"rho{i + 1} (-)": r for i, r in enumerate(rho)}))
@@ -80,7 +78,7 @@ def walk(
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the three closed paths, the sticking sides in another colour."""
     figure, axes = panels(1, 3, 8.0, 3.0)
-    for place, (panel, part) in zip(axes[0], data.groupby("panel", sort=False)):
+    for place, panel, part in parts(axes, data, "panel"):
         corners = part[["OP", "MV"]].to_numpy()
         for i, symbol in enumerate(part["symbol"]):
             start, end = corners[i], corners[(i + 1) % len(corners)]
@@ -93,14 +91,7 @@ def draw(data: pd.DataFrame) -> Figure:
                 "shrinkB": 0,
             }
             place.annotate("", end, start, arrowprops=arrow)
-            place.annotate(
-                symbol,
-                (start + end) / 2,
-                ASIDE[symbol],
-                textcoords="offset points",
-                ha="center",
-                va="center",
-            )
+            beside(place, symbol, (start + end) / 2, ASIDE[symbol])
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
         rho1, rho3 = part["rho1 (-)"].iloc[0], part["rho3 (-)"].iloc[0]

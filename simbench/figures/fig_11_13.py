@@ -13,23 +13,14 @@ from matplotlib.figure import Figure
 from scenarios.spec import Loop
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._cycles import sustained_cycle
+from simbench.figures._loops import choudhury, pi_table, sine
 from simbench.figures._style import SIGNAL, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
 PERIOD = 100.0  # s, of the sine; about that of the sticky loop's own cycle
-HEALTHY = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
-    "controller": {"type": "PI", "Kc": 0.5, "Ti": 160.0},
-    "sampling": {"Ts": 0.5, "n": 4000},
-    "disturbance": [{"type": "sine", "amplitude": 3.0, "period": PERIOD, "at": "output"}],
-}
-STICKY = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 2.0},
-    "controller": {"type": "PI", "Kc": 0.3, "Ti": 3.0},
-    "valve": {"model": "choudhury", "S": 5.0, "J": 2.0},
-    "sampling": {"Ts": 0.5, "n": 4000},
-}
+HEALTHY = pi_table(T=10.0, Td=2.0, Kc=0.5, Ti=160.0, Ts=0.5, n=4000, disturbance=sine(3.0, PERIOD))
+STICKY = pi_table(T=3.0, Td=2.0, Kc=0.3, Ti=3.0, Ts=0.5, n=4000, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:

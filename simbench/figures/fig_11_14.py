@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._style import note, panels, span, styled
+from simbench.figures._style import note, panel, span, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"
@@ -31,7 +31,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the function with its two zero crossings, its value at lag 0 and its peak."""
-    figure, ((axes,),) = panels(1, 1, 5.4, 3.8)
+    figure, axes = panel(5.4, 3.8)
     found = draw_correlation(axes, data, "")
     peak = float(data["lag (s)"][data["Phi (-)"].idxmin()])
     span(axes, (-found.tau_l, 0.12), (0, 0.12), "$τ_l$", (0, 8))

@@ -9,7 +9,7 @@ from detectors.signal.conditioning import band
 from detectors.signal.oscillation import find_oscillation
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._records import real_loop
-from simbench.figures._style import note, panels, styled
+from simbench.figures._style import note, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.15 and Example 11.2; data: ISDB loops CHEM1, PAP4"
 PRINTED = {"CHEM1": (0.73, 0.40), "PAP4": (0.13, 0.0)}
@@ -33,7 +33,7 @@ def data(isdb: str) -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw both functions with their indices and the printed ones."""
     figure, axes = panels(1, 2, 7.2, 3.2)
-    for place, (name, part) in zip(axes[0], data.groupby("loop", sort=False)):
+    for place, name, part in parts(axes, data, "loop"):
         found = draw_correlation(place, part, str(name))
         printed = PRINTED[str(name)]
         note(

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from detectors.judge import judge
 from scenarios.spec import Loop
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._style import VERDICT, note, panels, styled
+from simbench.figures._loops import pi_table, sine
+from simbench.figures._style import VERDICT, note, panels, parts, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.16 and Example 11.3, verdicts in the order of Eq. 11.9"
@@ -25,12 +26,15 @@ CASES = {10.0: ("π", 2.0), 1.0: ("3π/4", 1.0), 0.1: ("π/2", 0.15)}  # w Ti: p
 def loop(w_Ti: float, Kc: float) -> Loop:
     """Return the healthy loop of one tuning, driven by a sine at the plant's output."""
     return Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 1.0},
-            "controller": {"type": "PI", "Kc": Kc, "Ti": w_Ti * PERIOD / (2 * np.pi)},
-            "sampling": {"Ts": 0.2, "n": 12000},
-            "disturbance": [{"type": "sine", "amplitude": 2.0, "period": PERIOD, "at": "output"}],
-        }
+        pi_table(
+            T=3.0,
+            Td=1.0,
+            Kc=Kc,
+            Ti=w_Ti * PERIOD / (2 * np.pi),
+            Ts=0.2,
+            n=12000,
+            disturbance=sine(2.0, PERIOD),
+        )
     )
 
 
@@ -55,7 +59,7 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the three cross-correlations with their verdicts."""
     figure, axes = panels(1, 3, 8.4, 3.1, sharey=True)
-    for place, (w_Ti, part) in zip(axes[0], data.groupby("w_Ti", sort=False)):
+    for place, w_Ti, part in parts(axes, data, "w_Ti"):
         found = draw_correlation(
             place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})"
         )

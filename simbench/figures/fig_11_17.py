@@ -11,18 +11,22 @@ from matplotlib.figure import Figure
 from detectors.signal.conditioning import band
 from scenarios.spec import Loop
 from simbench.figures._fits import eta, half_cycle_fits
+from simbench.figures._loops import choudhury, pi_table
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.17, after He et al. (2007)"
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 5.0},
-    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-    "valve": {"model": "choudhury", "S": 5.0, "J": 3.0},
-    "sampling": {"Ts": 1.0, "n": 1200},
-    "noise": {"std": 0.08},
-    "setpoint": {"value": 50.0, "steps": [[0.0, 54.0]]},
-}
+LOOP = pi_table(
+    T=10.0,
+    Td=5.0,
+    Kc=1.0,
+    Ti=10.0,
+    Ts=1.0,
+    n=1200,
+    valve=choudhury(5.0, 3.0),
+    noise={"std": 0.08},
+    setpoint={"value": 50.0, "steps": [[0.0, 54.0]]},
+)
 PERIOD = 62.5  # s, of the exact cycle
 
 

@@ -15,17 +15,13 @@ from detectors.signal.ellipse import fit_ellipse
 from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._style import BLACK, note, panels, styled
+from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._style import BLACK, note, panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
 )
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 20.0, "Td": 10.0},
-    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "valve": {"model": "choudhury", "S": 5.0, "J": 2.0},
-    "sampling": {"Ts": 1.0},
-}
+LOOP = pi_table(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:
@@ -50,7 +46,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the plot with the ellipse's semi-axes and its angle."""
-    figure, ((place,),) = panels(1, 1, 6.0, 4.4)
+    figure, place = panel(6.0, 4.4)
     draw_ellipse(place, data, "$OP_f$ - mean (%)", "$PV_f$ - mean (%)")
     a, b, alpha = (float(data[c].iloc[0]) for c in ("a (%)", "b (%)", "alpha (rad)"))
     ring = data[data.curve == "ellipse"]

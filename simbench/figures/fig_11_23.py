@@ -12,7 +12,7 @@ from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import find_oscillation
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
 from simbench.figures._records import NeedsRecord, real_loop
-from simbench.figures._style import note, panels, styled
+from simbench.figures._style import note, panel, styled
 
 SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISDB loop POW2"
 
@@ -35,7 +35,7 @@ def data(isdb: str) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw points, ellipse and limits."""
-    figure, ((place,),) = panels(1, 1, 5.6, 4.4)
+    figure, place = panel(5.6, 4.4)
     draw_ellipse(
         place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2"
     )

@@ -10,15 +10,11 @@ import pandas as pd
 
 from scenarios.spec import Loop
 from simbench.figures._gain import draw_gain, gain_table
+from simbench.figures._loops import pi_table, sine
 
 SOURCE = "Jelali (2013), Fig. 11.25 and Sect. 11.8.1"
 draw = draw_gain
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
-    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-    "sampling": {"Ts": 1.0, "n": 1500},
-    "disturbance": [{"type": "sine", "amplitude": 2.0, "period": 60.0, "at": "output"}],
-}
+LOOP = pi_table(T=10.0, Td=2.0, Kc=1.0, Ti=10.0, Ts=1.0, n=1500, disturbance=sine(2.0, 60.0))
 
 
 def data() -> pd.DataFrame:

@@ -13,16 +13,13 @@ from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.confirm.travel import travel_test
-from simbench.figures._style import GREY, SIGNAL, label, note, panels, styled
+from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._style import GREY, SIGNAL, label, note, panels, room, styled
 
 SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},
-    "controller": {"type": "PI", "Kc": 0.5, "Ti": 5.0},
-    "valve": {"model": "choudhury", "S": 3.0, "J": 1.1},
-    "sampling": {"Ts": 1.0},
-    "noise": {"std": 0.02},
-}
+LOOP = pi_table(
+    T=5.0, Td=1.0, Kc=0.5, Ti=5.0, Ts=1.0, valve=choudhury(3.0, 1.1), noise={"std": 0.02}
+)
 
 
 def data() -> pd.DataFrame:
@@ -53,8 +50,7 @@ def draw(data: pd.DataFrame) -> Figure:
     t = data["t (s)"]
     for place, name in ((axes[0, 0], "OP"), (axes[1, 0], "PV")):
         place.plot(t, data[f"{name} (%)"], color=SIGNAL[name], linewidth=1.0)
-        low, high = data[f"{name} (%)"].min(), data[f"{name} (%)"].max()
-        place.set_ylim(low - 0.08 * (high - low), high + 0.3 * (high - low))
+        room(place, data[f"{name} (%)"], 0.08, 0.3)
         label(place, "time (s)", f"{name} (%)")
         place.label_outer()
         for phase in (1, 2):

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import BLUE, GREY, ORANGE, label, note, panels, span, styled
+from simbench.figures._style import BLUE, GREY, ORANGE, label, note, panels, parts, span, styled
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.4, redrawn there from ISA-S51.1 (1979)"
@@ -56,7 +56,7 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the four OP-MV plots."""
     figure, axes = panels(2, 2, 6.4, 6.0, sharex=True, sharey=True)
-    for place, (panel, part) in zip(axes.flat, data.groupby("panel", sort=False)):
+    for place, panel, part in parts(axes, data, "panel"):
         for name, colour in (("full traverse", BLUE), ("inner loop", ORANGE)):
             curve = part[part.part == name]
             place.plot(

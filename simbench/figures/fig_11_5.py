@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import BLUE, GREY, ORANGE, RED, label, panels, span, styled
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, beside, label, panel, span, styled
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.5, after Choudhury et al. (2005) and Rossi & Scali (2005)"
@@ -24,19 +24,11 @@ def data() -> pd.DataFrame:
 
     Columns: OP (%), MV (%), phase of the step that ends in the sample.
     """
-    ramp = [
-        (0, 50),
-        (40, 10),
-        (60, 10),
-        (115, 65),
-        (120, 65),
-        (145, 90),
-        (155, 90),
-        (235, 10),
-        (240, 10),
-        (295, 65),
-    ]
-    op = np.interp(np.arange(0.0, 295.25, 0.25), *zip(*ramp))
+    t, corners = (
+        [0, 40, 60, 115, 120, 145, 155, 235, 240, 295],
+        [50, 10, 10, 65, 65, 90, 90, 10, 10, 65],
+    )
+    op = np.interp(np.arange(0.0, 295.25, 0.25), t, corners)
     mv = valve_response("choudhury", op, {"S": S, "J": J})
     moved = np.diff(mv, prepend=mv[0])
     phase = np.where(np.abs(moved) > J / 2, "jump", np.where(moved == 0.0, "sticking", "motion"))
@@ -49,7 +41,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the OP-MV plot, its phases by colour, and name the points of the chapter."""
-    figure, ((place,),) = panels(1, 1, 5.6, 5.2)
+    figure, place = panel(5.6, 5.2)
     place.plot(
         [0, 100], [0, 100], color=GREY, linestyle="-.", linewidth=0.9, label="without stiction"
     )
@@ -67,59 +59,25 @@ def draw(data: pd.DataFrame) -> Figure:
         )
         shown.add(name)
     half = (S - J) / 2
-    points = {
-        "A": (10, 10 + half),
-        "B": (10 + S, 10 + half),
-        "C": (10 + S, 10 + half + J),
-        "D": (65, 65 - half),
-        "E": (65 + J, 65 - half),
-        "F": (65 + J, 65 - half + J),
-        "G": (90, 90 - half),
-    }
-    aside = {
-        "A": (-9, 0),
-        "B": (8, -7),
-        "C": (-8, 6),
-        "D": (-8, 6),
-        "E": (9, -6),
-        "F": (-8, 6),
-        "G": (9, 0),
-    }
-    for name, point in points.items():
+    for name, point, gap in (
+        ("A", (10, 10 + half), (-9, 0)),
+        ("B", (10 + S, 10 + half), (8, -7)),
+        ("C", (10 + S, 10 + half + J), (-8, 6)),
+        ("D", (65, 65 - half), (-8, 6)),
+        ("E", (65 + J, 65 - half), (9, -6)),
+        ("F", (65 + J, 65 - half + J), (-8, 6)),
+        ("G", (90, 90 - half), (9, 0)),
+    ):
         place.plot(*point, marker="o", color="black", markersize=4)
-        place.annotate(
-            name,
-            point,
-            aside[name],
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontweight="bold",
-        )
+        beside(place, name, point, gap, fontweight="bold")
     low = 10 + half
     span(place, (10, low - 5), (10 + S - J, low - 5), "dead-band\nS - J", (0, -13))
     span(place, (10 + S - J, low - 5), (10 + S, low - 5), "stick\nband J", (4, -13))
     span(place, (10, low - 19), (10 + S, low - 19), "S", (0, -7))
     span(place, (10 + S + 4, low), (10 + S + 4, low + J), "slip jump J", (32, 0))
     span(place, (65, 65 - half - 5), (65 + J, 65 - half - 5), "stick\nband J", (0, -13))
-    place.annotate(
-        "moving phase",
-        (80, 70),
-        (26, -8),
-        textcoords="offset points",
-        color=BLUE,
-        fontsize=8,
-        va="center",
-    )
-    place.annotate(
-        "moving phase",
-        (40, 50),
-        (-62, 6),
-        textcoords="offset points",
-        color=BLUE,
-        fontsize=8,
-        va="center",
-    )
+    for at, gap in (((80, 70), (26, -8)), ((40, 50), (-62, 6))):
+        beside(place, "moving phase", at, gap, color=BLUE, fontsize=8, ha="left")
     place.legend(loc="upper left", title="phase")
     label(place, "OP (% of span)", "MV (% of travel)")
     place.set_xlim(0, 105)

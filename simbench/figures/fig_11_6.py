@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._records import NeedsRecord, real_loop
-from simbench.figures._style import BLUE, label, panels, styled
+from simbench.figures._style import BLUE, label, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.6; data: ISDB (Jelali & Huang 2010), StictionGPT"
 LOOPS = (
@@ -45,7 +45,7 @@ def data(isdb: str) -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the four PV-OP plots."""
     figure, axes = panels(2, 2, 6.4, 5.6)
-    for place, (name, part) in zip(axes.flat, data.groupby("loop", sort=False)):
+    for place, name, part in parts(axes, data, "loop"):
         place.plot(part["OP"], part["PV"], color=BLUE, linewidth=0.5, marker=".", markersize=1.5)
         label(place, "OP (record's units)", "PV (record's units)", str(name))
     return figure

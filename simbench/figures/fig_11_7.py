@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
+from simbench.figures._style import BLUE, GREY, RED, label, note, panels, parts, styled
 from simbench.loop.parameters import VALVES, valve_parameters
 
 SOURCE = (
@@ -52,7 +52,7 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw force over velocity, at rest in another colour."""
     figure, axes = panels(2, 2, 6.4, 5.4)
-    for place, (panel, part) in zip(axes.flat, data.groupby("panel", sort=False)):
+    for place, panel, part in parts(axes, data, "panel"):
         v, force = part["velocity (mm/s)"].to_numpy(), part["friction (N)"].to_numpy()
         place.axhline(0, color=GREY, linewidth=0.6)
         moving = v.size // 2 - 1

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
-from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, styled
+from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, parts, styled
 from simbench.theory.describing import intersections, stiction
 from simbench.theory.sampled import sampled_loop
 
@@ -95,7 +95,7 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw both planes with the predicted periods and amplitudes."""
     figure, axes = panels(1, 2, 8.0, 4.6, sharey=True)
-    for place, (panel, part) in zip(axes[0], data.groupby("panel", sort=False)):
+    for place, panel, part in parts(axes, data, "panel"):
         place.axhline(0, color=GREY, linewidth=0.6)
         place.axvline(0, color=GREY, linewidth=0.6)
         L = part[part.curve == "L"]

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
+from simbench.figures._loops import choudhury, pi_table
 from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
@@ -32,12 +33,16 @@ def loop(Td_over_T: float, S_over_2J: float) -> Loop:
     """
     T = Td / Td_over_T
     return Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": K, "T": T, "Td": Td},
-            "controller": {"type": "PI", "Kc": 0.5 * T / (K * Td), "Ti": T},
-            "valve": {"model": "choudhury", "S": S, "J": S / (2 * S_over_2J)},
-            "sampling": {"Ts": Ts, "n": 4000},
-        }
+        pi_table(
+            K=K,
+            T=T,
+            Td=Td,
+            Kc=0.5 * T / (K * Td),
+            Ti=T,
+            Ts=Ts,
+            n=4000,
+            valve=choudhury(S, S / (2 * S_over_2J)),
+        )
     )
 
 

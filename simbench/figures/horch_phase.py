@@ -15,7 +15,8 @@ from detectors.judge import judge
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
-from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panels, styled
+from simbench.figures._loops import choudhury, pi_table, sine
+from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panel, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "He et al. (2007), analysis of Horch (1999); Jelali (2013), Sect. 11.5"
@@ -30,12 +31,15 @@ def healthy(w_Ti: float) -> tuple[LoopRecord, float]:
     """Return the record of a healthy loop under a sine of 60 s, and w Ti."""
     Ti = w_Ti * 60.0 / (2 * np.pi)
     loop = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 1.0},
-            "controller": {"type": "PI", "Kc": min(0.1 * Ti, 1.0), "Ti": Ti},
-            "sampling": {"Ts": 0.2, "n": 300 * (PERIODS + 15)},
-            "disturbance": [{"type": "sine", "amplitude": 2.0, "period": 60.0, "at": "output"}],
-        }
+        pi_table(
+            T=3.0,
+            Td=1.0,
+            Kc=min(0.1 * Ti, 1.0),
+            Ti=Ti,
+            Ts=0.2,
+            n=300 * (PERIODS + 15),
+            disturbance=sine(2.0, 60.0),
+        )
     )
     record = simulate(loop).record
     return record.window(record.n - 300 * PERIODS, record.n), w_Ti
@@ -45,12 +49,7 @@ def sticky(ratio: float) -> tuple[LoopRecord, float]:
     """Return the record of a sticky loop with T = Ti = ratio Td in its cycle, and w Ti."""
     T = ratio * Td
     loop = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.0, "T": T, "Td": Td},
-            "controller": {"type": "PI", "Kc": 0.5 * ratio, "Ti": T},
-            "valve": {"model": "choudhury", "S": 5.0, "J": 2.5},
-            "sampling": {"Ts": 1.0},
-        }
+        pi_table(T=T, Td=Td, Kc=0.5 * ratio, Ti=T, Ts=1.0, valve=choudhury(5.0, 2.5))
     )
     cycle = sustained_cycle(loop, PERIODS)
     record = LoopRecord(op=cycle["OP (%)"], pv=cycle["PV"], Ts=1.0, process="self-regulating")
@@ -74,7 +73,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw dtau over w Ti for both kinds of loops, with the law and the limits of the verdict."""
-    figure, ((axes,),) = panels(1, 1, 6.4, 4.0)
+    figure, axes = panel(6.4, 4.0)
     x = np.geomspace(0.06, 16, 200)
     axes.plot(
         x,

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from detectors.errors import ParameterError
 from detectors.verdict import STICTION
 from simbench.bench.store.reading import read_table
-from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
+from simbench.figures._style import BLUE, GREY, RED, label, note, panel, styled
 
 SOURCE = (
     "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any"
@@ -61,7 +61,7 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw dtau over w Ti for both valves, with the law of a linear loop and the bounds of the
     verdict.
     """
-    figure, ((axes,),) = panels(1, 1, 6.4, 4.2)
+    figure, axes = panel(6.4, 4.2)
     x = np.geomspace(data.w_Ti.min(), data.w_Ti.max(), 200)
     axes.plot(
         x,

@@ -84,20 +84,8 @@ def cells(book: RunArrays) -> pd.DataFrame:
                             a.home,
                         )
                     )
-    columns = [
-        "method",
-        "plant",
-        "ratio",
-        "S_over_2J",
-        "n",
-        "applicable",
-        "right",
-        "no_decision",
-        "lo",
-        "hi",
-        "home",
-    ]
-    return pd.DataFrame(rows, columns=columns).sort_values(
+    columns = "method plant ratio S_over_2J n applicable right no_decision lo hi home"
+    return pd.DataFrame(rows, columns=columns.split()).sort_values(
         "method", kind="stable", ignore_index=True
     )
 

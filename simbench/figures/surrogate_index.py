@@ -17,7 +17,8 @@ from detectors.signal.conditioning import drift
 from detectors.signal.oscillation import find_oscillation
 from detectors.signal.surrogates import nonlinearity_index
 from scenarios.spec import Loop
-from simbench.figures._style import BLACK, BLUE, GREEN, GREY, RED, label, panels, styled
+from simbench.figures._loops import choudhury, pi_table, sine
+from simbench.figures._style import BLACK, BLUE, GREEN, GREY, RED, label, panel, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = (
@@ -33,22 +34,15 @@ COLOURS = {
     "healthy, sine from outside": BLUE,
     "linear, driven by noise": BLACK,
 }
-PLANT = {"type": "foptd", "K": 1.0, "T": 20.0, "Td": 10.0}
-CONTROLLER = {"type": "PI", "Kc": 0.8, "Ti": 20.0}
 
 
 def looped(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
     """Return the control error of a simulated loop, and its period in samples; NaN without one."""
-    table = {
-        "plant": PLANT,
-        "controller": CONTROLLER,
-        "sampling": {"Ts": 1.0, "n": N},
-        "noise": {"std": 1.4 * noise},
-    }
-    if kind == "sticky valve":
-        table["valve"] = {"model": "choudhury", "S": 5.0, "J": 2.5}
-    else:
-        table["disturbance"] = [{"type": "sine", "amplitude": 2.0, "period": 80.0, "at": "output"}]
+    sticky = kind == "sticky valve"
+    cause = {"valve": choudhury(5.0, 2.5)} if sticky else {"disturbance": sine(2.0, 80.0)}
+    table = pi_table(
+        T=20.0, Td=10.0, Kc=0.8, Ti=20.0, Ts=1.0, n=N, noise={"std": 1.4 * noise}, **cause
+    )
     record = simulate(Loop.from_table(table), seed, kick=8.0).record
     return record.e, find_oscillation(record.op, record.pv, 1.0).period_s
 
@@ -89,7 +83,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw every index, side by side at each noise, and the published bound."""
-    figure, ((axes,),) = panels(1, 1, 6.6, 4.0)
+    figure, axes = panel(6.6, 4.0)
     for j, (kind, colour) in enumerate(COLOURS.items()):
         part = data[data["kind"] == kind]
         place = part["noise ratio (-)"].map({x: i for i, x in enumerate(NOISE)}) + 0.18 * (j - 1.5)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.confirm.grade import grade
+from simbench.figures._loops import pi_table
 from simbench.figures._style import styled, table
 
 SOURCE = (
@@ -42,13 +43,16 @@ def data() -> pd.DataFrame:
 
 def _loop(model: str, parameters: dict[str, float], K: float, noise: float) -> Loop:
     return Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": K, "T": 5.0, "Td": 1.0},
-            "controller": {"type": "PI", "Kc": 0.3, "Ti": 5.0},
-            "valve": {"model": model, **parameters},
-            "sampling": {"Ts": 1.0},
-            "noise": {"std": noise},
-        }
+        pi_table(
+            K=K,
+            T=5.0,
+            Td=1.0,
+            Kc=0.3,
+            Ti=5.0,
+            Ts=1.0,
+            valve={"model": model, **parameters},
+            noise={"std": noise},
+        )
     )
 
 

@@ -136,18 +136,10 @@ def data() -> pd.DataFrame:
                 len(grid),
             ]
         )
-    names = [
-        "process",
-        "controller",
-        "nonlinearity",
-        "table",
-        "loops",
-        "exist",
-        "reached",
-        "disagreements",
-    ]
-    names += ["cycled", "simulated"]
-    return pd.DataFrame(rows, columns=names)
+    names = (
+        "process controller nonlinearity table loops exist reached disagreements cycled simulated"
+    )
+    return pd.DataFrame(rows, columns=names.split())
 
 
 @styled

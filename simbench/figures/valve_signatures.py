@@ -13,19 +13,24 @@ from simbench.loop.response import valve_response
 SOURCE = "this project's valve models, each with its own source"
 # What a model takes of these it gets, % of travel and s; the rest keeps its default.
 WANTED = {
-    **{
-        "S": 20.0,
-        "J": 8.0,
-        "S_up": 24.0,
-        "J_up": 8.0,
-        "S_down": 12.0,
-        "J_down": 4.0,
-        "D": 20.0,
-        "d": 8.0,
-        "H": 10.0,
-    },
-    **{"R": 20.0, "T": 10.0, "low": 20.0, "high": 80.0, "period": 300.0, "on": 150.0},
-    **{"S_end": 4.0, "J_end": 1.0, "t_end": 700.0},
+    "S": 20.0,
+    "J": 8.0,
+    "S_up": 24.0,
+    "J_up": 8.0,
+    "S_down": 12.0,
+    "J_down": 4.0,
+    "D": 20.0,
+    "d": 8.0,
+    "H": 10.0,
+    "R": 20.0,
+    "T": 10.0,
+    "low": 20.0,
+    "high": 80.0,
+    "period": 300.0,
+    "on": 150.0,
+    "S_end": 4.0,
+    "J_end": 1.0,
+    "t_end": 700.0,
 }
 Ts = 1.25  # s
 

@@ -25,6 +25,23 @@ _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "t
 _COUNTS = ("cell", "repeat")
 TAG_KEYS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
 
+_TYPES = {
+    "text": _TEXT,
+    "number": _NUMBER,
+    "count": pa.int64(),
+    "flag": pa.bool_(),
+    "numbers": pa.list_(pa.float32()),
+}
+
+
+def _columns(table: str) -> list[tuple[str, pa.DataType]]:
+    """Return the columns of lines that begin with a type, in their order."""
+    lines = [line.split() for line in table.strip().splitlines()]
+    return [(name, _TYPES[kind]) for kind, *names in lines for name in names]
+
+
+# S and J: mapped, % of travel; theory_reason: why theory has nothing to say of this loop;
+# no_waveform: as `simbench.bench.score.no_waveform` names them
 SCENARIOS = pa.schema(
     [
         ("scenario_id", _TEXT),
@@ -33,53 +50,36 @@ SCENARIOS = pa.schema(
             (name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER)
             for name in TAG_KEYS
         ),
-        ("seed", pa.int64()),
-        ("sticky", pa.bool_()),
-        ("S", _NUMBER),  # mapped, % of travel
-        ("J", _NUMBER),
-        ("predicted", pa.bool_()),
-        ("refined", pa.bool_()),
-        ("theory", pa.bool_()),
-        ("theory_period", _NUMBER),
-        ("theory_amplitude", _NUMBER),
-        ("theory_reason", _TEXT),  # why theory has nothing to say of this loop
-        ("cycled", _TEXT),
-        ("cycle_period", _NUMBER),
-        ("cycle_swing", _NUMBER),
-        ("Ts", _NUMBER),
-        ("n", pa.int64()),
-        ("noise_std", _NUMBER),
-        ("oscillating", pa.bool_()),
-        ("regularity", _NUMBER),
-        ("period_s", _NUMBER),
-        ("flags", _TEXT),
-        ("no_waveform", pa.list_(pa.float32())),  # as `simbench.bench.score.no_waveform` names them
-        ("record_hash", _TEXT),
-        ("loop", _TEXT),
-        ("tags", _TEXT),
-        ("error", _TEXT),
+        *_columns("""
+            count seed
+            flag sticky
+            number S J
+            flag predicted refined theory
+            number theory_period theory_amplitude
+            text theory_reason cycled
+            number cycle_period cycle_swing Ts
+            count n
+            number noise_std
+            flag oscillating
+            number regularity period_s
+            text flags
+            numbers no_waveform
+            text record_hash loop tags error
+        """),
     ]
 )
 VERDICT_SCHEMA = pa.schema(
-    [
-        ("scenario_id", _TEXT),
-        ("method", _TEXT),
-        ("verdict", _TEXT),
-        ("score", _NUMBER),
-        ("verdict_raw", _TEXT),
-        ("score_raw", _NUMBER),
-        ("applicable", pa.bool_()),
-        ("reason", _TEXT),
-        ("reason_raw", _TEXT),
-        ("indices", _TEXT),
-        ("S_lo", _NUMBER),
-        ("S_hi", _NUMBER),
-        ("J_lo", _NUMBER),
-        ("J_hi", _NUMBER),
-        ("S_unit", _TEXT),
-        ("error", _TEXT),
-        ("runtime_s", _NUMBER),
-    ]
+    _columns("""
+        text scenario_id method verdict
+        number score
+        text verdict_raw
+        number score_raw
+        flag applicable
+        text reason reason_raw indices
+        number S_lo S_hi J_lo J_hi
+        text S_unit error
+        number runtime_s
+    """)
 )
 
 
