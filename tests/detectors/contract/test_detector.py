@@ -227,6 +227,7 @@ def pairs():
     return [(name, process) for name in NAMES for process in methods.load(name).METHOD.process]
 
 
+@pytest.mark.slow  # the contract itself asks in two other units of each
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_no_unit_of_pv_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
@@ -252,6 +253,7 @@ def test_no_unit_of_pv_changes_a_verdict(name, process):
     holds()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_no_unit_of_op_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
