@@ -146,9 +146,7 @@ def test_one_more_series_pole_is_named_as_a_group():
     )
 
 
-@pytest.mark.parametrize(
-    "effect", ["valve_lag", pytest.param("extra_lag", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("effect", ["valve_lag", pytest.param("extra_lag", marks=pytest.mark.slow)])
 def test_mv_tells_the_valves_lag_from_the_plants(effect):
     assert said_of((effect, {"tau": 12.0}), mv=True).effect == effect
 
