@@ -49,30 +49,30 @@ def test_importing_detectors_loads_nothing_heavy():
         assert heavy not in loaded
 
 
-@pytest.mark.parametrize("path", FILES, ids=NAMES)
-def test_first_line_says_what_lives_here(path):
-    text = path.read_text(encoding="utf-8")
-    first = (ast.get_docstring(ast.parse(text)) or "").split("\n")[0]
-    assert len(first) > 10, "a module docstring is missing"
-
-
-@pytest.mark.parametrize("path", FILES, ids=NAMES)
-def test_public_functions_describe_their_parameters(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in tree.body:
+@pytest.mark.parametrize("package", ["simbench", "detectors", "scenarios"])
+def test_first_lines_say_what_lives_there_and_public_functions_describe_their_parameters(package):
+    trees = {
+        name: ast.parse(path.read_text(encoding="utf-8"))
+        for path, name in zip(FILES, NAMES)
+        if name.startswith(package)
+    }
+    for name, tree in trees.items():
+        first = (ast.get_docstring(tree) or "").split("\n")[0]
+        assert len(first) > 10, f"{name}: a module docstring is missing"
+    for name, node in ((name, node) for name, tree in trees.items() for node in tree.body):
         if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
             continue
         if [d.id for d in node.decorator_list if isinstance(d, ast.Name)] == ["overload"]:
             continue  # a form of a call: the function itself speaks for all of them
         doc = ast.get_docstring(node) or ""
-        assert doc, f"{node.name} has no docstring"
+        assert doc, f"{name}: {node.name} has no docstring"
         if "Parameters\n" in doc:
             section = (
                 doc.split("Parameters\n", 1)[1].split("\n\n", 1)[0] if "Returns" not in doc else doc
             )
             arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
             missing = [a.arg for a in arguments if a.arg not in section]
-            assert not missing, f"{node.name}: the docstring does not speak of {missing}"
+            assert not missing, f"{name}: {node.name}: the docstring does not speak of {missing}"
 
 
 PLUGINS = ["detectors/methods", "simbench/gap/effects", "simbench/figures"]

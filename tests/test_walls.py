@@ -36,10 +36,10 @@ def house():
     )
 
 
-def broken(graph):
-    """Return the names of the contracts that a graph breaks."""
+def broken(graph, asked=lambda options: True):
+    """Return the names of the contracts that a graph breaks, of those that are asked about."""
     out = set()
-    for options in OPTIONS.contracts_options:
+    for options in filter(asked, OPTIONS.contracts_options):
         kind = import_module(f"importlinter.contracts.{options['type']}")
         contract = getattr(kind, CLASSES[options["type"]])(
             options["name"], OPTIONS.session_options, options
@@ -47,10 +47,6 @@ def broken(graph):
         if not contract.check(graph=deepcopy(graph), verbose=False).kept:
             out.add(options["name"])
     return out
-
-
-def test_the_house_as_it_stands_breaks_no_wall(house):
-    assert broken(house) == set()
 
 
 @pytest.mark.parametrize(
@@ -97,14 +93,15 @@ def test_the_house_as_it_stands_breaks_no_wall(house):
 def test_a_forbidden_arrow_breaks_its_wall(house, importer, imported, wall):
     graph = deepcopy(house)
     graph.add_import(importer=importer, imported=imported)
-    assert wall in broken(graph)
+    # that the house as it stands breaks none is what `lint-imports` says
+    assert broken(graph, lambda options: options["name"] == wall) == {wall}
 
 
 @pytest.mark.parametrize("module", ["simbench.gap.attic", "simbench.attic", "simbench.loop.attic"])
 def test_a_module_without_a_place_breaks_the_order_of_rooms(house, module):
     graph = deepcopy(house)
     graph.add_module(module)
-    assert broken(graph)
+    assert broken(graph, lambda options: options["type"] == "layers")
 
 
 PLUGINS = (

@@ -96,7 +96,8 @@ def detect(
     --------
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
-    >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)), **METHOD.defaults()).verdict
+    >>> record = LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'stiction'
     """
     name = "PV" if prepared.integrating else "OP"

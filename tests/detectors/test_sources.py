@@ -195,7 +195,7 @@ def test_a_function_judges_a_grid_in_any_process(tmp_path):
             ["horch", mean_op, Level()],
             out=tmp_path / str(jobs),
             jobs=jobs,
-            sets={"disturbance": "none"},
+            sets={"disturbance": "none", "Td_over_T": 0.3, "Td_over_Ti": 0.05},
         )
         verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
         tables.append(verdicts)

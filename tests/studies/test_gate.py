@@ -20,6 +20,7 @@ def rows():
     return study("smoke", {}, ("he", "rossi_scali", "yamashita", "ellipse"))
 
 
+@pytest.mark.slow
 def test_40_harmless_changes_of_which_none_is_called_worse(rows):
     kept = [
         row
@@ -40,18 +41,21 @@ def test_40_harmless_changes_of_which_none_is_called_worse(rows):
     assert not any(row["failed"] for row in kept if row["flips"] == 0)
 
 
+@pytest.mark.slow
 def test_what_is_broken_is_caught_even_on_48_loops(rows):
     broken = [row for row in rows if row["what"] in BROKEN or "loops of" in row["what"]]
     assert len(broken) >= 20
     assert all(row["failed"] for row in broken if row["flips"] != 0)
 
 
+@pytest.mark.slow
 def test_a_detector_that_is_not_itself_is_caught(rows):
     moody = [row for row in rows if row["what"] == "2 % at random"]
     assert len(moody) == 2
     assert all(row["failed"] == row["as_wanted"] for row in moody)
 
 
+@pytest.mark.slow
 def test_small_changes_of_what_a_method_computes_are_caught_by_exact(rows):
     small = [row for row in rows if row["what"] in SEMANTIC]
     assert {row["method"] for row in small} == {"he", "yamashita"}  # of the four methods asked
@@ -60,6 +64,7 @@ def test_small_changes_of_what_a_method_computes_are_caught_by_exact(rows):
     assert all(row["exact"] for row in rows if row["what"] in BROKEN and row["flips"])
 
 
+@pytest.mark.slow
 def test_small_changes_change_what_a_method_computes_and_nothing_else(tmp_path):
     methods = ["he", "horch", "singhal_salsbury", "yamashita"]
     folder = run_grid(

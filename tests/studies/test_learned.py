@@ -41,6 +41,7 @@ def test_kernels_tell_a_triangle_from_a_sine():
     assert apart.max() > 1.5
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_for_home_and_away_and_every_method():
     found = rows(["smoke"], 24, 12, ["he"])
     assert [r["method"] for r in found] == ["random kernels", "no waveform", "he"]

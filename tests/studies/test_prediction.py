@@ -13,7 +13,9 @@ def test_records_are_mixed_as_stated():
     assert (plan.single, plan.none, plan.two, plan.foreign) == (12, 6, 0, 2)
 
 
-@pytest.mark.parametrize("world", ["own", "mill", "refinery"])
+@pytest.mark.parametrize(
+    "world", ["own", *(pytest.param(w, marks=pytest.mark.slow) for w in ("mill", "refinery"))]
+)
 def test_the_true_loop_runs_under_the_settings_that_are_predicted(world):
     item = WORLDS.load(world).draw(5, 0, {"kind": "none", "mv": False})
     tried = changes(item)

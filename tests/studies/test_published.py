@@ -44,6 +44,7 @@ def test_the_gain_is_counted_over_loops_that_only_one_of_the_two_gets_right():
     assert (found["g found"], found["g false"], found["g open"]) == ("0.333", "0.000", "0.250")
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_per_variant_and_leaves_absent_records_out(tmp_path):
     found = rows({"smoke": 12}, tmp_path, tmp_path / "records.csv")
     assert [(r["method"], r["variant"]) for r in found] == [(m, v) for m, v, _ in variants()]

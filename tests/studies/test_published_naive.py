@@ -98,7 +98,7 @@ def test_verdict_and_index_are_those_of_the_paper(records, name):
 
 
 @pytest.mark.filterwarnings("ignore:Covariance of the parameters")
-@pytest.mark.parametrize("name", ["he", "rossi_scali"])
+@pytest.mark.parametrize("name", [pytest.param("he", marks=pytest.mark.slow), "rossi_scali"])
 def test_verdict_is_that_of_the_paper_unless_the_index_is_next_to_a_bound(records, name):
     found = list(answers(records, name))
     assert len(found) > 30

@@ -50,7 +50,7 @@ def test_ultimate_gain_is_where_the_linear_loop_starts_to_oscillate():
     assert verify.ultimate_gain(sampled_loop(loop.with_("controller.type", "P"))) is not None
 
 
-@pytest.mark.parametrize("what", ["predictions", "kicks", "existence-p", "existence-pi"])
+@pytest.mark.parametrize("what", ["existence-p", pytest.param("kicks", marks=pytest.mark.slow)])
 def test_command_prints_its_figures(what, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["verify", what, "--loops", "2", "--seed", "8"])
     verify.main()

@@ -197,6 +197,7 @@ def detect(prepared):
 '''
 
 
+@pytest.mark.slow  # every kernel is compiled again, in a copy
 def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_verdict(tmp_path):
     """In a copy of the package, as it writes beside the modules too."""
     house = tmp_path / "house"

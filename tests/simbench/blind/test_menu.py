@@ -13,7 +13,10 @@ from simbench.blind.making import write_item
 from simbench.files import folder
 
 
-@pytest.fixture(scope="module", params=["own", "mill", "refinery"])
+@pytest.fixture(
+    scope="module",
+    params=["own", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mill", "refinery"))],
+)
 def drawn(request):
     world = WORLDS.load(request.param)
     return world, world.draw(7, 3, {"kind": "none", "mv": False})

@@ -99,7 +99,9 @@ def test_a_broken_point_is_told(contract_of, old, new, said):
     assert any(said in fault for fault in found.broken), found
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n == "own" else pytest.mark.slow) for n in NAMES]
+)
 def test_the_worlds_of_the_house_keep_it(name):
     found = check_world(name)
     assert (found.broken, found.notes) == ((), ())

@@ -63,8 +63,13 @@ def test_the_catalogue_lists_figures_by_their_public_id():
 
 
 @pytest.mark.parametrize("name", FREE)
-def test_no_text_is_cut_off_or_covers_another(drawn, name):
-    _check_texts(FIGURES.load(name).draw(drawn(name)))
+def test_axes_have_quantity_and_unit_and_no_text_is_cut_off_or_covers_another(drawn, name):
+    figure = FIGURES.load(name).draw(drawn(name))
+    for axes in figure.axes:
+        if axes.axison and axes.get_xticks().size and axes.get_label() != "<colorbar>":
+            for label in (axes.get_xlabel(), axes.get_ylabel()):
+                assert not label or "(" in label or "/" in label, f"{label!r} has no unit"
+    _check_texts(figure)
 
 
 @needs_real
@@ -105,15 +110,6 @@ def _check_texts(figure) -> None:
     for i, (a, said) in enumerate(boxes):
         for b, other in boxes[i + 1 :]:
             assert not a.overlaps(b), f"{said!r} covers {other!r}"
-
-
-@pytest.mark.parametrize("name", FREE)
-def test_axes_have_quantity_and_unit(drawn, name):
-    figure = FIGURES.load(name).draw(drawn(name))
-    for axes in figure.axes:
-        if axes.axison and axes.get_xticks().size and axes.get_label() != "<colorbar>":
-            for label in (axes.get_xlabel(), axes.get_ylabel()):
-                assert not label or "(" in label or "/" in label, f"{label!r} has no unit"
 
 
 def test_each_figure_is_written_as_svg_png_and_csv(tmp_path):

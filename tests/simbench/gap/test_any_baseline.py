@@ -19,7 +19,8 @@ BASE = {
 
 
 @pytest.mark.parametrize(
-    ("effect", "parameters"), [("none", {}), ("gain_mismatch", {"factor": 1.6})]
+    ("effect", "parameters"),
+    [pytest.param("none", {}, marks=pytest.mark.slow), ("gain_mismatch", {"factor": 1.6})],
 )
 def test_a_second_order_baseline_is_no_gap_and_hides_none(effect, parameters):
     record = (

@@ -2,7 +2,9 @@
 one sentence.
 """
 
+import functools
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -42,9 +44,23 @@ def ask(r, **options):
     return diagnose(r, BARE, **options)
 
 
+@functools.cache
+def answered(effects: str, mv: bool = False) -> GapReport:
+    """Return what is said of a record with these effects (JSON), asked once for all tests."""
+    found = record(*json.loads(effects))
+    return ask(found if mv else blind(found))
+
+
+def said_of(*effects, mv=False) -> GapReport:
+    return answered(json.dumps(effects), mv)
+
+
+STICKY = ("stiction", {"S": 6.0, "J": 3.0})
+
+
 @pytest.fixture(scope="module")
 def sticky() -> GapReport:
-    return ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}))))
+    return said_of(STICKY)
 
 
 def test_json_has_the_contracts_keys_and_no_others(sticky):
@@ -94,11 +110,11 @@ def slow(effect, parameters):
 @pytest.mark.parametrize(
     ("effect", "parameters"),
     [
-        ("stiction", {"S": 6.0, "J": 3.0}),
+        STICKY,
         ("gain_mismatch", {"factor": 1.7}),
-        ("quantisation", {"step": 0.4, "at": "loop"}),
         ("oscillation", {"amplitude": 3.0, "period": 77.0}),
-        ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
+        slow("quantisation", {"step": 0.4, "at": "loop"}),
+        slow("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
         slow("deadband", {"S": 5.0}),
         slow("valve_characteristic", {"R": 60.0}),
         slow("time_constant_mismatch", {"factor": 2.0}),
@@ -113,7 +129,7 @@ def slow(effect, parameters):
     ],
 )
 def test_a_plain_effect_is_named_with_its_size(effect, parameters):
-    found = ask(blind(record((effect, parameters))))
+    found = said_of((effect, parameters))
     assert found.effect == effect
     assert found.block == EFFECTS[effect].block
     for key, value in parameters.items():
@@ -122,7 +138,7 @@ def test_a_plain_effect_is_named_with_its_size(effect, parameters):
 
 
 def test_one_more_series_pole_is_named_as_a_group():
-    found = ask(blind(record(("extra_lag", {"tau": 12.0}))))
+    found = said_of(("extra_lag", {"tau": 12.0}))
     assert found.effect in found.group
     assert {"extra_lag", "valve_lag"} <= set(found.group)
     assert found.next_test is not None or any(
@@ -130,13 +146,13 @@ def test_one_more_series_pole_is_named_as_a_group():
     )
 
 
-def test_mv_tells_the_valves_lag_from_the_plants():
-    assert ask(record(("valve_lag", {"tau": 12.0}))).effect == "valve_lag"
-    assert ask(record(("extra_lag", {"tau": 12.0}))).effect == "extra_lag"
+@pytest.mark.parametrize("effect", ["valve_lag", pytest.param("extra_lag", marks=pytest.mark.slow)])
+def test_mv_tells_the_valves_lag_from_the_plants(effect):
+    assert said_of((effect, {"tau": 12.0}), mv=True).effect == effect
 
 
 def test_nothing_missing_is_none_and_claims_no_shrinkage():
-    found = ask(blind(record()))
+    found = said_of()
     assert found.effect == NONE
     assert found.block == "none"
     assert found.shrinkage is None
@@ -144,16 +160,11 @@ def test_nothing_missing_is_none_and_claims_no_shrinkage():
 
 
 def test_two_effects_of_different_blocks_are_both_named():
-    found = ask(
-        blind(
-            record(
-                ("stiction", {"S": 6.0, "J": 3.0}), ("quantisation", {"step": 0.3, "at": "record"})
-            )
-        )
-    )
+    found = said_of(STICKY, ("quantisation", {"step": 0.3, "at": "record"}))
     assert {e["effect"] for e in found.effects} == {"stiction", "quantisation"}
 
 
+@pytest.mark.slow  # the law behind OP that says so is tested by itself
 def test_a_controller_that_skips_scans_misses_executions():
     r = blind(record())
     e, op = r.sp - r.pv, [float(r.op[0])]
@@ -168,18 +179,20 @@ def test_adding_the_effect_closes_the_gap_and_the_file_says_so(sticky):
     assert sticky.shrinkage["value"] > 0.6
     assert sticky.shrinkage["lo"] <= sticky.shrinkage["value"] <= sticky.shrinkage["hi"]
     fixed = sticky.fixed_loop()
-    again = Loop.from_table(__import__("tomllib").loads(fixed.to_toml()))
+    again = Loop.from_table(tomllib.loads(fixed.to_toml()))
     assert again == fixed
     assert again.effect[0].name == "stiction"
-    real, sim = record(("stiction", {"S": 6.0, "J": 3.0})), simulate(again, seed=9).record
+    real, sim = record(STICKY), simulate(again, seed=9).record
     assert np.std(sim.op) == pytest.approx(np.std(real.op), rel=0.4)
 
 
+@pytest.mark.slow  # another process gives the same answer in test_command
 def test_the_same_seed_gives_the_same_answer(sticky):
-    again = ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}))))
+    again = ask(blind(record(STICKY)))
     assert again.as_json() == sticky.as_json()
 
 
+@pytest.mark.slow
 def test_another_unit_of_pv_changes_no_verdict():
     r = blind(record(("deadband", {"S": 5.0})))
     table = BARE.to_table()
@@ -192,18 +205,16 @@ def test_another_unit_of_pv_changes_no_verdict():
     assert found.effects[0]["parameters"]["S"] == pytest.approx(5.0, rel=0.25)
 
 
-def test_several_records_add_their_evidence():
-    one, two = (blind(record(("deadband", {"S": 3.0}), seed=s)) for s in (4, 5))
-    both = ask([one, two])
+@pytest.mark.slow
+def test_several_records_add_their_evidence_the_same_for_any_number_of_processes():
+    pair = [blind(record(("deadband", {"S": 3.0}), seed=s)) for s in (4, 5)]
+    both = ask(pair)
     assert both.effect == "deadband"
     assert any("2 records" in n for n in both.notes)
+    assert ask(pair, jobs=2).as_json() == both.as_json()
 
 
-def test_several_records_give_the_same_answer_for_any_number_of_processes():
-    pair = [blind(record(("deadband", {"S": 3.0}), seed=s)) for s in (4, 5)]
-    assert diagnose(pair, BARE, jobs=2).as_json() == diagnose(pair, BARE).as_json()
-
-
+@pytest.mark.slow  # the last test asks for its size as well
 def test_without_a_baseline_friction_is_still_found():
     loop = BASE.with_("controller.Kc", 1.2)
     found = diagnose(blind(record(("stiction", {"S": 8.0, "J": 5.0}), loop=loop)), None)
@@ -240,6 +251,7 @@ def test_the_baseline_of_another_loop_is_refused():
         diagnose(record(), other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["detuning", "quantisation"])
 def test_our_own_random_cases_are_answered(name):
     case = random_case(11, (name,))
@@ -255,7 +267,11 @@ def test_records_of_another_pace_are_not_judged_together():
 @pytest.mark.parametrize("mv", [pytest.param(True, marks=pytest.mark.slow), False])
 @pytest.mark.parametrize(
     "effect",
-    [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None],
+    [
+        {"name": "stiction", "S": 5.0, "J": 2.0},
+        pytest.param({"name": "gain_mismatch", "factor": 1.6}, marks=pytest.mark.slow),
+        pytest.param(None, marks=pytest.mark.slow),
+    ],
 )
 def test_a_loop_without_noise_is_no_riddle(effect, mv):
     table = {

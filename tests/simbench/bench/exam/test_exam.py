@@ -160,6 +160,7 @@ def test_a_subset_takes_siblings_only_when_every_group_has_given_one(tmp_path):
     assert len(set(groups)) == len(groups)
 
 
+@pytest.mark.slow  # a whole exam is answered twice, and half of it once more
 def test_a_killed_call_goes_on_where_it_stopped(place, tmp_path):
     (tmp_path / "slow.py").write_text(PLUGIN)
     words = [

@@ -59,7 +59,14 @@ def test_nothing_is_said_of_a_sound_test(id_, situation):
     assert said(made(id_, situation), situation) == ""
 
 
-@pytest.mark.parametrize(("id_", "moved"), [("sp_steps", True), ("bump", True), ("kc_half", False)])
+@pytest.mark.parametrize(
+    ("id_", "moved"),
+    [
+        pytest.param("sp_steps", True, marks=pytest.mark.slow),
+        ("bump", True),
+        ("kc_half", False),
+    ],
+)
 def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situation, monkeypatch):
     # load and plant of a loop that nobody moves are one thing, and a load of steps looks like
     # another plant
@@ -70,7 +77,7 @@ def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situ
     )
 
 
-@pytest.mark.parametrize("id_", ["sp_steps", "bump"])
+@pytest.mark.parametrize("id_", [pytest.param("sp_steps", marks=pytest.mark.slow), "bump"])
 def test_nothing_is_said_of_a_sound_test_under_a_pid(id_):
     loop = Loop.from_table(
         LOOP.to_table() | {"controller": {"type": "PID", "Kc": 0.5, "Ti": 10.0, "Td": 1.5}}

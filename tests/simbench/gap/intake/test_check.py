@@ -73,11 +73,16 @@ def test_mv_on_another_scale_is_refused(valve, change, words):
     "effect",
     [
         {"name": "stiction", "S": 8.0, "J": 4.0},
-        {"name": "deadband", "S": 5.0},
-        {"name": "valve_lag", "tau": 15.0},
         {"name": "valve_characteristic", "R": 15.0},
-        {"name": "valve_characteristic", "R": 0.1},
-        {"name": "deadzone", "D": 6.0, "c": 50.0},
+        *(
+            pytest.param(effect, marks=pytest.mark.slow)
+            for effect in (
+                {"name": "deadband", "S": 5.0},
+                {"name": "valve_lag", "tau": 15.0},
+                {"name": "valve_characteristic", "R": 0.1},
+                {"name": "deadzone", "D": 6.0, "c": 50.0},
+            )
+        ),
     ],
     ids=lambda e: f"{e['name']} {list(e.values())[1]:g}",
 )
@@ -118,7 +123,9 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize(
+    "name", ["slow", *(pytest.param(other, marks=pytest.mark.slow) for other in ("fast", "vessel"))]
+)
 def test_the_baseline_of_another_loop_is_refused(name):
     refused(run(**LOADED), loop(**OTHERS[name]), "another loop", "Kc", "K =")
 

@@ -129,7 +129,7 @@ DRIVEN = {
 }
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 def test_friction_and_feedback_do_not_turn_a_plant(sign):
     control = {"type": "P", "Kc": 1.0, "direction": "reverse" if sign > 0 else "direct"}
     record = run(DRIVEN, plant=DRIVEN["plant"] | {"K": 3.2 * sign}, controller=control)

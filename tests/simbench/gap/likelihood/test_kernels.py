@@ -1,5 +1,7 @@
 """The compiled kernels beside slow, obvious twins, and the valve maps beside the loop's own."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -190,12 +192,17 @@ def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=2e-3)
 
 
+@cache
+def without_jumps(n, T):
+    return covariance(n, T, LOAD)
+
+
 @pytest.mark.parametrize(("T", "lasting"), [(8.0, True), (8.0, False), (0.0, True), (0.0, False)])
 @pytest.mark.parametrize("places", [(100,), (100, 103, 140), (12, 500), (100, 450)])
 def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, places):
     n, load_time, jump = 700, 15.0, 6.0
     y = np.random.default_rng(4).standard_normal(n)
-    whole = covariance(n, T, LOAD)
+    whole = without_jumps(n, T)
     a = np.exp(-1 / T) if T else 1.0
     for k in [*places, *(k + 1 for k in places)]:
         height = np.zeros(n)

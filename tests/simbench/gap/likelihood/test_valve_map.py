@@ -95,8 +95,18 @@ def test_a_slow_valve_is_found_wherever_mv_stood_when_the_record_began():
     assert found["tau"] == pytest.approx(90.0, rel=0.1)
 
 
-@pytest.mark.parametrize("model", ["choudhury", "he", "kano"])
-@pytest.mark.parametrize("n", [1000, 4000])
+@pytest.mark.parametrize(
+    ("model", "n"),
+    [
+        ("choudhury", 4000),
+        ("he", 1000),
+        ("kano", 1000),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (("choudhury", 1000), ("he", 4000), ("kano", 4000))
+        ),
+    ],
+)
 def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(model, n):
     rng, right = np.random.default_rng(7), 0
     for seed in range(8):

@@ -244,6 +244,7 @@ def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
     assert "FIC101" in c.reason
 
 
+@pytest.mark.slow
 def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_beside_the_lag():
     table = load_loop(EXAMPLE).to_table() | {
         "noise": {"std": 0.3},

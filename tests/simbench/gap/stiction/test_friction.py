@@ -23,9 +23,21 @@ from simbench.plant.trust.trust import trust
 
 
 @pytest.mark.parametrize(
-    ("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))]
+    ("seed", "effects", "known"),
+    [
+        (5, (FRICTION,), False),
+        (8, (OUTSIDE,), True),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                (5, (FRICTION,), True),
+                (8, (OUTSIDE,), False),
+                (2, ("load_steps",), False),
+                (2, ("load_steps",), True),
+            )
+        ),
+    ],
 )
-@pytest.mark.parametrize("known", [False, True])
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
     alone, slow = (

@@ -91,7 +91,12 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
 
 
 @pytest.mark.parametrize(
-    ("probability", "answer"), [(0.8, STICTION), (0.6, NO_DECISION), (0.4, NO_STICTION)]
+    ("probability", "answer"),
+    [
+        pytest.param(0.8, STICTION, marks=pytest.mark.slow),
+        pytest.param(0.6, NO_DECISION, marks=pytest.mark.slow),
+        (0.4, NO_STICTION),
+    ],
 )
 def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(
     sticky, monkeypatch, probability, answer
@@ -146,6 +151,7 @@ def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, mo
     assert "none agrees with the probability" in found.as_text()
 
 
+@pytest.mark.slow
 def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
     other = LoopRecord(
         op=sticky.op,
