@@ -115,8 +115,8 @@ BROKEN = [
     ("more = ", 'print("more"); more = ', "prints 'more'"),
     ("more = ", "np.float64(0.0) / np.float64(0.0); more = ", "warns: RuntimeWarning"),
     ('{"fuller": more}', '{"fuller": "much"}', "gives the indices {'fuller': 'much'}"),
-    ("NO_STICTION, more,", "NO_STICTION, str(more),", "a number is needed"),
-    ("NO_STICTION, more,", "NO_STICTION, -more,", "must mean stickier"),
+    ("answer, more,", "answer, str(more),", "a number is needed"),
+    ("answer, more,", "answer, -more,", "must mean stickier"),
     ("more > least", "more < least", "says 'no_stiction' on the record 'stiction'"),
     ("more > least", "more > -1.0", "says 'stiction' on the record 'sine'"),
     (

@@ -97,7 +97,8 @@ def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
         " prepared.record.op[0])",
         times=0,
     )
-    judge(RECORD, ["horch"])  # what is imported and compiled here first must not be interrupted
+    # what is imported, compiled and started here first must not be interrupted
+    judge(replace(RECORD, op=RECORD.op + 45), ["horch", "mine"])
     threading.Timer(1.5, _thread.interrupt_main).start()
     with pytest.raises(KeyboardInterrupt):
         judge(RECORD, ["mine"])
