@@ -125,7 +125,7 @@ def detect(
     ['half']
     """
     asked, own = named_methods(methods)
-    settings = _Settings(raw, front_end, thresholds or {})
+    settings = _JudgeSettings(raw, front_end, thresholds or {})
     with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
@@ -187,12 +187,12 @@ def judge_files(
     >>> judge_files(file, ["horch"])["horch"].verdict
     'no_decision'
     """
-    settings = _Settings(raw, front_end, thresholds or {}, time_limit, conclude)
+    settings = _JudgeSettings(raw, front_end, thresholds or {}, time_limit, conclude)
     return _judge_files(path, methods, settings, plugins, **about)
 
 
 @dataclass(frozen=True)
-class _Settings:
+class _JudgeSettings:
     """How every record is judged."""
 
     raw: bool
@@ -210,7 +210,7 @@ class _Settings:
 def _judge_files(
     path: str | Path,
     methods: Iterable[str],
-    settings: _Settings,
+    settings: _JudgeSettings,
     plugins: Iterable[str | Path],
     *,
     labels: str | Path | None = None,

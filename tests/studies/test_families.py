@@ -63,15 +63,16 @@ def test_every_family_stands_in_the_same_cells():
             if str(d.tags["member"]).startswith("sticky")
         }
         assert {"choudhury", "he", "kano", "coulomb", "karnopp", "stribeck"} <= set(sticky)
-        assert (
-            len(
-                {
-                    (x.plant.model_dump_json(), x.controller.model_dump_json())
-                    for x in sticky.values()
-                }
+        # each loop has a gain and a time scale of its own: what has no unit is the same
+        cells = {
+            (
+                f"{abs(x.plant.K * x.controller.Kc) * (1.0 if x.plant.T else x.controller.Ti):.9g}",
+                f"{x.plant.Td / (x.plant.T or x.controller.Ti):.9g}",
+                f"{x.controller.Ti / (x.plant.T or x.controller.Ti):.9g}",
             )
-            == 1
-        )
+            for x in sticky.values()
+        }
+        assert len(cells) == 1
 
 
 def test_rates_count_what_was_said():

@@ -237,6 +237,7 @@ WRONG = [
     ("gap predict REC --baseline LOOP --set plant.K=2", "not a setting"),
     ("gap predict REC --baseline LOOP --set controller.Kcc=2", "Kc"),
     ("gap predict REC --baseline LOOP --set controller.Kc=0", "greater"),
+    ("gap predict REC --baseline LOOP --set controller.Kc=fast", "Kc"),
     ("gap predict none.csv --baseline LOOP --set controller.Kc=2", "none.csv"),
     ("gap predict REC --baseline none.toml --set controller.Kc=2", "none.toml"),
     ("gap discover", "argument"),

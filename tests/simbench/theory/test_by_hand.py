@@ -180,18 +180,8 @@ def test_the_head_of_a_half_cycle_is_the_march_with_the_valve_set_free(loop, Ti)
     made = sampled_loop(loop(Ti=Ti, Ts=0.5, Td=1.0))
     m, c = made.delay + 3, made.order + 2
     head = np.full((c, c + 1), np.nan)
-    _move.py_func(
-        made.A,
-        made.B_old,
-        made.B_new,
-        made.C,
-        made.integral,
-        made.beta,
-        made.fd,
-        made.delay,
-        m,
-        head,
-    )
+    plant = made.A, made.B_old, made.B_new, made.C
+    _move.py_func(plant, (made.integral, made.beta), made.fd, made.delay, m, head)
     start = np.array([0.7, 2.0, 5.0])
     x, u, v, w = start[:1], start[1], [start[2]] * (made.delay + 3), float(made.C @ start[:1])
     for k in range(1, m + made.delay + 3):

@@ -125,7 +125,13 @@ def test_loop_agrees_with_sums_of_step_responses_and_plain_controllers(product, 
     plant = TWIN["SuperposedPlant"](1.0, kind, case["plant"]["K"], case["plant"].get("T"), 2.3)
     tuning, law = case["controller"], PRODUCTS[product]
     plc = TWIN["PlainController"](
-        FAMILY[law.law], law.rule, tuning["Kc"], tuning.get("Ti"), 1.0, 50.0, 47.0, 58.0, 0.5
+        FAMILY[law.law],
+        law.rule,
+        (tuning["Kc"], tuning.get("Ti")),
+        1.0,
+        50.0,
+        (47.0, 58.0),
+        0.5,
     )
     pv, op = [], []
     for sp, load in zip(signals["sp"], signals["load"]):
