@@ -453,7 +453,7 @@ def _answer(
     p = None
     if whole:
         found |= {name: _compared(name, record, whole) for name in _PREDICTED}
-        p = float(np.mean([not np.isnan(x.after.period_s) for x in whole]))
+        p = float(np.mean([x.after is not None and not np.isnan(x.after.period_s) for x in whole]))
         found["period_s"] = _compared("period_s", record, whole) if p >= 0.5 else None
     why = _limits(report, record, pairs, whole, found)
     reason = "; ".join(why) or "the loop stays stable and within the range that the record shows"
@@ -470,7 +470,7 @@ def _limits(
     record: Measures,
     pairs: Sequence[_Pair],
     whole: Sequence[_Pair],
-    found: Mapping[str, Interval | None],
+    found: Mapping[str, Any],
 ) -> list[str]:
     """Return what speaks against the prediction, each in words; nothing where it holds."""
     why = []
@@ -509,7 +509,7 @@ def _limits(
             f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or"
             f" {pv.hi:.3g}"
         )
-    mean = float(np.median([p.after.op_mean for p in whole]))
+    mean = float(np.median([p.after.op_mean for p in whole if p.after is not None]))
     if not record.op_lo <= mean <= record.op_hi:
         why.append(
             f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to"

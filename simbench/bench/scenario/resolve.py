@@ -334,8 +334,11 @@ def valve_table(
 def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
     scale = part.scale
     return {
-        k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()
-    }  # type: ignore[operator]
+        k: significant(v * unit[scale[k]])  # type: ignore[operator]
+        if k in scale
+        else v
+        for k, v in part.parameters.items()
+    }
 
 
 def _move_setpoint(
