@@ -113,7 +113,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
         with tempfile.TemporaryDirectory() as folder:
             start = time.process_time()
             for number, groups in enumerate(blocks):
-                piece = work.work(plan, number, groups, names)
+                piece = work.work(plan, number, groups, work.WorkSettings(tuple(names)))
                 pieces.write_piece(place_of(folder), piece, "")
                 count += piece.count
             meter.charge()
@@ -135,7 +135,12 @@ def measured() -> dict[str, Any]:
     starts = range(0, plan.group_count - plan.group_count // BLOCKS + 1, plan.group_count // BLOCKS)
     budgets = {budget: choose_methods([budget]) for budget in ("fast", "full")}
     # what compiles, compiles before the clock runs
-    work.work(plan, 0, [g for s in starts for g in range(s, s + BLOCK, 2)], budgets["full"])
+    work.work(
+        plan,
+        0,
+        [g for s in starts for g in range(s, s + BLOCK, 2)],
+        work.WorkSettings(tuple(budgets["full"])),
+    )
     rounds: dict[str, list] = {budget: [] for budget in budgets}
     for r in range(1, ROUNDS + 1):
         for i, (budget, names) in enumerate(budgets.items()):
