@@ -22,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-_PLAIN_SAMPLES = (
-    400_000  # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
-)
+# of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
+_PLAIN_SAMPLES = 400_000
 LANES = 32
 """Values that a row of `lanes` holds: four AVX-512 registers.
 
@@ -176,9 +175,8 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
-            mark = pickle.dumps(
-                self._version, protocol=-1
-            )  # numba's own version stands before what carries the checksum
+            # numba's own version stands before what carries the checksum
+            mark = pickle.dumps(self._version, protocol=-1)
             try:
                 stamp, overloads = pickle.loads(
                     _sound(Path(self._index_path).read_bytes().removeprefix(mark))

@@ -34,9 +34,8 @@ class Method:
         "self-regulating",
         "integrating",
     )  # process types the method was made for
-    needs_mv: bool = (
-        False  # whether it judges OP against the valve position (MV, or PV of a flow loop)
-    )
+    # whether it judges OP against the valve position (MV, or PV of a flow loop)
+    needs_mv: bool = False
     # {"stiction", "nonlinearity", "quantification"}: nonlinearity tests are left out of the
     # stiction ranking
     role: str = "stiction"
@@ -55,9 +54,8 @@ class Method:
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     # cases of the contract test that do not apply to the method, each with the reason
     exempt: dict[str, str] = field(default_factory=dict)
-    fitted_on: tuple[
-        str, ...
-    ] = ()  # grids whose loops, of other seeds, the method's constants were fitted to
+    # grids whose loops, of other seeds, the method's constants were fitted to
+    fitted_on: tuple[str, ...] = ()
     # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any
     # other interval is what fits the record, without a level
     stated: tuple[str, ...] = ()

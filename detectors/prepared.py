@@ -41,18 +41,16 @@ class Prepared:
     """A record made ready for judging."""
 
     record: LoopRecord  # the record, blinded unless the method needs MV
-    front_end: str = (
-        "acf"  # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
-    )
+    # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
+    front_end: str = "acf"
     # intermediate results that methods on the same record share, by name; `share` fills it
     shared: dict = field(default_factory=dict)
     # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare`
     # finds them
     part: tuple[int, int] | None = None
     step: int = 1  # samples of the record that was given to one of `record`
-    views: dict = field(
-        default_factory=dict
-    )  # the same record as other methods are given it; `seen_by` fills it
+    # the same record as other methods are given it; `seen_by` fills it
+    views: dict = field(default_factory=dict)
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -173,9 +171,8 @@ class Prepared:
 
     def _level(self, name: str) -> np.ndarray:
         x = self.signal(name)
-        if (
-            self.oscillation.swings
-        ):  # a mean over one period would take part of the longer cycles away
+        # a mean over one period would take part of the longer cycles away
+        if self.oscillation.swings:
             at = wandering(self.record.op)
             level = -self.record.e if name == "pv" or at is None else x - midline(x, at)
         else:
@@ -303,9 +300,8 @@ def _at_density(
         late = -part[0] % step
         record, part = record.window(late, record.n), (part[0] + late, part[1])
     thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
-    if (
-        coarse > step
-    ):  # else it is asked itself: a finer record may oscillate by chance, and this one is judged
+    # else it is asked itself: a finer record may oscillate by chance, and this one is judged
+    if coarse > step:
         thin.__dict__["oscillation"] = found
     # what oscillates in neither way is left as it came: its valve may be seen all the same
     return thin if thin.oscillation.sustained or found.sustained else dense
@@ -321,9 +317,8 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     Every second, fourth, ... sample where a period has more than 250.
     """
     whole = _at_density(record, front_end)
-    if (
-        whole.oscillation.sustained or front_end == "hagglund"
-    ):  # whose memory forgets by itself what is long past
+    # whose memory forgets by itself what is long past
+    if whole.oscillation.sustained or front_end == "hagglund":
         return whole
     pace, step = _pace(record.op), 1
     while pace > _COARSEST * step:

@@ -29,12 +29,10 @@ if TYPE_CHECKING:
 # the loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and
 # .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
-FOLLOW_MIN = (
-    0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
-)
-_QUIET = (
-    -3.0
-)  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
+# own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
+FOLLOW_MIN = 0.2
+# log-odds of a loop that does not oscillate and whose valve is not seen to stand still
+_QUIET = -3.0
 _PER_FOLLOW = 8.0  # log-odds per unit of the score of `valve_follow` above its bound
 _S_SMALL = 0.5  # % of travel, chapter section 11.1
 
@@ -123,9 +121,8 @@ class Diagnosis:
     S_unit: str  # "% of travel" or "OP units"
     steps: tuple[_Step, ...]  # the path taken
     verdicts: tuple[Verdict, ...]  # of the detectors that were asked
-    indices: dict[str, float] = field(
-        default_factory=dict
-    )  # numbers of the procedure itself: log_odds, follow, ngi, nli
+    # numbers of the procedure itself: log_odds, follow, ngi, nli
+    indices: dict[str, float] = field(default_factory=dict)
 
     @property
     def reason(self) -> str:

@@ -107,9 +107,8 @@ class WantedOscillation:
     """
 
     period: float  # over that of the cycle that a sticky valve would cause in this loop
-    load: dict[str, Any] | None = (
-        None  # table of the load without amplitude, times in periods of this oscillation
-    )
+    # table of the load without amplitude, times in periods of this oscillation
+    load: dict[str, Any] | None = None
     wander: float = 0.0  # std of a slow load at the input over that of the oscillation in OP
 
 

@@ -65,16 +65,14 @@ _PERIODIC, _BEAT = (
     ("sine", "propagated"),
     0.3,
 )  # loads with a period; logarithm of two periods that are kept apart
-_NOISE_SCATTER = (
-    0.35  # std of the logarithm of a scenario's noise ratio over the one its cell asks for
-)
+# std of the logarithm of a scenario's noise ratio over the one its cell asks for
+_NOISE_SCATTER = 0.35
 # Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky
 # loops swing wider under much noise, and kinks of their waves pass for noise where there is little:
 # of a ratio of .02 .023 is seen, of .3 .26.
 _SAME_NOISE, _NOISE_POWER = 0.06, -0.12
-_PERIOD_SCATTER = (
-    0.15  # std of the logarithm of a healthy oscillation's period over its sticky sibling's
-)
+# std of the logarithm of a healthy oscillation's period over its sticky sibling's
+_PERIOD_SCATTER = 0.15
 
 
 class Disturbance(_Table):
@@ -200,9 +198,8 @@ class Group:
     """
 
     index: int  # place in the grid
-    twin: (
-        Loop  # the cell's sticky loop without noise and disturbance; its sampling is a first guess
-    )
+    # the cell's sticky loop without noise and disturbance; its sampling is a first guess
+    twin: Loop
     rules: Rules  # what is settled by running the twin
     drafts: tuple[Draft, ...]  # the members
 

@@ -34,9 +34,8 @@ SETTING_LIMITS = {
     "moves": (0.0, 1e4),
     "move": (0.0, 1e3),
 }
-_PLACE = re.compile(
-    r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)"
-)  # of a grid, in a mistake's sentence
+# of a grid, in a mistake's sentence
+_PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")
 _ATS = ("input", "output")
 
 

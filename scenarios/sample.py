@@ -21,9 +21,8 @@ class _Stratum(NamedTuple):
     member: Member
     first: int  # cell of the block
     sizes: tuple[int, ...]  # number of values of each axis
-    allowed: tuple[
-        tuple[int, ...], ...
-    ]  # places of the values that the member takes, for each axis
+    # places of the values that the member takes, for each axis
+    allowed: tuple[tuple[int, ...], ...]
     repeats: int
 
     @property

@@ -579,9 +579,8 @@ def load_loop(path: str | Path) -> Loop:
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file or say in one sentence why not."""
-    if (
-        (file := Path(path)).exists() and not file.is_file() and not file.is_dir()
-    ):  # a pipe would be waited for
+    # a pipe would be waited for
+    if (file := Path(path)).exists() and not file.is_file() and not file.is_dir():
         raise SpecError(f"{path} is no file; a TOML file is needed")
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))

@@ -51,9 +51,8 @@ _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslas
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
 _STARTS = r"[=@]|[+-](?![\d.,e+\- ]*(?:$|[;\t]))"
-_FORMULA = re.compile(
-    rf"(^|[;\t])(\s*)(?={_STARTS})"
-)  # a spreadsheet of many countries splits at semicolons, too
+# a spreadsheet of many countries splits at semicolons, too
+_FORMULA = re.compile(rf"(^|[;\t])(\s*)(?={_STARTS})")
 
 
 class FileError(UserError, OSError):
@@ -89,9 +88,8 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
 def remove_stale_temporaries(place: Path) -> None:
     """Remove what killed processes of this machine left half-written in a folder."""
     for file in place.glob(f".*.{HOST}.*"):
-        with contextlib.suppress(
-            OSError, ValueError
-        ):  # an open file of another process cannot be removed on Windows
+        # an open file of another process cannot be removed on Windows
+        with contextlib.suppress(OSError, ValueError):
             if os.name != "posix" or not _lives(int(file.suffix[1:])):
                 file.unlink()
 

@@ -48,9 +48,8 @@ def site(tmp_path_factory):
         str(out / "doctrees"),
     ]
     with open(out / "lock", "w") as lock:
-        fcntl.flock(
-            lock, fcntl.LOCK_EX
-        )  # two workers may hold tests of this file: the first builds, the other waits
+        # two workers may hold tests of this file: the first builds, the other waits
+        fcntl.flock(lock, fcntl.LOCK_EX)
         if not (out / "built").exists():
             done = subprocess.run(
                 [*command, str(SOURCE), str(out / "html")],

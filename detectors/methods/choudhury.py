@@ -43,9 +43,8 @@ from detectors.signal.oscillation import oscillations_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-_WIDE = (
-    25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
-)
+# % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
+_WIDE = 25.0
 
 METHOD = Method(
     title="nonlinearity, then an ellipse of PV over OP",

@@ -43,9 +43,8 @@ IS, DS, SS = 7, 1, 4
 _COUNTS = np.zeros((3, 9, 10), dtype=bool)
 _COUNTS[0, [IS, DS]] = True
 _COUNTS[1, IS, [8, 5]] = _COUNTS[1, DS, [0, 3]] = True  # II, SI and DD, SD: the valve catches up
-_COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = (
-    True  # W: DD DI SD ID DS and DI SI ID II IS
-)
+# W: DD DI SD ID DS and DI SI ID II IS
+_COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = True
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:

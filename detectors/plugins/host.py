@@ -185,9 +185,8 @@ class Host:
         return answer
 
     def _watch(self, process: subprocess.Popen) -> None:
-        while (
-            process.poll() is None
-        ):  # a thread that looks, as not every platform waits for a pipe with a time limit
+        # a thread that looks, as not every platform waits for a pipe with a time limit
+        while process.poll() is None:
             if time.monotonic() > self._until:
                 _kill(process)
             time.sleep(_LOOK)

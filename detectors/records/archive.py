@@ -16,9 +16,8 @@ _SMALL, _RARE = (
     0.2,
     0.02,
 )  # a change is small below this share of the median one; any sampled signal makes 10 % of these
-_COMMON = (
-    0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
-)
+# share of equal intervals from which a signal is sampled more slowly, not stored on change
+_COMMON = 0.9
 _TOLERANCE = 0.01  # of the sampling period
 
 Series = tuple[np.ndarray, np.ndarray]

@@ -95,9 +95,8 @@ _MATLAB_DAYS = (
     774_000.0,
 )  # days since year 0 in which MATLAB counts the years 1965 to 2119
 _DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
-_LEAP = re.compile(
-    r"(?<=:59:)60(?!\d)"
-)  # the second that is now and then added to the last minute of a day
+# the second that is now and then added to the last minute of a day
+_LEAP = re.compile(r"(?<=:59:)60(?!\d)")
 CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
 _LONG = 5000  # rows from which a column of time stamps is read as a whole

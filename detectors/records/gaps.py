@@ -11,9 +11,8 @@ BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
 # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
 _WORTH = 0.5
-_FURTHEST = (
-    1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
-)
+# sampling periods from one sample to the next: beyond, whole numbers no longer count them
+_FURTHEST = 1e12
 _SHORTEST = 3  # samples of a record
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 

@@ -85,18 +85,16 @@ _COUNTS = (
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
-_WITH_UNIT = re.compile(
-    r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})"
-)  # a cell that says its unit: 12,3 m3/h
+# a cell that says its unit: 12,3 m3/h
+_WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
 # a historian's mark behind a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
 _MARKED, _MARK_ENDS = (
     re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
     ("?", "*", ")"),
 )
 _SUMMARY = 12  # lines below a table that may sum it up
-_GROUPS = re.compile(
-    r"[+-]?[1-9]\d{0,2}([.,]\d{3})+"
-)  # numbers that may be whole, or have three decimals
+# numbers that may be whole, or have three decimals
+_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")
 _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -571,9 +569,8 @@ def _judged(
     if odd and len(odd) < len(set(texts) - {""}):
         said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
         raise RecordError(said, "--columns quality=none")
-    flagged = (
-        _GOOD if plain(name).endswith("bad") else _BAD
-    )  # a flag named Bad is true where the sample is bad
+    # a flag named Bad is true where the sample is bad
+    flagged = _GOOD if plain(name).endswith("bad") else _BAD
     bad = np.array([words[t] in flagged for t in texts], dtype=bool)
     return bad & (not odd), 0 if odd else sum(words[t] in _UNSURE for t in texts), not odd
 

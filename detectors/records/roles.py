@@ -316,9 +316,8 @@ def _one(
         if own.get(role):
             continue
         others = [n for found in groups.values() for n in found.get(role, []) if not parse(n).loose]
-        if (
-            loop
-        ):  # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
+        # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
+        if loop:
             others = [
                 n
                 for n in others

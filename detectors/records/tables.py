@@ -51,9 +51,8 @@ class Sheet:
     """A table as it stands in its file."""
 
     columns: Columns  # cells by name
-    lines: list[int] = field(
-        default_factory=list
-    )  # of the file on which each row stands; empty where a file has none
+    # of the file on which each row stands; empty where a file has none
+    lines: list[int] = field(default_factory=list)
     delimiter: str = ""  # between the cells of a CSV
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
 
@@ -247,9 +246,8 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
                 else []
             )
             break
-    if not any(
-        d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS
-    ):  # columns apart by spaces
+    # columns apart by spaces
+    if not any(d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS):
         start = next((i for i, line in enumerate(lines[:_PREAMBLE]) if is_head(line.split())), -1)
         lines = (
             [*lines[:start], *(" ".join(line.split()) for line in lines[start:])]
@@ -316,9 +314,8 @@ def _table(
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
         if len(row) < len(names) and several_times:
-            row += [""] * (
-                len(names) - len(row)
-            )  # of a time column per tag, the shorter series have ended
+            # of a time column per tag, the shorter series have ended
+            row += [""] * (len(names) - len(row))
         if len(row) != len(names):
             raise RecordError(
                 f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are"

@@ -38,18 +38,14 @@ class ShownConclusion(Protocol):
 class Report:
     """What was judged and what came out."""
 
-    verdicts: list[
-        tuple[str | None, Verdict]
-    ]  # record name (None for a single file) and verdict, records and methods in order
-    refused: dict[str, str] = field(
-        default_factory=dict
-    )  # files of a folder that are no records, each with its sentence
-    scores: list[dict[str, Any]] = field(
-        default_factory=list
-    )  # one row per method, when labels were given
-    records: dict[str | None, LoopRecord] = field(
-        default_factory=dict, repr=False
-    )  # what was judged, by name
+    # record name (None for a single file) and verdict, records and methods in order
+    verdicts: list[tuple[str | None, Verdict]]
+    # files of a folder that are no records, each with its sentence
+    refused: dict[str, str] = field(default_factory=dict)
+    # one row per method, when labels were given
+    scores: list[dict[str, Any]] = field(default_factory=list)
+    # what was judged, by name
+    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
     # what all evidence says of each record, by name; the methods alone conclude nothing
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 

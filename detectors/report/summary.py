@@ -145,9 +145,8 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
     for head in ("score", f"S ({units})" if units else "", "J" if units else ""):
         if head:
             table.add_column(head, justify="right", no_wrap=True)
-    told = any(
-        v.applicable is not None for v in verdicts
-    )  # of a loop of unknown kind a note says so once
+    # of a loop of unknown kind a note says so once
+    told = any(v.applicable is not None for v in verdicts)
     if told:
         table.add_column("made for this loop", no_wrap=True)
     for v in verdicts:

@@ -76,9 +76,8 @@ def _crossings(x, band, at):
     return their number.
     """
     count, changes, beyond, up = 0, 0, 0, x.size > 0 and x[0] > 0.0
-    change = np.empty(
-        x.size, dtype=np.int64
-    )  # samples before a change of sign, since the signal was last beyond the band
+    # samples before a change of sign, since the signal was last beyond the band
+    change = np.empty(x.size, dtype=np.int64)
     for k in range(x.size):
         # a zero lies on the side of what was before, whichever way is up
         if x[k] != 0.0 and (x[k] > 0.0) != up:

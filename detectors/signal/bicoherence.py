@@ -16,9 +16,8 @@ _FEWEST = 4  # segments in a record
 _FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
 _OF_CYCLES = 64  # samples per segment of an oscillation, as its authors have them
-_SAMPLES_PER_CYCLE = (
-    _OF_CYCLES / 3.0
-)  # a segment then holds three cycles, the least that Jelali asks for
+# a segment then holds three cycles, the least that Jelali asks for
+_SAMPLES_PER_CYCLE = _OF_CYCLES / 3.0
 LOWEST, BESIDE = (
     0.004,
     0.05,

@@ -105,9 +105,8 @@ def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     t = (np.arange(points) + 0.5) / points
     tau = np.geomspace(0.02, 200.0, 80)[:, None]
     peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))
-    switch = 1.0 - tau * np.log1p(
-        peak
-    )  # the only switching time for which the half cycle starts at zero
+    # the only switching time for which the half cycle starts at zero
+    switch = 1.0 - tau * np.log1p(peak)
     rising = 1.0 - (1.0 + peak) * np.exp(-(t - switch + 1.0) / tau)
     falling = -1.0 + (1.0 + peak) * np.exp(-np.maximum(t - switch, 0.0) / tau)
     return _unit(np.where(t <= switch, rising, falling))

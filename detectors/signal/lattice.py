@@ -9,18 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 _UNITS = 10.0 ** -np.arange(-3.0, 10.0)
-_COARSER = (
-    5.0  # times the digits a column is written in, below which a spacing is not told from these
-)
+# times the digits a column is written in, below which a spacing is not told from these
+_COARSER = 5.0
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 _REPEATS = 20  # samples per level from which a lattice is plain
 _BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
 # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
 _IMMATERIAL = 0.005
 _FEWEST_GAPS = 10  # for the mean length of the phases
-_ON_LATTICE = (
-    0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
-)
+# mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+_ON_LATTICE = 0.9
 
 
 def resolution(x: np.ndarray) -> float:

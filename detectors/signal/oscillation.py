@@ -26,12 +26,10 @@ from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
-_DECAY = (
-    0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
-)
-LASTING = (
-    1.0 / 3.0
-)  # amplitude of the last third over that of the first: below it, a transient has died out
+# R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
+_DECAY = 0.5
+# amplitude of the last third over that of the first: below it, a transient has died out
+LASTING = 1.0 / 3.0
 _HIGH_PASS = (
     1 / 6,
     1 / 18,
@@ -41,9 +39,8 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor
 # of it, and are alike
-_LEAST_SWINGS = np.geomspace(
-    0.08, 0.95, 30
-)  # shares of OP's range tried as the least swing between two reversals
+# shares of OP's range tried as the least swing between two reversals
+_LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)
 _BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
 _GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
 # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
@@ -58,12 +55,10 @@ class Oscillation:
     regularity: float  # r = (1/3) mean(Tp) / std(Tp)
     period_s: float  # NaN when none was found
     signal: str = ""  # "op" or "pv", the more regular one
-    decay_ratio: float = float(
-        "nan"
-    )  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
-    lasting: float = float(
-        "nan"
-    )  # amplitude in the last third of the record over that in the first
+    # R of Miao & Seborg, about d when the ACF shrinks by d per half period
+    decay_ratio: float = float("nan")
+    # amplitude in the last third of the record over that in the first
+    lasting: float = float("nan")
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
     # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
     swings: int = 0

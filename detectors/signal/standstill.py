@@ -22,9 +22,8 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
-    reach = 2 * max(
-        round(0.025 * period), 1
-    )  # even: read backwards, a record stands still at the same samples
+    # even: read backwards, a record stands still at the same samples
+    reach = 2 * max(round(0.025 * period), 1)
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
     bound = max(_STILL * spread, 3.0 * left**0.5)

@@ -9,9 +9,8 @@ import numpy as np
 from detectors.compiled import compiled
 from detectors.errors import ParameterError
 
-_State = tuple[
-    float, float, float, float
-]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
+# v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
+_State = tuple[float, float, float, float]
 
 
 def start(u0, lo=0.0, hi=100.0):

@@ -13,9 +13,8 @@ from detectors.signal.fits.hammerstein_kernels import MOVING_DOWN, MOVING_UP, er
 from detectors.signal.stiction_map import valve_position
 
 _SAMPLES = 800  # at most, after averaging
-_TIMES = np.array(
-    [1e-3, 2.0, 8.0]
-)  # lags between valve and its measurement tried, in averaged samples
+# lags between valve and its measurement tried, in averaged samples
+_TIMES = np.array([1e-3, 2.0, 8.0])
 _DELAYS = 4  # averaged samples
 _S_SHARES = np.linspace(0.08, 0.98, 24)  # of the range of OP
 _J_SHARES = np.array([0.04, 0.4])  # of S: a dead band, and some slip

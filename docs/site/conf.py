@@ -11,9 +11,8 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "written"))
-os.environ["PATH"] = os.pathsep.join(
-    [str(Path(sys.executable).parent), os.environ["PATH"]]
-)  # the tutorials call simbench
+# the tutorials call simbench
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 
 from api import api_pages
 from commands import commands_page
@@ -63,7 +62,6 @@ for page in [*generated.glob("*.rst"), *generated.glob("api/*.rst")]:
         page.unlink()
 for name, text in pages.items():
     path = generated / f"{name}.rst"
-    if (
-        not path.exists() or path.read_text(encoding="utf-8") != text
-    ):  # an unchanged page is not read again
+    # an unchanged page is not read again
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")

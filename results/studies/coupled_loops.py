@@ -38,17 +38,14 @@ class Culprit:
 
     culprit: int | None  # index of the loop; None when no gain, or more than one, sets the period
     reason: str  # why, in one sentence
-    phases: tuple[
-        tuple[Phase, Phase], ...
-    ]  # per loop, its OP before and after the change of its own gain
-    shifts: tuple[
-        float, ...
-    ]  # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    # per loop, its OP before and after the change of its own gain
+    phases: tuple[tuple[Phase, Phase], ...]
+    # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    shifts: tuple[float, ...]
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
-    op: (
-        np.ndarray
-    )  # (loops, loops, n) [i, j]: OP (%) of loop j in the run in which the gain of loop i changed
+    # (loops, loops, n) [i, j]: OP (%) of loop j in the run in which the gain of loop i changed
+    op: np.ndarray
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals."""

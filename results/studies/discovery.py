@@ -64,9 +64,8 @@ _FLAT = (
     "saturation",
     "quantisation",
 )  # known effects whose law must be named after them
-_SOLVED = (
-    0.2  # share of the gap that the true effect leaves, up to which a law is asked to close it
-)
+# share of the gap that the true effect leaves, up to which a law is asked to close it
+_SOLVED = 0.2
 _RUNS, _ANEW = 8, 5000  # runs of the true effect, and how far their seeds lie from the record's
 _PLAIN = 0.9  # probability of a block, from which it is said plainly
 _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}

@@ -30,9 +30,8 @@ from simbench.usage import exit_code
 
 BALANCE = (0.45, 0.55)  # share of cycling loops
 MOST_ALONE, MOST_OF_SET, MOST_OF_ALL = 0.57, 0.60, 0.65  # area under the ROC curve
-MOST_OF_TREE = (
-    0.05  # accuracy of a tree of depth 3 on two features over the share of the more frequent label
-)
+# accuracy of a tree of depth 3 on two features over the share of the more frequent label
+MOST_OF_TREE = 0.05
 MOST_UNMATCHED = 0.05  # share of the loops that are left out, for no healthy oscillation matches
 JUDGED = ("chapter", "ci", "plant", "families", "own-ground")
 
@@ -48,9 +47,8 @@ class Leak:
     alone: dict[str, float]  # AUC of each feature
     sets: dict[str, float]  # AUC of each set of features
     together: float  # AUC of all features but the extremes
-    tree: tuple[
-        float, tuple[str, str]
-    ]  # accuracy of the best tree on two features, and their names
+    # accuracy of the best tree on two features, and their names
+    tree: tuple[float, tuple[str, str]]
 
     @property
     def positives(self) -> float:

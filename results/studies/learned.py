@@ -41,9 +41,8 @@ KERNEL_SEED = 1
 class Loops:
     """Loops of a grid that oscillate and last for `PERIODS` periods."""
 
-    window: (
-        np.ndarray
-    )  # OP and PV, each about 0 with standard deviation 1, shape (m, 2, PERIODS * POINTS)
+    # OP and PV, each about 0 with standard deviation 1, shape (m, 2, PERIODS * POINTS)
+    window: np.ndarray
     plain: np.ndarray  # what no waveform is needed for, shape (m, 8)
     cycling: np.ndarray  # the truth `cycled`, shape (m,)
     records: list[LoopRecord]

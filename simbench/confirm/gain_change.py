@@ -45,9 +45,8 @@ class Phase:
     # or elsewhere for 3 samples or more at a time (the crest of a smooth wave may meet one value in
     # every cycle)
     saturated: bool
-    error: float = (
-        np.nan
-    )  # standard error of the period (s), from the spread of the cycles' lengths
+    # standard error of the period (s), from the spread of the cycles' lengths
+    error: float = np.nan
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, the period with its 95 % interval; None where a number is missing."""
@@ -68,9 +67,8 @@ class GainChange:
     before: Phase
     after: Phase
     shift: float  # |P2/P1 - 1|; NaN when one of the periods is missing
-    nudge: (
-        float  # load step (%) that was needed to set the loop moving; 0 = it oscillated by itself
-    )
+    # load step (%) that was needed to set the loop moving; 0 = it oscillated by itself
+    nudge: float
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
     trace: Trace  # OP, PV and MV of the run

@@ -34,9 +34,8 @@ class TravelTest:
     # sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J,
     # and the stiction of the printed procedure. None when the end of travel came first.
     same_direction: float | None
-    reversed: (
-        float | None
-    )  # sum of the small steps (%) against it until PV moved: dead-band plus stick band, S
+    # sum of the small steps (%) against it until PV moved: dead-band plus stick band, S
+    reversed: float | None
     increment: float  # size of a small step (%); both sums may be too large by one
     wait: float  # Time (s) given to every step
     sticky: bool | None  # whether S exceeds two small steps; None when it was not found

@@ -38,9 +38,8 @@ def measured_band(
         under_way = np.flatnonzero(moved > 0.5 * slope)
         if slope <= 1e-6 * _STEP or not under_way.size:
             return np.inf, 0.0
-        travels.append(
-            max(under_way[0] - 1, 0) * _STEP
-        )  # what OP had travelled when MV still stood
+        # what OP had travelled when MV still stood
+        travels.append(max(under_way[0] - 1, 0) * _STEP)
         jumps.append(float(moved.max()) - slope)
     return float(min(travels)), float(np.median(jumps))
 

@@ -16,9 +16,8 @@ from scenarios.spec import Scenario, read_toml
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.resolve import resolve_loop
 
-_GROUPS_SETTLED = (
-    24  # groups that are settled by simulating their twin; one of every block at least
-)
+# groups that are settled by simulating their twin; one of every block at least
+_GROUPS_SETTLED = 24
 
 
 def check_grid(path: str | Path) -> Contract:

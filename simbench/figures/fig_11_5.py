@@ -33,9 +33,8 @@ def data() -> pd.DataFrame:
     moved = np.diff(mv, prepend=mv[0])
     phase = np.where(np.abs(moved) > J / 2, "jump", np.where(moved == 0.0, "sticking", "motion"))
     table = pd.DataFrame({"OP (%)": op, "MV (%)": mv, "phase": phase})
-    return table.iloc[200:961].reset_index(
-        drop=True
-    )  # from the first reversal (A) to the end of the way down
+    # from the first reversal (A) to the end of the way down
+    return table.iloc[200:961].reset_index(drop=True)
 
 
 @styled

@@ -23,9 +23,8 @@ from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
 from simbench.loop.laws import LAW_FORMS
 
-_EXPLAINS = (
-    0.6  # share of what the law without the new term leaves, below which the term is the law
-)
+# share of what the law without the new term leaves, below which the term is the law
+_EXPLAINS = 0.6
 _MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
 _PROOF = 60.0  # nats from which a law needs no statistics

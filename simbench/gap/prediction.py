@@ -45,13 +45,11 @@ _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quan
 MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
 _LEAST = 1e-12  # that a logarithm is taken of
-_FEWEST = (
-    10  # draws that oscillate before and after the change, from which the two periods are compared
-)
+# draws that oscillate before and after the change, from which the two periods are compared
+_FEWEST = 10
 # where an answer ends to be valid
-_LEAST_MARGIN = (
-    1.3  # gain margin: below it small errors of gain or dead time decide how the loop swings
-)
+# gain margin: below it small errors of gain or dead time decide how the loop swings
+_LEAST_MARGIN = 1.3
 _SHARE = 0.1  # of the draws that may lie below it, or run away
 _REPRODUCED = 3.0  # standard deviations of the draws from the record
 _FARTHER = 2.5  # times the recorded standard deviation of PV or OP
@@ -394,9 +392,8 @@ def _margin(loop: Loop) -> float | None:
     response = setup.sign * setup.Kc * np.polyval(setup.num, jw) / np.polyval(setup.den, jw)
     response *= np.exp(-jw * (setup.Td + 0.5 * setup.Ts)) / (1.0 + jw * setup.sensor_tau)
     for part in loop.effect:
-        if (
-            part.name == "valve_lag"
-        ):  # a stage of the valve, which is not in the plant's polynomials
+        # a stage of the valve, which is not in the plant's polynomials
+        if part.name == "valve_lag":
             response /= 1.0 + jw * float(part.parameters["tau"])
     if setup.Ti is not None:
         response *= 1.0 + 1.0 / (jw * setup.Ti)

@@ -25,9 +25,8 @@ def sortable(
         for c in frame.columns
         if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool
     }
-    names = [c for c in frame.columns if c not in numbers and c not in long][
-        :1
-    ]  # it stays in view when the rest is scrolled
+    # it stays in view when the rest is scrolled
+    names = [c for c in frame.columns if c not in numbers and c not in long][:1]
     kinds = {
         c: "n" if c in numbers else "long" if c in long else "name" if c in names else ""
         for c in frame.columns

@@ -81,9 +81,8 @@ def _phase_walk(n: int, Ts: float, p: Any, rng: np.random.Generator) -> np.ndarr
     return np.cumsum(steps) * p.jitter * np.sqrt(Ts / p.period) / (2.0 * np.pi)
 
 
-_LEAST_SAMPLES = (
-    20  # per period of the other loop: with J near S/2 and few samples it does not cycle
-)
+# per period of the other loop: with J near S/2 and few samples it does not cycle
+_LEAST_SAMPLES = 20
 
 
 def propagated(t, Ts, p, rng):

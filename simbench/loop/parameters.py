@@ -56,9 +56,8 @@ class Number:
     )
     says: str = ""  # what it is, in a few words
     positive: bool = False  # refuse `low` itself: the value must be larger
-    identity: float = (
-        math.nan
-    )  # value at which an effect does nothing; the default where it is not given
+    # value at which an effect does nothing; the default where it is not given
+    identity: float = math.nan
 
     def __post_init__(self) -> None:
         if math.isnan(self.identity) and self.default is not None:

@@ -32,18 +32,15 @@ class Start:
     error: float  # SP - PV (PV units) at that sample
     # PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants
     pv: float
-    valve: tuple[
-        float, ...
-    ]  # state of the (one) valve model at that sample, as its `step` takes it
+    # state of the (one) valve model at that sample, as its `step` takes it
+    valve: tuple[float, ...]
     # the last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is
     # missing
     mv: tuple[float, ...]
-    state: tuple[
-        float, ...
-    ] = ()  # state of a plant of higher order at sample 0; `pv` says it where there is none
-    control: tuple[
-        float, ...
-    ] = ()  # state of a PID one sample before the run; `op` and `error` say it where there is none
+    # state of a plant of higher order at sample 0; `pv` says it where there is none
+    state: tuple[float, ...] = ()
+    # state of a PID one sample before the run; `op` and `error` say it where there is none
+    control: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

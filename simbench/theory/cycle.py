@@ -39,9 +39,8 @@ class ExactCycle:
     # growth of a deviation per half cycle, of the mean cycle; None when it was found by marching
     # alone
     multiplier: float | None
-    state: tuple[
-        np.ndarray, np.ndarray, np.ndarray
-    ]  # (x, s, past) as `simbench.theory.march` takes it, on the cycle
+    # (x, s, past) as `simbench.theory.march` takes it, on the cycle
+    state: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:

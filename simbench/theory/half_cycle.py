@@ -89,9 +89,8 @@ def _with_moving_samples(
 ) -> Iterator[tuple[HalfCycle, np.ndarray]]:
     """Yield candidates, their amplitude and multiplier left open, each with its map Y."""
     c = loop.order + 2
-    head = np.zeros(
-        (c, c + 1)
-    )  # of z one sample before break-away and of 1: state after the move and the dead time
+    # of z one sample before break-away and of 1: state after the move and the dead time
+    head = np.zeros((c, c + 1))
     plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta)
     _move(plant, control, loop.fd, loop.delay, m, head)
     lows = _sign_changes(head, T, loop.fs, waits)
@@ -119,9 +118,8 @@ def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.n
         on = (q >> bit) & 1 == 1
         Y[on] = power @ Y[on]
     mirrored = Y + np.eye(c, c + 1)
-    threshold = -0.5 * (
-        Y[:, -2] + (T @ Y)[:, -2]
-    )  # mean OP around the break-away that began the half cycle
+    # mean OP around the break-away that began the half cycle
+    threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])
     threshold[:, -2] -= 1.0
     threshold[:, -1] += fs
     rows = np.concatenate([mirrored[:, :-1], threshold[:, None]], axis=1)
@@ -222,9 +220,8 @@ def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     rise = 0.5 * (growth[-2] + (T @ growth)[-2])
     speed = rise[:-1] @ z + rise[-1]
     later = -threshold[:-1] / speed if speed != 0 else np.full(z.size, np.inf)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a candidate may grow without bound; it is dropped below
+    # a candidate may grow without bound; it is dropped below
+    with np.errstate(over="ignore", invalid="ignore"):
         total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
     return float(np.abs(np.linalg.eigvals(total)).max()) if np.isfinite(total).all() else np.inf
 

@@ -118,13 +118,11 @@ class SampledLoop:
         """Samples without a reversal after which the loop is taken to rest: ten times the slowest
         half period there is.
         """
-        swing = 0.5 * max(
-            self.J, self.S / 10, 1e-12
-        )  # the smallest half swing of the valve that counts as cycling
+        # the smallest half swing of the valve that counts as cycling
+        swing = 0.5 * max(self.J, self.S / 10, 1e-12)
         if self.integrating:
-            slope = (
-                float(abs(self.C @ (self.B_old + self.B_new))) / self.Ts * swing
-            )  # of OP, % per s
+            # of OP, % per s
+            slope = float(abs(self.C @ (self.B_old + self.B_new))) / self.Ts * swing
         elif self.integral:
             slope = abs(self.static_gain) * swing * self.beta / self.Ts
         else:

@@ -24,9 +24,8 @@ def test_pap2_yamashita(real_folder):
 
 def test_pap4_horch(real_folder):
     verdict = judge(read(real_folder, "ISDB_PAP4"), ["horch"])[0]
-    assert verdict.indices["dtau"] == pytest.approx(
-        0.10, abs=0.02
-    )  # printed 0.13, reached by no variant
+    # printed 0.13, reached by no variant
+    assert verdict.indices["dtau"] == pytest.approx(0.10, abs=0.02)
     assert verdict.indices["drho"] < 0.02
     assert verdict.verdict == "no_stiction"
 
@@ -39,9 +38,8 @@ def test_chem1_he_and_horch(real_folder):
     assert (he.verdict, horch.verdict) == ("stiction", "stiction")
     humps = Prepared(record).half_cycles("op")
     sine, two_line = typical_means(misfit(humps, sines()), two_line_misfit(humps), left_out=0.1)
-    assert sine / (sine + two_line) == pytest.approx(
-        0.83, abs=0.005
-    )  # printed 0.83, without the odd tenth
+    # printed 0.83, without the odd tenth
+    assert sine / (sine + two_line) == pytest.approx(0.83, abs=0.005)
 
 
 def test_pap2_is_stiction_to_the_methods_it_is_published_for(real_folder):

@@ -24,32 +24,27 @@ _SAMPLES = 50  # per period at least, of valve position and PV after averaging
 # Periods and averaged samples looked at: the search wants few, since one missed jump spoils all
 # that follow; the end, many.
 SHORT, _FULL = (8, 360), (24, 700)
-_TIMES = np.array(
-    [0.01, 0.04, 0.1, 0.25, 0.7]
-)  # time constants tried, in periods; an integrator besides
-_S_SHARES = np.concatenate(
-    [np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)]
-)  # of the swing of OP
+# time constants tried, in periods; an integrator besides
+_TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])
+# of the swing of OP
+_S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])
 _J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
 S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
 _J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
 _J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
-_LEAST_ERROR_SHARE = (
-    2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
-)
+# share of the variance of PV below which errors say nothing: sampling, rounding
+_LEAST_ERROR_SHARE = 2e-4
 _PASSES, _TOP, _AGAIN = (
     2,
     4,
     128,
 )  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
-_MAPS = np.array(
-    [[0.0], [1.0]]
-)  # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
+# whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
+_MAPS = np.array([[0.0], [1.0]])
 _ROWS = np.arange(2)[:, None]
 _REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
-_AROUND = np.array(
-    [1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0]
-)  # times the inverse of a time constant
+# times the inverse of a time constant
+_AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])
 
 
 @dataclass(frozen=True)
@@ -58,9 +53,8 @@ class _Hammerstein:
 
     S: float  # of the best model, in the unit of OP
     J: float
-    error: (
-        float  # mean squared, over the variance of PV, drift left out; then the same with S = J = 0
-    )
+    # mean squared, over the variance of PV, drift left out; then the same with S = J = 0
+    error: float
     error_linear: float
     sign: float  # of the plant's gain, +1 or -1
     T_s: float  # s; inf = integrating
@@ -339,9 +333,8 @@ def _restarted(
 ) -> _Ends:
     """The candidates with those start states that suit this stretch best."""
     column = np.arange(ends.d.shape[1])
-    tried = np.resize(
-        starts, (column.size, VALVES_SIDE_BY_SIDE)
-    )  # a whole group shares its window of delays
+    # a whole group shares its window of delays
+    tried = np.resize(starts, (column.size, VALVES_SIDE_BY_SIDE))
     low, count = search.window(ends.d, reach)
     S, J, pole, low, count = (x[..., None] for x in (ends.S, ends.J, ends.pole, low, count))
     error, _ = search.scan(_MAPS[:, None], S, J, tried, pole, low, count)

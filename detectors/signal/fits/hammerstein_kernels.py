@@ -20,9 +20,8 @@ MOVING_UP, MOVING_DOWN = (
     2.0,
     -2.0,
 )  # start of a valve that has just been moving; else a rest position
-VALVES_SIDE_BY_SIDE = (
-    8  # valves that share a window of delays: the trials of one point of `descend`
-)
+# valves that share a window of delays: the trials of one point of `descend`
+VALVES_SIDE_BY_SIDE = 8
 
 
 def state_before(u, S, J, start, lo, hi):

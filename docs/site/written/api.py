@@ -37,9 +37,8 @@ def api_pages() -> dict[str, str]:
         rows = []
         for name in names:
             thing = getattr(importlib.import_module(package), name)
-            if inspect.ismodule(
-                thing
-            ):  # a room that is called: its function of the same name answers
+            # a room that is called: its function of the same name answers
+            if inspect.ismodule(thing):
                 thing = inspect.unwrap(
                     getattr(importlib.import_module("simbench.confirm.recorded"), name)
                 )
@@ -66,9 +65,8 @@ def api_pages() -> dict[str, str]:
 
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
-    home = (
-        thing.__module__ if name == "confirm" else package
-    )  # the package of that name stands before it
+    # the package of that name stands before it
+    home = thing.__module__ if name == "confirm" else package
     lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])
 

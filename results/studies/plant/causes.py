@@ -86,9 +86,8 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
     if cause in ("stiction", "dead-band"):
         S = float(rng.uniform(2.0, 8.0))
         table["valve"] = {"model": "choudhury", "S": S, "J": float(rng.uniform(0.3, 1.0) * S)}
-        kick = (
-            S + 1.0
-        )  # at rest a sticky loop may stay there for ever; the plant's has been moving for years
+        # at rest a sticky loop may stay there for ever; the plant's has been moving for years
+        kick = S + 1.0
     if cause == "dead-band":  # cycles on an integrating process
         table["plant"] = {
             "type": "integrating",
@@ -123,9 +122,8 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
         )
     loop = Loop.from_table(table)
     record = simulate(loop, int(rng.integers(2**31)), kick=kick).record.without_mv()
-    if (
-        cause == "sensor" and table["noise"]["std"] < 1.0
-    ):  # stuck: PV stands while the controller integrates on
+    # stuck: PV stands while the controller integrates on
+    if cause == "sensor" and table["noise"]["std"] < 1.0:
         pv, at = np.array(record.pv), int(0.4 * record.n)
         size = int(rng.uniform(0.1, 0.25) * record.n)
         op = np.array(record.op)

@@ -20,9 +20,8 @@ from simbench.plant.study.strengths import Size
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
 
-DRAWN = (
-    TESTING + 4
-)  # seed of the order of the loops: none that weights were learned on or answers looked at
+# seed of the order of the loops: none that weights were learned on or answers looked at
+DRAWN = TESTING + 4
 # S over the range that OP moves through with a sound valve; J over S is drawn between a little and
 # as much as there is band
 SIZES = {"buried": (0.01, 0.1), "plainly visible": (1.5, 4.0)}

@@ -39,9 +39,8 @@ def differing(folder: str | Path) -> Iterator[str]:
     answer otherwise.
     """
     manifest = read_manifest(folder)
-    if (
-        manifest["code"] != code_hash()
-    ):  # what another code answers is no second answer of the same detector
+    # what another code answers is no second answer of the same detector
+    if manifest["code"] != code_hash():
         return
     names = [
         m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]

@@ -74,9 +74,8 @@ def _beat(file: Path, about: dict, ended: threading.Event) -> None:
     while not ended.wait(BEAT):
         beat += 1
         with contextlib.suppress(OSError), open(file, "r+b") as f:
-            if (
-                about["token"].encode() in f.read()
-            ):  # else somebody took it over: this one had stopped for long
+            # else somebody took it over: this one had stopped for long
+            if about["token"].encode() in f.read():
                 f.seek(0)
                 f.write(_text(about, beat))
 
@@ -101,9 +100,8 @@ def _wait_out(file: Path, folders: list[Path]) -> None:
                 f"{file.parent}: {who}; wait for its end, stop it, or choose another folder"
             )
         if last == first:
-            aside = file.with_name(
-                f"{LEASE}.{uuid.uuid4().int}"
-            )  # one of two that find it stale succeeds
+            # one of two that find it stale succeeds
+            aside = file.with_name(f"{LEASE}.{uuid.uuid4().int}")
             file.rename(aside)
             if aside.read_bytes() != first:  # somebody else had taken it over since
                 aside.rename(file)

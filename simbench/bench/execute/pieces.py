@@ -49,9 +49,8 @@ class Receipt:
     simulating: float
     judging: float
     working: float
-    marks: dict[str, str] = field(
-        default_factory=dict
-    )  # checksum of the piece's partition of each table
+    # checksum of the piece's partition of each table
+    marks: dict[str, str] = field(default_factory=dict)
     found: bool = False  # it stood there already
 
 

@@ -148,9 +148,8 @@ class _Verification:
     marks: dict[str, list[str]]  # checksums of both tables' files
     grid: Grid
     fast: tuple[str, ...]  # methods of budget "fast"
-    sampled: tuple[
-        frozenset[int], frozenset[int]
-    ]  # groups simulated again, and those of them that all methods judge again
+    # groups simulated again, and those of them that all methods judge again
+    sampled: tuple[frozenset[int], frozenset[int]]
     settings: WorkSettings  # with all methods that can be asked
 
     def __call__(self, number: int, groups: Sequence[int]) -> Notes:

@@ -22,9 +22,8 @@ class Verification:
     origin: str  # the run's benchmark, and where its grid comes from
     scenarios: int  # of the run
     simulated: int = 0  # how many of them were simulated again
-    asked: dict[str, int] = field(
-        default_factory=dict
-    )  # on how many records each method was asked again
+    # on how many records each method was asked again
+    asked: dict[str, int] = field(default_factory=dict)
     unchecked: tuple[str, ...] = ()  # what was not checked
     contradictions: tuple[str, ...] = ()
 

@@ -20,9 +20,8 @@ _Task = Callable[[int, Sequence[int]], Receipt]
 _Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[_Task, _Pieces], Iterator[Receipt]]
 PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
-_SCHEDULER_SECONDS = (
-    60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
-)
+# s, for a scheduler to answer whose connection stands: its machine may be busy
+_SCHEDULER_SECONDS = 60.0
 _FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 _LOOK = 1.0  # s between two looks at workers from which nothing comes
 _AHEAD = 1000  # pieces handed out and not yet done
@@ -48,9 +47,8 @@ def on_processes(jobs: int) -> Iterator[Runner]:
         "initializer": _ignore_interrupt,
         "env": _ONE_THREAD,
     }
-    executor: Any = (
-        None  # its own: loky's reusable one would be taken by joblib for one of joblib's
-    )
+    # its own: loky's reusable one would be taken by joblib for one of joblib's
+    executor: Any = None
 
     def end(kill: bool) -> None:
         nonlocal executor
@@ -194,9 +192,8 @@ def _client(address: str | None) -> Any:
             "backend dask needs the package distributed; install stiction-simbench[dask]"
         ) from None
     try:
-        resolve_address(
-            address
-        )  # a client of an address that is none complains once more when it is thrown away
+        # a client of an address that is none complains once more when it is thrown away
+        resolve_address(address)
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RunError(

@@ -51,9 +51,8 @@ class GridMap:
     values: dict[str, list[Any]]  # of each axis, in order, as the table has them
     table: pd.DataFrame  # of map.parquet
     methods: dict[str, dict[str, Any]]  # of map.json
-    brier: dict[
-        str, float
-    ]  # mean squared error of the predicted accuracy of scenarios out of sample
+    # mean squared error of the predicted accuracy of scenarios out of sample
+    brier: dict[str, float]
 
     def as_text(self) -> str:
         """Return the costs of all methods as a table, the cheapest method first."""
@@ -169,9 +168,8 @@ def map_grid(
     else:
         shown = np.arange(plan.cells)
     frame, members = axes.table(shown)
-    frame = frame[
-        list(map(bool, members))
-    ]  # an axis replaced from outside may leave a cell without members
+    # an axis replaced from outside may leave a cell without members
+    frame = frame[list(map(bool, members))]
     cell = np.repeat(np.arange(len(frame)), list(filter(None, map(len, members))))
     everyone = axes.features(frame.iloc[cell], itertools.chain(*members))
     found: dict[str, dict[str, Any]] = {}

@@ -42,9 +42,8 @@ RATES = {
 _BAGS = 24  # halves of the sample; the spread between them is the sampling error
 _TREES = 4  # of each half
 _LEAF = 3  # scenarios
-_LEAST_SHARE = (
-    0.05  # of a cell's scenarios that must be expected to count for a rate; else it has none
-)
+# of a cell's scenarios that must be expected to count for a rate; else it has none
+_LEAST_SHARE = 0.05
 _MOST_TRIALS = 100  # scenarios that an estimate of one cell rests on, at most
 _Z = 1.96  # of 95 %
 

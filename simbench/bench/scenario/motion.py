@@ -13,9 +13,8 @@ from detectors.signal.conditioning import median
 class Motion:
     """Reversals of a valve position."""
 
-    at: (
-        np.ndarray
-    )  # (m,) sample indices of the reversals: the last sample before the valve turns back
+    # (m,) sample indices of the reversals: the last sample before the valve turns back
+    at: np.ndarray
     positions: np.ndarray  # (m,) position (%) there
     n: int  # samples looked at
 
@@ -85,9 +84,8 @@ def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
     one.
     """
     x = np.asarray(x, dtype=float) - np.mean(x)
-    size = (
-        4 << (x.size - 1).bit_length()
-    )  # zero-padded fourfold: a sine between two bins loses 3 % at most
+    # zero-padded fourfold: a sine between two bins loses 3 % at most
+    size = 4 << (x.size - 1).bit_length()
     amplitude = np.abs(np.fft.rfft(x, size)) * (2.0 / x.size)
     lo = max(int(np.floor(size / (period * factor))), 1)
     hi = min(int(np.ceil(size * factor / period)), amplitude.size - 1)

@@ -39,9 +39,8 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     are not known to the oracle: the maximum over all of them is taken (Kay 1998, section 6.4.2).
     """
     loop = scenario.loop
-    if (
-        warm_up := loop.sampling.warm_up
-    ):  # the plant's state is known where the run starts, not where the record does
+    # the plant's state is known where the run starts, not where the record does
+    if warm_up := loop.sampling.warm_up:
         loop = loop.model_copy(
             update={"sampling": Sampling(Ts=loop.sampling.Ts, n=warm_up + loop.sampling.n)}
         )

@@ -241,9 +241,8 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
             _NEAR if group.matched else _SETTLED
         ):
             break
-        if (
-            group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR
-        ):  # of noise, and no oscillation
+        # of noise, and no oscillation
+        if group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR:
             break
         own = found.period_s
         loop, _ = _settled(draft, group, twin, cycle, own)

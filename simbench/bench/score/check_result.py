@@ -36,9 +36,8 @@ class Check:
     # "other"), sticky, cycled, block, disturbance
     flips: pd.DataFrame
     home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
-    unseen: tuple[
-        str, ...
-    ] = ()  # methods of which nobody could tell whether they became worse, and why
+    # methods of which nobody could tell whether they became worse, and why
+    unseen: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:

@@ -68,9 +68,8 @@ def risk_coverage(
     _, tied, size = np.unique(-sure[order], return_inverse=True, return_counts=True)
 
     def shared(values: np.ndarray) -> np.ndarray:
-        return (np.bincount(tied, values, size.size) / size)[
-            tied
-        ]  # answers equally sure come in any order
+        # answers equally sure come in any order
+        return (np.bincount(tied, values, size.size) / size)[tied]
 
     risk, place = shared(wrong[order]), np.arange(1, order.size + 1)
     # a loop counts by its own error, and by moving all that are less sure one place down
@@ -94,9 +93,8 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
             from sklearn.ensemble import HistGradientBoostingClassifier
             from threadpoolctl import threadpool_limits
 
-            with threadpool_limits(
-                1
-            ):  # two threads on a busy machine wait for each other for minutes
+            # two threads on a busy machine wait for each other for minutes
+            with threadpool_limits(1):
                 model = HistGradientBoostingClassifier(random_state=0).fit(
                     features[there], label[there]
                 )

@@ -24,9 +24,8 @@ _ALLOWED = {
     MEDIAN_ERROR: 0.02,
 }  # moves that are no regression; errors in shares of S
 _ALLOWED_APART = 0.05  # more of either between runs of other loops
-_KEPT = (
-    0.8  # of the loops whose S or J a method gave before, that it must still give to be compared
-)
+# of the loops whose S or J a method gave before, that it must still give to be compared
+_KEPT = 0.8
 
 
 def estimates(book: RunArrays) -> pd.DataFrame:

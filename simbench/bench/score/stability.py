@@ -54,9 +54,8 @@ def stability(
     for _ in range(HALVES):
         half = rng.permutation(sums.shape[1])[: max(sums.shape[1] // 2, 1)]
         total = sums[:, half].sum(axis=1)
-        wins += bool(
-            total[0] >= total.max() - 1e-9
-        )  # sums of the same loops: equal but for rounding
+        # sums of the same loops: equal but for rounding
+        wins += bool(total[0] >= total.max() - 1e-9)
     rows = []
     for first, second in pairwise(order):
         one, other = right[first], right[second]

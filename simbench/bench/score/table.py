@@ -32,9 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _LINES, _WIDTH = 40, 100  # of the default output
-_BESIDES = (
-    3  # lines that a command prints around the table: what failed, a blank line, the run's folder
-)
+# lines that a command prints around the table: what failed, a blank line, the run's folder
+_BESIDES = 3
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
 _KINDS = (

@@ -33,9 +33,8 @@ _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "t
 _NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
 ID = np.dtype("S16")
 _ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
-LEVELS = np.dtype(
-    [("loop", np.int64), ("method", np.int64), *((end, np.float32) for end in _ENDS)]
-)  # as baselines keep them
+# as baselines keep them
+LEVELS = np.dtype([("loop", np.int64), ("method", np.int64), *((end, np.float32) for end in _ENDS)])
 
 
 def parts(
@@ -112,16 +111,14 @@ class RunArrays:
     ids: np.ndarray  # (n,) scenario ids
     hashes: np.ndarray  # (n,) of the records
     places: np.ndarray  # (n,) cell, repeat and member: where in its grid a scenario stands
-    axes: dict[
-        str, np.ndarray
-    ]  # (n,) grid axes and other tags: numbers (NaN where there is none) or words
+    # (n,) grid axes and other tags: numbers (NaN where there is none) or words
+    axes: dict[str, np.ndarray]
     # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the
     # four words
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray  # (n,) what the common front end said
-    groups: (
-        np.ndarray
-    )  # (n,) cell and repeat: the loops of one group are alike in what the cell sets
+    # (n,) cell and repeat: the loops of one group are alike in what the cell sets
+    groups: np.ndarray
     # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names
     # it
     design: np.ndarray
@@ -301,9 +298,8 @@ def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place:
 
 def _lists(part: pa.Table) -> np.ndarray:
     """Return the lists of numbers of a part's scenarios as rows; zeros where there is none."""
-    if (
-        "no_waveform" not in part.column_names or not part.num_rows
-    ):  # baselines written before have none
+    # baselines written before have none
+    if "no_waveform" not in part.column_names or not part.num_rows:
         return np.zeros((part.num_rows, 1))
     column = part.column("no_waveform").combine_chunks()
     there, values = (

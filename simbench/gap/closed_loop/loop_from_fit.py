@@ -17,9 +17,8 @@ from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, val
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
 
-_COLOURED = (
-    0.15  # correlation of the noise from sample to sample, below which it is as good as white
-)
+# correlation of the noise from sample to sample, below which it is as good as white
+_COLOURED = 0.15
 
 
 def fixed_loop(

@@ -34,13 +34,11 @@ from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 _EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
-_DIGITS = (
-    2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
-)
+# times what rounding leaves of the law, below which it is taken as known all the same ...
+_DIGITS = 2.5
 _CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
-_BLURRED = (
-    0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
-)
+# ... which no longer shows as a lattice where OP is written in more than this share of it
+_BLURRED = 0.1
 _HALF = 0.5  # ... unless that is half of all that OP does
 # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV
 # that hides
@@ -51,9 +49,8 @@ _FEW = 6  # samples kept by an archive from which it can be compared with what O
 _NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 _LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
-_THINNED = (
-    0.25  # share of PV on straight lines from which the archive is known to have been thinned
-)
+# share of PV on straight lines from which the archive is known to have been thinned
+_THINNED = 0.25
 
 
 @dataclass(frozen=True, eq=False)

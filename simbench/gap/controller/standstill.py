@@ -9,12 +9,10 @@ import numpy as np
 from simbench.gap.controller.regression import about_zero, by_steps, left_by_most
 
 _OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
-_LEANT = (
-    3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
-)
-_RESTS = (
-    6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
-)
+# steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
+_LEANT = 3.0
+# pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+_RESTS = 6
 # share of samples in which OP stands still off its extremes, from which it does so at them by
 # chance too
 _OFTEN = 0.01
@@ -23,9 +21,8 @@ _SETTLED = 1e-3
 # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no
 # chance does
 _TOLD = 0.4
-_STILL = (
-    0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
-)
+# share of samples with OP exactly at rest from which a gap in the error is looked for
+_STILL = 0.005
 
 
 def limits_of(

@@ -27,9 +27,8 @@ class Recogniser:
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
     # the effect's numbers in the units of the loop file; needed with `fit`
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
-    possible: Callable[[Situation], bool] = lambda s: (
-        True
-    )  # whether `fit` makes sense for this baseline
+    # whether `fit` makes sense for this baseline
+    possible: Callable[[Situation], bool] = lambda s: True
     # what the controller's law or single samples show without doubt
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     # of what loads do by themselves as well: whether the fit shows no more than that. It is then
@@ -53,9 +52,8 @@ class Recogniser:
     )
     # whether something proven makes all the evidence of this effect
     masked_by_archive: Callable[[Situation], bool] = lambda s: False
-    remark: Callable[[Situation], str] = lambda s: (
-        ""
-    )  # what the record shows of it beside the answer; "" for nothing
+    # what the record shows of it beside the answer; "" for nothing
+    remark: Callable[[Situation], str] = lambda s: ""
     # {"", "plant", "tuning"}: what of the baseline must be its author's for the effect to have a
     # meaning
     needs: str = ""
@@ -64,9 +62,8 @@ class Recogniser:
     band: Callable[[Mapping[str, float | str]], float] | None = None
     # PV answers OP as another plant would: asked before a record is called another loop's
     bends_plant: bool = False
-    leaves_traces: bool = (
-        False  # even the right fit leaves jumps, spells and heavy tails in the innovations
-    )
+    # even the right fit leaves jumps, spells and heavy tails in the innovations
+    leaves_traces: bool = False
     replaces: str = ""  # the plant's number (K, T or Td) that the effect states in place of the fit
     # offset of OP (%) that starts a cycle: a sticky loop left at rest may stay there
     initial_op_offset: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
@@ -75,9 +72,8 @@ class Recogniser:
     mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: (
         0.0
     )
-    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: (
-        None
-    )  # the size that would have shown in this record
+    # the size that would have shown in this record
+    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
 
 
 def clip(x: float, low: float, high: float) -> float:

@@ -17,9 +17,8 @@ from simbench.gap.situation import Archive
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
 _STRAIGHT = 0.17
-_SPECKS = (
-    0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
-)
+# of the variance of PV's moves, that an archive may differ from what the controller saw
+_SPECKS = 0.02
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 

@@ -17,9 +17,8 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-_FAILS = (
-    0.3  # share of OP's changes left over, below which the baseline's own law still explains them
-)
+# share of OP's changes left over, below which the baseline's own law still explains them
+_FAILS = 0.3
 # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
 # when it is not
 _APART = 1.5

@@ -30,9 +30,8 @@ from simbench.gap.likelihood.model import (
 _NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 _EDGE = 0.02  # ... and falls off with this standard deviation outside
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-_HALF = (
-    0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
-)
+# of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+_HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 _REDDEST = 0.8  # noise of more memory than this has passed a filter

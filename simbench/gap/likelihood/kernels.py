@@ -20,17 +20,15 @@ _FEW, _MANY = (
     16,
     48,
 )  # valve maps filtered together, one waits while another computes: of long records few, or ...
-_CACHED_SAMPLES = (
-    5000  # ... of records up to this many samples many, which the processor's cache holds
-)
+# ... of records up to this many samples many, which the processor's cache holds
+_CACHED_SAMPLES = 5000
 SKIP = 4  # first samples, which only settle the filter's unknown start
 # samples after a jump of the load, over which the filter's gain follows it, or until its variance
 # is ...
 _REACH = 300
 _SETTLED = 1e-6  # ... as constant as that from sample to sample
-_NEAR = (
-    20  # samples after a jump, within which another one finds the filter still unsure of the first
-)
+# samples after a jump, within which another one finds the filter still unsure of the first
+_NEAR = 20
 
 
 @njit_cached

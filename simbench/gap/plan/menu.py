@@ -23,12 +23,10 @@ _MOST = 1500  # samples of a test; longer ones tell little more, only later
 _FASTER = 4
 _TINY = 1e-9  # gain of a controller that follows the operator alone
 _DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
-_SPREADS = (
-    4.0  # ... and standard deviations between draws, that it is taken to be larger than their mean
-)
-_MARGIN = (
-    0.8  # of a limit on PV that the simulated excursion may use: the plant is not quite the model
-)
+# ... and standard deviations between draws, that it is taken to be larger than their mean
+_SPREADS = 4.0
+# of a limit on PV that the simulated excursion may use: the plant is not quite the model
+_MARGIN = 0.8
 _SAYS = {
     "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
     "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",

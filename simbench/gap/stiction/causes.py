@@ -44,9 +44,8 @@ _TIGHT = (
 _BARE = 0.1  # of S, below which J is no jump
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
-_NEAR = (
-    1.4  # factor between the period of the loop and that of its resonance up to which they are one
-)
+# factor between the period of the loop and that of its resonance up to which they are one
+_NEAR = 1.4
 # share of PV's variance that changes from sample to sample, from which it is noise that moves the
 # valve
 _NOISY = 0.75

@@ -44,9 +44,8 @@ FRICTION, _BAND = (
 )  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
-_OWN = (
-    0.2  # share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
-)
+# share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
+_OWN = 0.2
 _ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 

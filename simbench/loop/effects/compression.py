@@ -33,9 +33,8 @@ def swinging_door(pv, band):
     for k in range(1, len(values)):
         run = k - start
         slope = (values[k] - values[start]) / run
-        if (
-            not low <= slope <= high
-        ):  # the line to this sample would leave an earlier one too far away
+        # the line to this sample would leave an earlier one too far away
+        if not low <= slope <= high:
             start = k - 1
             kept.append(start)
             low, high, run = -np.inf, np.inf, 1

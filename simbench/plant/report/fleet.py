@@ -180,9 +180,8 @@ def survey(
     ]
     members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
-    timed = {
-        m.name: replace(records[m.name], mv=None) for m in members
-    }  # with the time of the calendar
+    # with the time of the calendar
+    timed = {m.name: replace(records[m.name], mv=None) for m in members}
     pairs = cascades(timed)
     members, events = _joined(
         members, {name: Prepared(record) for name, record in timed.items()}, pairs
@@ -252,9 +251,8 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
         hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
-        size = (
-            None if hidden > 0.5 * size[0] else size
-        )  # an archive that leaves out as much says no size
+        # an archive that leaves out as much says no size
+        size = None if hidden > 0.5 * size[0] else size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
     return FleetLoop(
         name,

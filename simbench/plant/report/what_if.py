@@ -195,9 +195,8 @@ def _changed(
         table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {
             "type": "P"
         }
-    if (
-        name == RESIZE
-    ):  # the same flow of a valve half as large: half the gain of plant, twice that of controller
+    # the same flow of a valve half as large: half the gain of plant, twice that of controller
+    if name == RESIZE:
         table["plant"] |= {"K": 0.5 * loop.plant.K}
         table["controller"] |= {"Kc": 2.0 * loop.controller.Kc}
     if name == REPAIR:

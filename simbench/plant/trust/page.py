@@ -69,9 +69,8 @@ def write_page(found: Trust, path: str | Path) -> None:
         )
     )
     points = [*(r.sentence() for r in found.helps), *found.notes]
-    points += summary.notes_of(
-        [m.verdict for m in found.methods], record
-    )  # what reading it assumed stands among them
+    # what reading it assumed stands among them
+    points += summary.notes_of([m.verdict for m in found.methods], record)
     if points:
         parts.append(section("next", "What would help, and what to know", points=points))
     write(

@@ -41,9 +41,8 @@ def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
     )
     assert rank_methods(np.zeros((2, 0), dtype=bool)).rank.tolist() == [1, 1]
     half = np.arange(98) % 2 == 0
-    one = rank_methods(
-        half[None]
-    )  # p = 50/100 with one success and one failure more: spread 2 * 1/4
+    # p = 50/100 with one success and one failure more: spread 2 * 1/4
+    one = rank_methods(half[None])
     assert (one.rank.tolist(), one.spread) == ([1], pytest.approx(0.5))
     assert one.resolution == pytest.approx(1.959964 * math.sqrt(0.5 / 98), rel=1e-6)
     two = rank_methods(np.array([half, ~half]))  # alone right in every loop
@@ -139,9 +138,8 @@ def test_a_motion_with_few_reversals_says_what_it_can():
     assert (none.lasting, three.lasting) == (0.0, 0.0)  # nothing in the last third
     late = Motion(np.array([70, 80]), np.array([0.0, 1.0]), 90)
     assert late.lasting == math.inf
-    fading = Motion(
-        np.array([0, 20, 50, 70]), np.array([0.0, 4.0, 0.0, 1.0]), 90
-    )  # swings 4, 4, 1 about 10, 35, 60
+    # swings 4, 4, 1 about 10, 35, 60
+    fading = Motion(np.array([0, 20, 50, 70]), np.array([0.0, 4.0, 0.0, 1.0]), 90)
     assert fading.lasting == 0.25
 
 
@@ -393,9 +391,8 @@ def test_a_check_shows_what_moved_and_the_worst_flips_first():
         " and 2 won (p = 0.001)"
     )
     assert f"{2 * SHOWN} verdicts changed, the first {SHOWN}:" in text
-    assert (
-        "simbench simulate --from there --id 001 -o record.csv" in text
-    )  # the first of the method that became worse
+    # the first of the method that became worse
+    assert "simbench simulate --from there --id 001 -o record.csv" in text
     assert text.count("no_stiction") == SHOWN
     whole = checked(SHOWN).as_text()
     assert f"{SHOWN} verdicts changed:" in whole

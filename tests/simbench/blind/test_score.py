@@ -151,9 +151,8 @@ def test_answers_that_are_all_wrong_hold_none():
     judged = {
         name: f.holds for name, f in found.items() if f.level is not None and f.value is not None
     }
-    silent = (
-        "known effect called unknown",
-    )  # it never says unknown, and that level is met by silence
+    # it never says unknown, and that level is met by silence
+    silent = ("known effect called unknown",)
     assert not any(
         holds
         for name, holds in judged.items()

@@ -90,9 +90,8 @@ def bounded() -> Iterator[None]:
     """Whatever is asked takes at most 60 s of CPU, that of processes it started and ended included,
     and 2 GiB.
     """
-    with contextlib.suppress(
-        OSError
-    ):  # the highest memory counts anew from here on, where the system can do that
+    # the highest memory counts anew from here on, where the system can do that
+    with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     seconds, memory = _seconds(), _memory()
     yield

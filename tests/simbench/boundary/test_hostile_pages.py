@@ -60,9 +60,8 @@ def hostile(tmp_path, monkeypatch):
 
 
 def assert_harmless(page):
-    assert "window.hit=1" in page.read_text(
-        encoding="utf-8"
-    )  # the text is there: it is shown, not dropped
+    # the text is there: it is shown, not dropped
+    assert "window.hit=1" in page.read_text(encoding="utf-8")
     if chromium.executable() is None:
         pytest.skip("no browser here")
     with chromium.opened(page) as shown:

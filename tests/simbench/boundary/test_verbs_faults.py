@@ -159,9 +159,8 @@ RARELY = [(verb, fault) for verb in QUICK for fault in FAULTS if (verb, fault) n
 )
 def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, verb, fault):
     words = QUICK[verb].split()
-    monkeypatch.chdir(
-        clean(home, "first")
-    )  # what is made once for all, such as compiled kernels, is made here
+    # what is made once for all, such as compiled kernels, is made here
+    monkeypatch.chdir(clean(home, "first"))
     assert main(words) == 0
     monkeypatch.chdir(clean(home, "whole"))
     with pytest.MonkeyPatch.context() as patch:

@@ -56,9 +56,8 @@ def caught(monkeypatch):
     monkeypatch.setattr(plant_command, "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
     monkeypatch.setattr("simbench.gap.stiction.conclusion.judged", stop)
-    recorded = importlib.import_module(
-        "simbench.confirm.recorded"
-    )  # `simbench.confirm` is a function too
+    # `simbench.confirm` is a function too
+    recorded = importlib.import_module("simbench.confirm.recorded")
     monkeypatch.setattr(recorded, "travel_recorded", stop)
     monkeypatch.setattr(recorded, "gain_change_recorded", stop)
     return got

@@ -219,9 +219,8 @@ def test_the_first_harmonic_of_valves_whose_answer_is_known():
         first_harmonic("deadzone", {"D": 6.0}, A), deadzone(6.0).N(A), atol=2e-3
     )
     assert first_harmonic("deadzone", {"D": 6.0}, 2.0) == pytest.approx(0.0, abs=1e-12)
-    lagging = first_harmonic(
-        "lag", {"T": 100 / (2 * np.pi)}, 10.0, period=100.0
-    )  # a corner at the sine's own frequency
+    # a corner at the sine's own frequency
+    lagging = first_harmonic("lag", {"T": 100 / (2 * np.pi)}, 10.0, period=100.0)
     assert lagging[0] == pytest.approx(1 / (1 + 1j), abs=5e-3)
 
 

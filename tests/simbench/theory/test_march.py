@@ -123,9 +123,8 @@ def test_load_step_of_the_march_equals_that_of_the_simulator(loop, case):
 def test_reversals_are_where_the_valve_turns(loop):
     sampled = sampled_loop(loop(Ts=0.5))
     run = reversals(sampled, *at_rest(sampled, 4.0), 30)
-    op, mv = slow_march(
-        sampled, 4.0, int(run.sample[12]) + 200
-    )  # chaos shifts later turns by a sample
+    # chaos shifts later turns by a sample
+    op, mv = slow_march(sampled, 4.0, int(run.sample[12]) + 200)
     for i in range(1, 12):
         a, b = int(run.sample[i - 1]), int(run.sample[i])
         up = mv[a] > mv[a - 1]

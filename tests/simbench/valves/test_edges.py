@@ -44,9 +44,8 @@ def test_a_sticky_valve_begins_where_op_is_within_its_travel_and_stays(name, op,
 )
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_first_move_from_rest_needs_half_of_S_plus_J(name, way):
-    reach = (
-        4.0 if name == "choudhury_literal" else 3.0
-    )  # the flow chart as printed waits for all of S
+    # the flow chart as printed waits for all of S
+    reach = 4.0 if name == "choudhury_literal" else 3.0
     before, after = (
         valve_response(name, 50.0 + way * np.array([0.0, reach + d]), STICKY[name])[1]
         for d in (-0.01, 0.01)

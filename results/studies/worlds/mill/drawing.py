@@ -170,9 +170,8 @@ def _search(
     low, high, best = lowest, highest, None
     for step in range(9):
         at = 0.5 * (low + high)
-        if (
-            step == 3 and best is None
-        ):  # always too large, or always too small: is there room at all?
+        # always too large, or always too small: is there room at all?
+        if step == 3 and best is None:
             at = lowest if low == lowest else highest if high == highest else at
         found, good = _found(case, effect, sizes.at(float(np.exp(at))), seeds, healthy)
         if good and band[0] <= found.ratio < band[1]:

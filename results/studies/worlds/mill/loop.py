@@ -70,9 +70,8 @@ class Signals(NamedTuple):
     upset: np.ndarray  # what strikes PV itself, behind the plant
     spikes: np.ndarray
     forward: np.ndarray  # feedforward added to OP, %
-    mode: (
-        np.ndarray
-    )  # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
+    # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
+    mode: np.ndarray
     held: np.ndarray  # int8: 1 = the measurement repeats its last value
     hand: np.ndarray  # OP as an operator's test adds to where he took over, %; NaN without
 

@@ -108,9 +108,8 @@ def margins(
     law = Kc * (1.0 + per_sample * (now + before / z) / (1.0 - 1.0 / z))
     L = (x @ g.c) * law
     phase = np.unwrap(np.angle(L))
-    phase -= (
-        2 * math.pi * np.round(phase[0] / (2 * math.pi) + 0.25)
-    )  # start between -270 and +90 degrees
+    # start between -270 and +90 degrees
+    phase -= 2 * math.pi * np.round(phase[0] / (2 * math.pi) + 0.25)
     cross = np.floor((phase[1:] + math.pi) / (2 * math.pi)) != np.floor(
         (phase[:-1] + math.pi) / (2 * math.pi)
     )

@@ -44,9 +44,8 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
 
 
 def _stiction(rng, s):
-    top = (
-        1.0 if s.case["friction"] in ("choudhury", "he") else 0.6
-    )  # a stem with sliding friction slips less than its band
+    # a stem with sliding friction slips less than its band
+    top = 1.0 if s.case["friction"] in ("choudhury", "he") else 0.6
     share = rng.uniform(0.1, top)
     return 0.3, 15.0, lambda x: {"S": x, "J": share * x}
 

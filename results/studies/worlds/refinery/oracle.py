@@ -121,9 +121,8 @@ class Cloud:
             self._distance([g[i] for g in self._groups], np.arange(count) != i)
             for i in range(count)
         ]
-        self.spread = float(
-            np.mean(own)
-        )  # mean distance of a record without the effect from the others
+        # mean distance of a record without the effect from the others
+        self.spread = float(np.mean(own))
 
     def _distance(self, record: list[np.ndarray], keep: np.ndarray) -> float:
         worst = 0.0

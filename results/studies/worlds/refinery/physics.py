@@ -32,13 +32,11 @@ class Plant(NamedTuple):
     lag2: float = 0.0
     extra_lag: float = 0.0
     slower: float = 1.0  # foreign: T when PV falls / T when PV rises
-    swell: float = (
-        0.0  # foreign: gain of the opposite fast path / K (integrating: / (K swell_time))
-    )
+    # foreign: gain of the opposite fast path / K (integrating: / (K swell_time))
+    swell: float = 0.0
     swell_time: float = 1.0
-    recycle: float = (
-        0.0  # foreign: share of the output that comes back through the feed-effluent exchanger
-    )
+    # foreign: share of the output that comes back through the feed-effluent exchanger
+    recycle: float = 0.0
     recycle_delay: float = 0.0
 
 

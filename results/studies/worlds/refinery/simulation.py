@@ -31,9 +31,8 @@ class Setup:
     controller: Controller
     valve: Valve
     sensor: Sensor
-    loads: list[_LoadMaker] = field(
-        default_factory=list
-    )  # (rng, cells, h, cell of the record's middle) -> load in %
+    # (rng, cells, h, cell of the record's middle) -> load in %
+    loads: list[_LoadMaker] = field(default_factory=list)
     noise_std: float = 0.0
     white_std: float = 0.0  # added in quadrature, PV units
     drift: tuple[float, float] = (0.0, 0.0)  # rate, walk

@@ -28,9 +28,8 @@ def draw(
     unit = _log(rng, 0.05, 20)
     sign = 1.0 if rng.random() < 0.8 else -1.0
     K = sign * (unit if plant == "foptd" else unit / T)
-    wish = max(
-        T * rng.uniform(0.5, 1.5), Td * rng.uniform(0.9, 2.0)
-    )  # desired closed-loop time constant
+    # desired closed-loop time constant
+    wish = max(T * rng.uniform(0.5, 1.5), Td * rng.uniform(0.9, 2.0))
     speed = wish + Td
     controller = "P" if rng.random() < 0.15 else "PI"
     if plant == "foptd":

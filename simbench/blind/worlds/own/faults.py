@@ -265,9 +265,8 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     start, steep, flat = 0, np.inf, -np.inf
     for k in range(1, x.size):
         slope = (x[k] - x[start]) / (k - start)
-        if (
-            slope > steep or slope < flat
-        ):  # the line to this point would leave the door of an earlier one
+        # the line to this point would leave the door of an earlier one
+        if slope > steep or slope < flat:
             _draw(out, start, k - 1)
             start, steep, flat = k - 1, np.inf, -np.inf
         steep = min(steep, (x[k] + band - x[start]) / (k - start))

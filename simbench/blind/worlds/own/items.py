@@ -39,9 +39,8 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
     effect = entry.get("effect", "")
     moves = True if effect in faults.NEEDS_SP_STEPS else None
     for i in range(_LOOPS_TO_TRY):
-        wish = (
-            entry.get("plant") if i < _LOOPS_TO_TRY // 2 else None
-        )  # rather the other plant than no record
+        # rather the other plant than no record
+        wish = entry.get("plant") if i < _LOOPS_TO_TRY // 2 else None
         case = drawing.draw(
             rng, plant=faults.NEEDS_PLANT.get(effect, wish), mv=entry["mv"], sp_moves=moves
         )

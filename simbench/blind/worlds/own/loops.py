@@ -52,9 +52,8 @@ class TrueLoop:
     smooth_gap: bool
     mv: bool
     mv_noise: float
-    nominal: tuple[
-        float, float, float
-    ]  # K, T, and Td as it appears between logged OP and logged PV
+    # K, T, and Td as it appears between logged OP and logged PV
+    nominal: tuple[float, float, float]
 
     @property
     def warm_up(self) -> int:
@@ -146,9 +145,8 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
     sp = np.full(n, case.pv0)
     for t, value in case.steps:
         sp[case.warm_up + round(t / case.Ts) :] = value
-    sp[: case.warm_up // 4] += (
-        3.0 * case.unit * case.sign * np.sign(case.K)
-    )  # wakes a valve that would rest for ever
+    # wakes a valve that would rest for ever
+    sp[: case.warm_up // 4] += 3.0 * case.unit * case.sign * np.sign(case.K)
     same = {
         key: float(getattr(case, key))
         for key in [
@@ -227,9 +225,8 @@ def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals
     mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
     shift = int(case.log_is_late if late is None else late)
     rows = slice(setup.start, n)
-    before = slice(
-        setup.start - shift, n - shift
-    )  # the scan logs OP before the controller has computed the new one
+    # the scan logs OP before the controller has computed the new one
+    before = slice(setup.start - shift, n - shift)
     archived = pv[rows].copy()
     for record in setup.archive:
         archived = record(archived)

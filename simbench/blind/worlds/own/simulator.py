@@ -92,9 +92,8 @@ def _stem(u, x, w, p, h):
     if p.friction == STRIBECK:
         sliding += (p.fs - p.fc) * math.exp(-((w / (40.0 * slow)) ** 2))
     new = (w + h * wn * wn * (pull - way * sliding)) / (1.0 + 2.4 * wn * h)
-    if (
-        new * way <= 0.0
-    ):  # the velocity would change sign: the stem has come to rest within the step
+    # the velocity would change sign: the stem has come to rest within the step
+    if new * way <= 0.0:
         return x, 0.0
     return x + h * new, new
 
@@ -181,9 +180,8 @@ def run(p, inputs, op, pv, true, mv):
                 u = p.bias + p.sign * p.Kc * (proportional + integral + derivative)
             e_before, p_before, d_before, y_before = e, proportional, derivative, y
             limited = min(max(u, p.lo), p.hi)
-            if (
-                limited != u and p.form == POSITION and p.Ti > 0
-            ):  # anti-windup: the integral gives back what was cut
+            # anti-windup: the integral gives back what was cut
+            if limited != u and p.form == POSITION and p.Ti > 0:
                 integral += p.sign * (limited - u) / p.Kc
             u = limited
         if not math.isnan(hand[k]):

@@ -94,9 +94,8 @@ def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> 
                 "walk": float(f"{total(x) / math.sqrt(case.duration):.4g}"),
             }
         case "oscillation":
-            period = min(
-                case.speed * 10 ** (0.2 + u[0]), case.duration / 15
-            )  # fewer periods would be a wandering load
+            # fewer periods would be a wandering load
+            period = min(case.speed * 10 ** (0.2 + u[0]), case.duration / 15)
             return one("amplitude", 0.1, 12, period=float(f"{period:.4g}"))
         case "load_steps":
             return one("size", 0.2, 15, rate=float(f"{(4 + 20 * u[0]) / case.duration:.4g}"))

@@ -362,9 +362,8 @@ def test_no_two_loops_share_a_set_point_a_controller_or_their_noise(whole):
     n = len(whole.records)
     assert len({record.sp[0] for record in whole.records}) == n
     gains, times = whole.drifts[:, -4], whole.drifts[:, -3]
-    assert (
-        different(list(gains * times)) > 0.9 * n
-    )  # four digits of 358 numbers: some agree by chance
+    # four digits of 358 numbers: some agree by chance
+    assert different(list(gains * times)) > 0.9 * n
     noise = np.array([np.diff(record.pv, 4)[:200] for record in whole.records])
     alike = np.abs(np.corrcoef(noise)[np.triu_indices(n, 1)])
     assert alike.max() < 0.8

@@ -102,9 +102,8 @@ def test_what_has_no_label_anywhere_has_no_rate():
 
 
 def test_a_scenario_is_predicted_by_forests_that_do_not_have_its_cell():
-    outcomes = np.random.default_rng(0).choice(
-        [6, 7], (len(CELLS), 2)
-    )  # nothing to learn: by heart it would be known
+    # nothing to learn: by heart it would be known
+    outcomes = np.random.default_rng(0).choice([6, 7], (len(CELLS), 2))
     surrogate = drawn(outcomes, 300, 0)
     assert surrogate.brier() > 0.24
     assert not (

@@ -336,9 +336,8 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
     for kind in ("scenarios", "verdicts"):
         parts = (run / f"{kind}.parquet").iterdir()
         assert (base / f"{kind}.parquet").stat().st_size < sum(f.stat().st_size for f in parts)
-    assert (
-        sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500
-    )  # at most 1.5 kB per scenario is committed
+    # at most 1.5 kB per scenario is committed
+    assert sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500
     assert update_baseline(run, base).endswith("nothing moved")
 
 

@@ -74,9 +74,8 @@ def test_the_area_under_risk_and_coverage_scatters_as_a_bootstrap_of_whole_group
 def test_a_classifier_is_not_asked_about_groups_it_learned_on():
     rng = np.random.default_rng(1)
     group = np.repeat(np.arange(60), 8)
-    label = (
-        rng.integers(0, 2, 60)[group] == 1
-    )  # a label of the group: known again only by its own settings
+    # a label of the group: known again only by its own settings
+    label = rng.integers(0, 2, 60)[group] == 1
     chance = out_of_fold(rng.normal(size=(60, 3))[group], label, group)
     assert np.mean((chance > 0.5) == label) < 0.65
     told = out_of_fold(np.column_stack([rng.normal(size=480), label]), label, group)

@@ -80,9 +80,8 @@ def test_runs_of_different_versions_are_not_compared(runs, tmp_path, verb):
     def compared(other):
         return CliRunner().invoke(app, [verb[0], str(runs / "one"), verb[1], str(other)])
 
-    assert not isinstance(
-        compared(runs / "same").exception, UserError
-    )  # other detectors are what is compared
+    # other detectors are what is compared
+    assert not isinstance(compared(runs / "same").exception, UserError)
     with pytest.raises(UserError, match=r"differ in the scenarios$"):
         raise compared(runs / "other").exception
     write_baseline(runs / "same", tmp_path / "b")

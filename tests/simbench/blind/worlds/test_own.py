@@ -116,9 +116,8 @@ def test_the_stem_breaks_away_at_half_s_plus_j_and_slips_by_j(friction):
             rest.append(x)
             break
     assert u_of_move == pytest.approx(50 + (S + J) / 2, abs=0.01)
-    slip = (
-        rest[0] if rest else x
-    ) - 50.0  # Stribeck's friction grows again as the stem slows down: it slips less far
+    # Stribeck's friction grows again as the stem slows down: it slips less far
+    slip = (rest[0] if rest else x) - 50.0
     assert slip == pytest.approx(J, abs=0.1 if friction == sim.KARNOPP else 0.3)
 
 
