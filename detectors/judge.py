@@ -108,7 +108,10 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
 
     Once per plug-in. What else it does wrong there, the records will show.
     """
-    for name in {n.partition("@")[0] for n in names} & set(registry.names()):
+    known = set(registry.names())
+    for name in dict.fromkeys(n.partition("@")[0] for n in names):
+        if name not in known:
+            continue
         module = registry.load(name)
         if registry.built_in(name) or vars(module).setdefault("form_is_right", False):
             continue
