@@ -11,9 +11,9 @@ from simbench.loop.plant import beyond_first_order, first_order_like, polynomial
 BASE = {
     "plant": {"type": "tf", "num": [1.2], "den": [60, 17, 1], "Td": 2.0},
     "controller": {"type": "PI", "Kc": 0.8, "Ti": 15},
-    "sampling": {"Ts": 1, "n": 1200},
+    "sampling": {"Ts": 1, "n": 800},
     "noise": {"std": 0.1},
-    "setpoint": {"value": 50, "steps": [[100, 55], [500, 48], [900, 53]]},
+    "setpoint": {"value": 50, "steps": [[100, 55], [350, 48], [600, 53]]},
     "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 40.0}],
 }
 
@@ -40,7 +40,7 @@ def test_the_inner_loop_of_a_cascade_is_judged_by_its_own_record():
     outer = {
         "plant": {"type": "foptd", "K": 1.0, "T": 60, "Td": 5},
         "controller": {"type": "PI", "Kc": 1, "Ti": 60},
-        "setpoint": {"value": 50, "steps": [[100, 55], [600, 47]]},
+        "setpoint": {"value": 50, "steps": [[100, 55], [450, 47]]},
     }
     loop = sb.Loop(**inner, outer=outer)
     run = sb.Loop(**inner, outer=outer, effect=[{"name": "gain_mismatch", "factor": 1.8}]).simulate(

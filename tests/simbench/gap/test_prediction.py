@@ -9,9 +9,9 @@ import json
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop, load_loop
+from scenarios.spec import Loop
 from simbench.cli import main
-from simbench.files import write_record
+from simbench.gap import command
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.prediction import _interval, _moved, measure, predict, read_settings
 from simbench.loop.simulate import simulate
@@ -59,6 +59,7 @@ def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
     )
 
 
+@pytest.mark.slow
 def test_a_cycle_of_friction_keeps_its_predicted_period():
     found = predict(
         diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0}
@@ -86,15 +87,8 @@ def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
     assert 0.0 <= found["oscillates"] < 0.5
 
 
-def test_the_same_report_and_seed_give_the_same_numbers(report):
-    assert (
-        predict(report, {"controller.Kc": 0.75}).as_json()
-        == predict(report, {"controller.Kc": 0.75}).as_json()
-    )
-
-
 @pytest.mark.parametrize(("settings", "word"), [
-    ({"controller.Kc": 4.5}, "stability limit"), ({"controller.Kc": 1000.0}, "stability limit"),
+    ({"controller.Kc": 4.5}, "stability limit"),
     ({"setpoint.value": 80.0}, "outside the record's"),
 ])  # fmt: skip
 def test_outside_its_range_a_prediction_says_so(report, settings, word):
@@ -138,16 +132,15 @@ def test_bad_settings_are_refused_in_one_sentence(words, said):
     assert "\n" not in str(error.value)
 
 
-def test_the_verb_answers_first_and_prints_json_alone(tmp_path, capsys):
-    write_record(simulate(TRUE, seed=3).record, tmp_path / "rec.csv")
+def test_the_verb_answers_first_and_prints_json_alone(report, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "diagnose_files", lambda *files, **about: report)
     (tmp_path / "loop.toml").write_text(MODEL.to_toml())
-    assert load_loop(tmp_path / "loop.toml") == MODEL
-    record, loop = str(tmp_path / "rec.csv"), str(tmp_path / "loop.toml")
-    words = ["gap", "predict", record, "--baseline", loop, "--set", "controller.Kc=0.75"]
+    loop = str(tmp_path / "loop.toml")
+    words = ["gap", "predict", "rec.csv", "--baseline", loop, "--set", "controller.Kc=0.75"]
     assert main(words) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("PV standard deviation ")
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 100
     assert main([*words, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["valid"] is True
+    assert json.loads(capsys.readouterr().out) == predict(report, {"controller.Kc": 0.75}).as_json()

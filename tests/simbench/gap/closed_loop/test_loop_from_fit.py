@@ -49,10 +49,6 @@ def test_a_smooth_load_keeps_its_size_and_memory(times):
         assert np.std(got[step:] - got[:-step]) == pytest.approx(change, rel=0.03)
 
 
-def test_a_quick_second_stage_is_none():
-    assert load_parts({"load": 2.0, "load_time": 30.0, "load_lag": 0.1}) == [(2.0, 30.0, 0.0)]
-
-
 def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
     parts = load_parts({"load": 2.0, "load_time": 50.0})
     assert [(round(period, 9), lag) for _, period, lag in parts] == [

@@ -72,10 +72,10 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
 
 MORE = {
     "controller": {"type": "PI", "Kc": 1, "Ti": 20},
-    "sampling": {"Ts": 1, "n": 1200},
+    "sampling": {"Ts": 1, "n": 800},
     "noise": {"std": 0.1},
 }
-MORE |= {"setpoint": {"steps": [[100, 55], [500, 48], [900, 53]]}}
+MORE |= {"setpoint": {"steps": [[100, 55], [350, 48], [600, 53]]}}
 
 
 def lagging(Td, tau):
@@ -111,5 +111,5 @@ def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, own):
 
 
 def test_of_a_lag_that_the_dead_time_could_hold_only_pv_says_that_it_is_missing():
-    nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (1.5, 3.0, 9.0)]
-    assert 5.0 < nats[0] < nats[1] < 0.5 * nats[2]
+    nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (2.0, 9.0)]
+    assert 5.0 < nats[0] < 0.5 * nats[1]

@@ -234,31 +234,6 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, 
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
 
 
-def test_a_load_that_never_jumps_is_filtered_as_before():
-    y = RNG.standard_normal((1, 300))
-    model = (8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0)
-    plain, logs = kernels.whiten(y, *model)
-    none, same = kernels.whiten(y, *model, np.array([300]), 4.0, True)
-    assert none == pytest.approx(plain, abs=1e-9)
-    assert same == pytest.approx(logs, abs=1e-9)
-
-
-def test_innovations_of_the_right_model_are_white_and_of_variance_one():
-    n, T, load_time, load, noise = 20000, 8.0, 15.0, 1.0, 0.3
-    rng = np.random.default_rng(0)
-    phi, a = np.exp(-1 / load_time), np.exp(-1 / T)
-    d, x, y = 0.0, 0.0, np.empty(n)
-    for k in range(n):
-        y[k] = x + noise * rng.standard_normal()
-        x = a * x + (1 - a) * d
-        d = phi * d + load * np.sqrt(1 - phi**2) * rng.standard_normal()
-    white = kernels.whiten(y[None, :], T, 0.0, load_time, 0.0, load, 0.0, 0.0, noise, 0.0, 5.0)[0][
-        0, 10:
-    ]
-    assert np.var(white) == pytest.approx(1.0, abs=0.04)
-    assert abs(np.mean(white[1:] * white[:-1])) < 0.03
-
-
 @pytest.mark.parametrize("places", [(), (100, 103, 140)])
 def test_a_channel_by_itself_is_filtered_as_among_others(places):
     y = RNG.standard_normal((3, 200))
@@ -280,11 +255,3 @@ def test_a_channel_by_itself_is_filtered_as_among_others(places):
         alone, same = kernels.whiten(y[i : i + 1], *model)
         assert np.array_equal(alone[0], among[i])
         assert same == logs
-
-
-def test_every_channel_is_filtered_alike():
-    y = RNG.standard_normal((2, 200))
-    both = kernels.whiten(
-        np.vstack([y, y[0] + 2 * y[1]]), 8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0
-    )[0]
-    assert np.allclose(both[2], both[0] + 2 * both[1])

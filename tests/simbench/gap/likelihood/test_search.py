@@ -10,9 +10,7 @@ from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
     KEPT,
     TINY,
-    around,
     band_sizes,
-    better,
     different,
     idle,
     mapped,
@@ -21,7 +19,6 @@ from simbench.gap.likelihood.search import (
     promising,
     scanned,
     search_map,
-    settle,
 )  # fmt: skip
 
 THETA = {
@@ -86,27 +83,6 @@ class Peaks:
 BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
 
 
-def test_points_lie_around_a_size_within_a_share_of_it():
-    play = around(kernels.PLAY, np.array([10.0, 0.0, 0.0]), 0.04)
-    sizes = [9.6, 9.8, 10.0, 10.2, 10.4]
-    assert play == pytest.approx(
-        np.array([(s, way * s / 2, 0.0) for s in sizes for way in (-1, 0, 1)])
-    )
-    zone = around(kernels.ZONE, np.array([10.0, 50.0, 0.0]), 0.04)
-    assert zone == pytest.approx(
-        np.array([(s, c, 0.0) for s in sizes for c in (49.6, 49.8, 50.0, 50.2, 50.4)])
-    )
-    for kind in (kernels.STICK, kernels.CREEP):
-        jumps = around(kind, np.array([10.0, 5.0, 0.0]), 0.04)
-        expected = [
-            (s, j, way * s / 2)
-            for s in sizes
-            for j in (4.2, 4.7, 5.0, 5.3, 5.8)
-            for way in (-1, 0, 1)
-        ]
-        assert jumps == pytest.approx(np.array(expected))
-
-
 @pytest.mark.parametrize(
     ("kind", "point", "numbers", "start"),
     [
@@ -149,18 +125,6 @@ def test_the_higher_of_two_peaks_is_found_though_a_coarse_scan_puts_it_second():
     near = engine.scans[1][2][:, 0]
     assert (near.min(), near.max()) == pytest.approx((4.08 * 0.96, 9.27 * 1.04))
     assert not np.any((near > 4.5) & (near < 8.8))
-
-
-@pytest.mark.parametrize(
-    ("kind", "count"),
-    [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 3), (kernels.STICK, 3)],
-)
-def test_so_many_peaks_of_a_scan_are_looked_at_again(kind, count):
-    engine = Peaks(kind, (0.0, 4.0, 2.0))
-    scanned(
-        engine, Spec(), THETA, kind, np.array([(s, 2.0, 0.0) for s in (4.0, 6.0, 8.0, 10.0, 12.0)])
-    )
-    assert len(engine.scans[1][2]) == count * len(around(kind, np.ones(3), 0.04))
 
 
 class Hills(Peaks):
@@ -228,21 +192,6 @@ def test_a_peak_far_below_no_effect_is_not_worth_refining(high, refined):
     assert (narrowest < 0.05) == refined
 
 
-def test_what_is_settled_is_all_but_the_valves_own_numbers():
-    engine = Peaks(kernels.STICK, (0.0, 5.0, 2.0))
-    fit = Fit(
-        Spec(valve=kernels.STICK, walk=True),
-        0.0,
-        THETA | {"S": 5.0, "J": 2.0, "walk": 0.1},
-        np.ones(3),
-        np.zeros(3),
-    )
-    settle(engine, fit)
-    ((search, steps),) = engine.fits
-    assert set(search) == {*THETA, "walk"}
-    assert steps == 3
-
-
 def test_an_idle_valve_changes_the_load_alone():
     seen = []
 
@@ -286,15 +235,3 @@ def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
     assert plants(SimpleNamespace(data=data(trusted=False)), BASE) == [
         own, stated, {"T": 12.5, "Td": 2.5}, {"T": 25.0 / 6, "Td": 5.0 / 6},
     ]  # fmt: skip
-
-
-def test_the_likelier_fit_is_better_and_the_first_one_stays_where_they_are_equal():
-    one, other = (Fit(Spec(), x, {}, np.ones(1), np.ones(1)) for x in (1.0, 2.0))
-    assert better(None, one) is one
-    assert better(one, other) is better(other, one) is other
-    assert better(one, Fit(Spec(), 1.0, {}, np.ones(1), np.ones(1))) is one
-
-
-@pytest.mark.parametrize(("loglik", "may_be"), [(-3.9, True), (-4.1, False), (5.0, True)])
-def test_four_nats_below_no_effect_is_hopeless(loglik, may_be):
-    assert promising(Fit(Spec(), loglik, {}, np.ones(1), np.ones(1)), BASE) == may_be

@@ -70,13 +70,6 @@ def test_a_band_that_the_baseline_has_is_no_effect_wherever_mv_began_in_it():
     assert recogniser("deadband").by_mv(known)[0] < 0.0 < recogniser("deadband").by_mv(unknown)[0]
 
 
-def test_widths_are_tried_from_a_fiftieth_of_ops_range_to_one_and_a_half():
-    sizes = search(OP).sizes
-    assert (len(sizes), *sizes[[0, -1]]) == pytest.approx((50, 0.02 * SPAN, 1.5 * SPAN))
-    still = MapSearch(np.full(N, 50.0), OP, TS, OP)
-    assert still.sizes[[0, -1]] == pytest.approx([0.02, 1.5])
-
-
 @pytest.mark.parametrize("tau", [0.5, 7.0])
 def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
@@ -98,12 +91,10 @@ def test_a_slow_valve_is_found_wherever_mv_stood_when_the_record_began():
 @pytest.mark.parametrize(
     ("model", "n"),
     [
-        ("choudhury", 4000),
-        ("he", 1000),
         ("kano", 1000),
         *(
             pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("choudhury", 1000), ("he", 4000), ("kano", 4000))
+            for case in (("choudhury", 4000), ("he", 1000), ("he", 4000), ("kano", 4000))
         ),
     ],
 )

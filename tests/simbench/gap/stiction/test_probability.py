@@ -64,10 +64,10 @@ def test_between_yes_and_no_it_cannot_be_told():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return two records of 600 samples, one of a sticky loop."""
+    """Return two records of 400 samples, one of a sticky loop."""
     place = tmp_path_factory.mktemp("records")
     for name, effects in (("sticky", ("stiction",)), ("sound", ())):
-        write_record(random_case(7, effects).record.window(0, 600), place / f"{name}.csv")
+        write_record(random_case(7, effects).record.window(0, 400), place / f"{name}.csv")
     return place
 
 
