@@ -11,7 +11,7 @@ from scenarios.spec import Loop
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
-_SEEDS = 6  # runs whose means are averaged: a single one has a load of its own
+_SEEDS = 6  # runs whose means are averaged: each has another load
 _ROUNDS = 4
 _CLOSE = 0.02  # of the record's standard deviation, at which the level is reached
 _WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
@@ -37,7 +37,7 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
             break
         at = loop.operating_point
         op0 = at.op0 + d_op
-        if bias_only:  # without integral action PV has a level of its own
+        if bias_only:  # without integral action PV rests where it likes
             op0 += loop.controller.sign * loop.controller.Kc * d_pv
             loop = loop.with_(
                 "operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0)

@@ -32,8 +32,10 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         ]  # fmt: skip
         tries = engine.grid(spec, theta, points)
         # a long lag shows its worth only once the load has given way
-        own = plants(engine, base)[1]
-        tries += [engine.fit(spec, {**theta, **own, "tau": float(x)}, steps=2) for x in lags[4::2]]
+        stated = plants(engine, base)[1]
+        tries += [
+            engine.fit(spec, {**theta, **stated, "tau": float(x)}, steps=2) for x in lags[4::2]
+        ]
         tries.sort(key=lambda f: -f.loglik)
         return max((engine.fit(spec, t.theta) for t in tries[:2]), key=lambda f: f.loglik), 1.0
 

@@ -11,7 +11,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import slewed
 from simbench.gap.likelihood.model import Data, Fit, Free, Moves, Spec
 from simbench.gap.likelihood.search import plants
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 
 def _moves(d: Data) -> float:
@@ -31,7 +31,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     return (best, 1.0) if best.loglik > base.loglik else (base, 1.0)
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan the rate finely."""
     rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
     level, best = min(

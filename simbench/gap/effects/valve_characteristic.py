@@ -10,7 +10,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import idle
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 _RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
 
@@ -23,7 +23,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan the ratio on both sides of 1."""
     ratios = (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))
     return search.zoom(kernels.CURVE, ("R",), [(r, 0.0) for r in ratios], 1.0)

@@ -3,7 +3,7 @@ effects switchable.
 
 PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are
 linear in the innovations and solved by least squares; only T, Td, the load's colour and level, the
-noise level and the effect's own numbers are searched. Time unit is one sample, PV in its own units.
+noise level and the numbers of the effect are searched. Time unit is one sample, PV in its units.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sa
 
 
 class Engine:
-    """Evaluates and maximises the likelihood for one record; `behind`: nats from which an effect is
-    not fitted twice.
+    """Evaluates and maximises the likelihood for one record; an effect more than
+    `refit_within` nats behind the best is not fitted twice.
     """
 
-    behind = np.inf
+    refit_within = np.inf
 
     def __init__(self, data: Data, longest_load: float) -> None:
         self.data = data
@@ -122,7 +122,7 @@ class Engine:
         d = self.data
         if name == "tau" and spec.pole == INNER:
             return 0.05, 0.05 + _HALF * d.Td
-        for number in spec.own:
+        for number in spec.effect_numbers:
             if number.name == name:
                 return number.low(d), number.high(d)
         if name == "T" and not d.trusted:
@@ -274,8 +274,8 @@ class Engine:
         """Maximise over the smooth parameters named in `search` (all of the spec's when None), from
         `start`.
 
-        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own
-        derivatives give the curvature, so a handful of steps does what a general optimiser needs
+        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the derivatives of the
+        innovations give the curvature, so a handful of steps does what a general optimiser needs
         dozens for.
         """
         wanted = [m for m in search or spec.names if m in spec.names]
@@ -283,7 +283,7 @@ class Engine:
         theta = {m: start[m] for m in spec.names if m in start or m in names}
         box = np.array([self.bounds(spec, m) for m in names])
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
-        by_log = _LOGS | {number.name for number in spec.own if number.log}
+        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
         logs = np.array([m in by_log for m in names])
         box[logs] = np.log(box[logs])
 
@@ -304,7 +304,7 @@ class Engine:
         for _ in range(steps):
             J, slope = self._derivatives(spec, names, x, box, unpack, now)
             gradient = J.T @ now[0] + slope
-            J = self._beside_linear(spec, now, J)
+            J = self._without_linear(spec, now, J)
             curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
@@ -343,7 +343,7 @@ class Engine:
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J, slope = np.empty((left.size, x.size)), np.empty(x.size)
-        shaping = _SHAPING | {number.name for number in spec.own if number.shapes}
+        shaping = _SHAPING | {number.name for number in spec.effect_numbers if number.shapes}
         surprise = left[self.data.n - kernels.SKIP]
         for i, name in enumerate(names):
             step = _WHITE if name == "colour" and abs(x[i]) < _WHITE else STEP
@@ -362,7 +362,7 @@ class Engine:
             J[:, i], slope[i] = (other - left) / h, (higher - level) / h
         return J, slope
 
-    def _beside_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
+    def _without_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
         """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub
         & Pereyra 1973).
         """
@@ -371,7 +371,7 @@ class Engine:
         count = white.shape[1] - kernels.SKIP
         X[:count] = white[1:, kernels.SKIP :].T
         if left[count] != 0.0:
-            # the gain stands at the edge of its prior, which holds it
+            # the gain lies at the edge of its prior, which holds it
             X[count, 0] = -1.0 / (_EDGE * self.data.K)
         Q = np.linalg.qr(X)[0]
         return J - Q @ (Q.T @ J)
@@ -389,7 +389,7 @@ class Engine:
         """
         spec = fit.spec
         names = tuple(m for m in spec.names if m in fit.theta and (m != "T" or self.data.T > 0))
-        by_log = _LOGS | {number.name for number in spec.own if number.log}
+        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
         logs = np.array([m in by_log for m in names])
         box = np.array([self.bounds(spec, m) for m in names])
         box[logs] = np.log(box[logs])
@@ -402,7 +402,7 @@ class Engine:
 
         now = self._terms(spec, unpack(x))
         J, slope = self._derivatives(spec, names, x, box, unpack, now)
-        J = self._beside_linear(spec, now, J)
+        J = self._without_linear(spec, now, J)
         curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
         # a parameter of which the record tells nothing moves no further than one step of the search
         curvature += (
@@ -447,7 +447,7 @@ class Engine:
     ) -> np.ndarray:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
-        # a plant of higher order is near enough as a later one: what is found is fitted as it is
+        # a plant of higher order is near enough as a later one: the best is fitted as it is
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"] + d.lateness
         tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
         model = (theta["load_time"], lag_of(theta), theta["load"])
@@ -462,7 +462,7 @@ class Engine:
         return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, *jumps)
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers an effect's own signals are fitted by beyond those of one
+        """Return how many numbers the signals of an effect are fitted by beyond those of one
         record.
         """
         return 0.0

@@ -247,7 +247,7 @@ def whiten(
     a fifth and a 25th of it (van der Ziel 1950). One steady-state gain serves all channels.
     `spread` is the std of PV's unknown start. At each of the samples `jumps`, in order, and the one
     after it the load jumps by unknown heights of std `jump` (steady effect on PV). A `lasting` jump
-    stays, any other is the load's own and fades as the load does.
+    stays, any other is part of the load and fades with it.
     """
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1

@@ -61,7 +61,7 @@ def answer(place):
     return diagnosed(place, "no_mv.csv", "--baseline", "loop.toml", "--write-loop", "fixed.toml")
 
 
-def test_missing_stiction_is_found_in_the_valve_and_closes_the_gap(answer):
+def test_missing_stiction_is_named_in_the_valve_and_closes_the_gap(answer):
     assert (answer["block"], answer["effect"]) == ("valve", "stiction")
     assert answer["ranking"][0]["effect"] == "stiction"
     assert answer["effects"][0]["parameters"]["S"] == pytest.approx(6.0, rel=0.1)

@@ -121,7 +121,7 @@ def test_the_fitted_plant_is_written_in_seconds():
     assert plant_of(built(fitted_as(-1.5))) == plant_of(built(fitted_as(0.0))) == (2.0, 60.0, 10.0)
 
 
-def test_a_mismatch_stands_on_the_stated_number_and_comes_after_what_the_baseline_has():
+def test_a_mismatch_scales_the_stated_number_and_comes_after_what_the_baseline_has():
     loop = built(
         effects={"gain_mismatch": {"factor": 0.75}}, had=[{"name": "noise", "factor": 2.0}]
     )

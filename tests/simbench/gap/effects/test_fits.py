@@ -81,8 +81,8 @@ def base(**more):
 
 
 def fit(effect, engine, start=None):
-    found, price = recogniser(effect).fit(engine, start or base())
-    return found, price
+    best, price = recogniser(effect).fit(engine, start or base())
+    return best, price
 
 
 def near(name, value):
@@ -92,10 +92,10 @@ def near(name, value):
 
 def test_a_released_gain_is_begun_under_three_loads():
     engine = Engine(lambda spec, theta: -abs(theta["load"] - 0.6))
-    found, price = fit("gain_mismatch", engine)
+    best, price = fit("gain_mismatch", engine)
     assert engine.begun("load") == pytest.approx([2.0, 0.6, 9.0])
-    assert (found.theta["load"], price) == (pytest.approx(0.6), 1.0)
-    assert found.spec.free == {"K"}
+    assert (best.theta["load"], price) == (pytest.approx(0.6), 1.0)
+    assert best.spec.free == {"K"}
 
 
 @pytest.mark.parametrize(
@@ -112,8 +112,8 @@ def test_a_released_gain_is_begun_under_three_loads():
 def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(effect, name, trials):
     best = float(trials[1])
     engine = Engine(lambda spec, theta: -abs(theta[name] - best))
-    found, price = fit(effect, engine)
-    assert (found.theta[name], price, found.spec.free) == (best, 1.0, {name})
+    best, price = fit(effect, engine)
+    assert (best.theta[name], price, best.spec.free) == (best, 1.0, {name})
     few = [(t, steps) for t, search, steps in engine.fitted if search == ("load_time", "load")]
     assert {steps for _, steps in few} == {2}
     assert [t[name] for t, _ in few[: len(trials)]] == pytest.approx(trials)
@@ -130,8 +130,8 @@ def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(eff
 )
 def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load(where, effect):
     engine = Engine(near("tau", 5.0))
-    found, price = fit(effect, engine)
-    assert (found.spec.pole, price) == (where, 1.0)
+    best, price = fit(effect, engine)
+    assert (best.spec.pole, price) == (where, 1.0)
     ((theta, points),) = engine.gridded
     lags = np.geomspace(0.3, 90.0, 10)
     assert sorted({round(p["tau"], 9) for p in points}) == pytest.approx(lags)
@@ -149,16 +149,16 @@ def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load(where, eff
     longer = [t for t, _, steps in engine.fitted if steps == 2]
     assert [t["tau"] for t in longer] == pytest.approx(lags[4::2])
     assert {t["T"] for t in longer} == {25.0}
-    assert abs(np.log(found.theta["tau"] / 5.0)) < 0.5 * np.log(lags[1] / lags[0])
+    assert abs(np.log(best.theta["tau"] / 5.0)) < 0.5 * np.log(lags[1] / lags[0])
 
 
 def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
     engine = Engine(lambda spec, theta: theta["noise_std"])
-    found, price = fit("noise", engine)
+    best, price = fit("noise", engine)
     assert [(t["noise_std"], t["colour"], t["load"]) for t, _, _ in engine.fitted] == [
         (0.1, 0.1, 2.0), (0.4, 0.05, 2.0), (0.4, 0.1, 0.7),
     ]  # fmt: skip
-    assert (found.theta["noise_std"], price, found.spec.free) == (0.4, 1.0, {"noise_std"})
+    assert (best.theta["noise_std"], price, best.spec.free) == (0.4, 1.0, {"noise_std"})
     assert fit("noise", Engine(lambda spec, theta: -theta["noise_std"]))[1] == 4.0
     bare = Engine(noise=0.0)
     assert fit("noise", bare)[1] == 1.0
@@ -168,18 +168,18 @@ def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
 @pytest.mark.parametrize("T", [25.0, 0.0])
 def test_a_drifting_sensor_walks_and_ramps_but_a_vessels_balance_is_a_ramp_already(T):
     engine = Engine(near("walk", 3.0 * 0.5 / np.sqrt(N)), T=T)
-    found, price = fit("drift", engine)
+    best, price = fit("drift", engine)
     ((_, points),) = engine.gridded
     assert [p["walk"] for p in points] == pytest.approx(
         3.0 / np.sqrt(N) * np.array([0.01, 0.1, 0.5, 2.0])
     )
-    assert found.theta["walk"] == pytest.approx(1.5 / np.sqrt(N))
-    assert (found.spec.walk, price) == (True, 2.0 if T else 1.0)
+    assert best.theta["walk"] == pytest.approx(1.5 / np.sqrt(N))
+    assert (best.spec.walk, price) == (True, 2.0 if T else 1.0)
     if T:
-        (line,) = found.spec.channels
+        (line,) = best.spec.channels
         assert line[[0, 250, -1]] == pytest.approx([0.0, 250 / 999, 1.0])
     else:
-        assert found.spec.channels == ()
+        assert best.spec.channels == ()
 
 
 @pytest.mark.parametrize(("effect", "kind", "count", "ratios", "price"), [
@@ -228,7 +228,7 @@ class Jumpy(Engine):
 RESIDUAL = np.random.default_rng(0).standard_normal(N)
 
 
-def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
+def test_jumps_that_are_worth_nothing_with_the_others_are_taken_out_again():
     n, start = 1000, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL)
     real = set(load_steps._jumps(Jumpy(0, 0.0), start)[0][2:12:4])
 
@@ -236,8 +236,8 @@ def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
         def evaluate(self, spec, theta):
             return 50.0 * len(real & set(spec.jumps)) * spec.lasting, np.ones(3), RESIDUAL
 
-    found, price = fit("load_steps", Placed(0, 0.0), start)
-    assert set(found.spec.jumps) == real
+    best, price = fit("load_steps", Placed(0, 0.0), start)
+    assert set(best.spec.jumps) == real
     assert price == pytest.approx(log(comb(n, 3)) / (0.5 * log(n)) + 1.0)
 
 
@@ -249,11 +249,11 @@ def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
 @pytest.mark.parametrize("lasting", [True, False])
 def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count, lasting):
     engine = Jumpy(real, worth, lasting)
-    found, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
+    best, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
     # the same innovations show the same sixteen places again
-    assert len(found.spec.jumps) == count
+    assert len(best.spec.jumps) == count
     # and their one std is a number of its own
     assert price == pytest.approx(log(comb(N, count)) / (0.5 * np.log(N)) + 1.0)
-    assert count == 0 or found.spec.lasting == lasting
+    assert count == 0 or best.spec.lasting == lasting
     # a load that only had to make the jumps gives way
     assert engine.fitted[0][0]["load"] == pytest.approx(0.7 * 2.0)

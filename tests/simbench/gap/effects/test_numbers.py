@@ -24,14 +24,14 @@ DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
 
-def fit(K=1.0, own=(), jumps=(), lasting=True, **theta):
+def fit(K=1.0, linear=(), jumps=(), lasting=True, **theta):
     """Return a fit with gain K, its bias and onset, and an effect's own linear numbers."""
     spec = SimpleNamespace(jumps=jumps, lasting=lasting, pole="")
-    return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *own]), theta=theta, spec=spec)
+    return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *linear]), theta=theta, spec=spec)
 
 
 @pytest.mark.parametrize(
-    ("effect", "found", "numbers"),
+    ("effect", "fitted", "numbers"),
     [
         ("valve_lag", fit(tau=3.0), {"tau": 6.0}),
         ("extra_lag", fit(tau=3.0), {"tau": 6.0}),
@@ -46,45 +46,47 @@ def fit(K=1.0, own=(), jumps=(), lasting=True, **theta):
         ("stiction", fit(S=5.0, J=2.0), {"S": 5.0, "J": 2.0}),
         ("deadzone", fit(D=3.0, c=50.0), {"D": 3.0, "c": 50.0}),
         ("valve_characteristic", fit(R=0.001), {"R": 0.01}),
-        ("drift", fit(own=(40.0,), walk=0.3), {"rate": 0.02, "walk": 0.3 / np.sqrt(2.0)}),
+        ("drift", fit(linear=(40.0,), walk=0.3), {"rate": 0.02, "walk": 0.3 / np.sqrt(2.0)}),
         (
             "load_drift",
-            fit(K=-0.5, own=(40.0,), load_walk=0.3),
+            fit(K=-0.5, linear=(40.0,), load_walk=0.3),
             {"rate": -0.04, "walk": 0.6 / np.sqrt(2.0)},
         ),
     ],
 )
-def test_a_fits_numbers_are_those_of_the_loop_file(effect, found, numbers):
-    assert recogniser(effect).numbers(found, SITUATION) == pytest.approx(numbers)
+def test_a_fits_numbers_are_those_of_the_loop_file(effect, fitted, numbers):
+    assert recogniser(effect).numbers(fitted, SITUATION) == pytest.approx(numbers)
 
 
 def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
     # 3-4-5: amplitude 5; at a period of 2 pi T the pole takes a factor of the root of 2
-    found = recogniser("oscillation").numbers(
-        fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION
+    sine = recogniser("oscillation").numbers(
+        fit(K=2.0, linear=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION
     )
-    assert found == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
+    assert sine == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
     vessel = SimpleNamespace(data=SimpleNamespace(T=0.0, K=2.0), record=SITUATION.record)
-    found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi), vessel)
-    assert found["amplitude"] == pytest.approx(0.25)
+    sine = recogniser("oscillation").numbers(
+        fit(K=2.0, linear=(3.0, 4.0), period=20 * np.pi), vessel
+    )
+    assert sine["amplitude"] == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("effect", ["oscillation", "load_drift", "load_steps"])
-def test_a_load_behind_a_valve_that_never_moved_has_a_size(effect):
+def test_a_load_after_a_valve_that_never_moved_has_a_size(effect):
     still = fit(
-        K=0.0, own=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0
+        K=0.0, linear=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0
     )
     assert all(np.isfinite(x) for x in recogniser(effect).numbers(still, SITUATION).values())
 
 
 def test_load_steps_are_counted_and_sized_in_percent_of_op():
-    found = load_steps.numbers(fit(K=-2.0, jumps=(200, 500, 700), load_jump=8.0), SITUATION)
+    steps = load_steps.numbers(fit(K=-2.0, jumps=(200, 500, 700), load_jump=8.0), SITUATION)
     # two parts of 8 are a jump of 8 sqrt(2), between levels that spread by 8: 4 % at the input
-    assert found == pytest.approx({"rate": 3 / 2000.0, "size": 4.0})
+    assert steps == pytest.approx({"rate": 3 / 2000.0, "size": 4.0})
 
 
 @pytest.mark.parametrize(
-    ("beside", "height", "lasting", "ordinary"),
+    ("rest", "height", "lasting", "ordinary"),
     [
         (0.5, 3.0, True, False),
         (0.24, 3.0, True, True),
@@ -94,10 +96,10 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
         (0.5, 3.0, False, True),
     ],
 )
-def test_jumps_that_the_ordinary_load_may_make_are_ordinary(beside, height, lasting, ordinary):
+def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, lasting, ordinary):
     # a jump of two parts of .707 is one of twice a load of .5
-    found = fit(jumps=(100, 200), lasting=lasting, load=beside, load_jump=height)
-    assert load_steps.ordinary(found, fit(load=1.0)) == ordinary
+    jumping = fit(jumps=(100, 200), lasting=lasting, load=rest, load_jump=height)
+    assert load_steps.ordinary(jumping, fit(load=1.0)) == ordinary
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -154,7 +156,7 @@ def innovations(height, count, neighbour=0.0):
 
 
 @pytest.mark.parametrize(
-    ("height", "count", "neighbour", "found"),
+    ("height", "count", "neighbour", "shown"),
     [
         (9.0, 12, 0.0, True),
         (9.0, 2, 0.0, False),
@@ -166,14 +168,14 @@ def innovations(height, count, neighbour=0.0):
     ],
 )
 def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
-    height, count, neighbour, found
+    height, count, neighbour, shown
 ):
     x, places = innovations(height, count, neighbour)
     pv = np.zeros(x.size)
     pv[places] = height
     s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=False))
     score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
-    assert (score is not None) == found
+    assert (score is not None) == shown
     if score is not None:
         gain, p = score
         assert gain > 0.0 or height < 6.0 or count < 4
@@ -184,9 +186,9 @@ def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
 
 def test_levels_are_counted_and_spaced_and_a_fine_signal_has_none():
     rng = np.random.default_rng(0)
-    said = levels_of(0.5 * np.round(rng.normal(0.0, 2.0, 500)), rng.normal(0.0, 1.0, 500))
-    assert said.startswith("500 samples on ")
-    assert "0.5 apart" in said
+    text = levels_of(0.5 * np.round(rng.normal(0.0, 2.0, 500)), rng.normal(0.0, 1.0, 500))
+    assert text.startswith("500 samples on ")
+    assert "0.5 apart" in text
     assert levels_of(rng.normal(0.0, 1.0, 500), rng.normal(0.0, 1.0, 500)) == ""
 
 
@@ -206,25 +208,25 @@ class Sines:
 
 
 @pytest.mark.parametrize("period", [7.3, 41.7, 190.0])
-def test_the_period_of_a_sine_in_the_innovations_is_found(period):
+def test_the_period_of_a_sine_in_the_innovations_is_identified(period):
     signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(
         0
     ).standard_normal(1000)
     base = SimpleNamespace(
         residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0}
     )
-    found, count = oscillation.fit(Sines(signal), base)
+    best, count = oscillation.fit(Sines(signal), base)
     # periods in the record
-    assert 1000 / found.theta["period"] == pytest.approx(1000 / period, abs=0.1)
-    assert found.loglik > -0.5 * 1.1 * 1000
+    assert 1000 / best.theta["period"] == pytest.approx(1000 / period, abs=0.1)
+    assert best.loglik > -0.5 * 1.1 * 1000
     assert count == 4.0
-    assert found.theta["load"] == 0.5
+    assert best.theta["load"] == 0.5
 
 
 @pytest.mark.parametrize(
-    ("k", "found"), [(6, True), (400, True), (990, True), (3, False), (997, False)]
+    ("k", "placed"), [(6, True), (400, True), (990, True), (3, False), (997, False)]
 )
-def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found):
+def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed):
     n = 1000
     theta = {
         "T": 5.0,
@@ -243,9 +245,9 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found)
     residual[k:] += 5.0 * white[: n - k]
     engine = SimpleNamespace(data=SimpleNamespace(n=n, T=5.0), spread=10.0)
     places, heights = load_steps._jumps(engine, SimpleNamespace(theta=theta, residual=residual))
-    assert (places[0] == k) == found
+    assert (places[0] == k) == placed
     assert all(5 <= place < n - 5 for place in places)
-    if found:
+    if placed:
         # what is left once the jump is taken out is a hundredth of it
         assert heights * np.sqrt(len(places)) == pytest.approx(5.0, rel=0.1)
 
@@ -272,7 +274,7 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
 @pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
     (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
 ])  # fmt: skip
-def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(
+def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
     noise, rounding, band, drowned
 ):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
@@ -304,5 +306,5 @@ def test_evidence_for_spikes_is_that_of_rare_wide_gaussians_among_narrow_ones(he
 def test_heavy_tails_of_the_noise_are_no_spikes():
     x = np.random.default_rng(5).standard_t(7, 3000)
     s = SimpleNamespace(record=SimpleNamespace(pv=x), law=SimpleNamespace(known=True))
-    found = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
-    assert found is None or found[0] < 0.0
+    score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
+    assert score is None or score[0] < 0.0

@@ -111,7 +111,7 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
 
     now = e._terms(spec, theta)
     J, slope = e._derivatives(spec, names, x, np.column_stack([x - 9, x + 9]), unpack, now)
-    gradient, J = J.T @ now[0] + slope, e._beside_linear(spec, now, J)
+    gradient, J = J.T @ now[0] + slope, e._without_linear(spec, now, J)
     # the linear coefficients are fitted anew on either side
     h = 1e-3
     for i, name in enumerate(names):
@@ -120,7 +120,7 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
         assert gradient[i] == pytest.approx(
             (up - down) / (2 * h), abs=STEP * bend + 1e-3 * np.abs(gradient).max()
         ), name
-        central = e._beside_linear(
+        central = e._without_linear(
             spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None]
         )[:, 0]
         # the filter's gain freezes a sample sooner or later on either side, which shows where it
@@ -148,7 +148,7 @@ def test_a_fit_never_ends_below_its_start(seed):
         assert low * (1 - 1e-9) - 1e-9 <= fit.theta[name] <= high * (1 + 1e-9)
 
 
-def test_plant_load_and_noise_are_found_again():
+def test_plant_load_and_noise_are_identified():
     op, pv = recorded(n=6000)
     e = Engine(Data(op, pv, 0.6 * K, 0.5 * T, 2.5 * TD, 0.0, trusted=False), 60.0)
     fit = e.base()

@@ -53,11 +53,11 @@ MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
         (Spec(moves=MOVES), ("S",)),
     ],
 )
-def test_an_effect_has_its_numbers_beside_plant_load_and_noise(spec, names):
-    own = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
-    assert spec.names == own + names
+def test_an_effect_adds_its_numbers_to_plant_load_and_noise(spec, names):
+    common = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
+    assert spec.names == common + names
     pink = spec.join(Spec(pink=True))
-    assert pink.names == tuple(m for m in own if m != "load_lag") + names
+    assert pink.names == tuple(m for m in common if m != "load_lag") + names
     assert lag_of({"load_lag": 3.0}) == 3.0
     assert lag_of({}) == kernels.PINK_LOAD
 

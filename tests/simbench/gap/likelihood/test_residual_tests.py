@@ -36,9 +36,9 @@ def test_memory_and_input_count_squared_correlations_over_25_lags(lag, share):
     )
     du = np.append(0.0, np.diff(OP))
     expected = 4000 * share**2 / (1.0 + share**2) / np.sqrt(50.0) if lag <= 25 else 0.0
-    found = of(WHITE + share * np.roll(du, lag))
-    assert found["input"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
-    assert abs(found["memory"]) < 4.0
+    values = of(WHITE + share * np.roll(du, lag))
+    assert values["input"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
+    assert abs(values["memory"]) < 4.0
 
 
 @pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
@@ -76,16 +76,16 @@ class Asked:
 
 def directions(u, y=None, T=1e-3, Td=0.0, integrating=False):
     engine = Asked(u, u if y is None else y, 0.0 if integrating else T, Td)
-    found = generic_directions(
+    values = generic_directions(
         engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0)
     )
-    return found, dict(zip(("dynamics", "shape", "aging", "level"), engine.asked))
+    return values, dict(zip(("dynamics", "shape", "aging", "level"), engine.asked))
 
 
 def test_every_direction_pays_for_its_numbers():
-    found, _ = directions(OP)
+    values, _ = directions(OP)
     numbers = {"dynamics nats": 4, "shape nats": 2, "aging nats": 2, "level nats": 1}
-    assert found == pytest.approx(
+    assert values == pytest.approx(
         {name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()}
     )
 

@@ -56,8 +56,8 @@ def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, 
     )
     words = ["detect", str(tmp_path), "--labels", str(labels), "--method"]
     assert main([*words, "likelihood"]) == 0
-    told = capsys.readouterr().out
-    assert "probability of stiction  conclusion" in told
-    assert "Conclusion by loop:" in told
+    printed = capsys.readouterr().out
+    assert "probability of stiction  conclusion" in printed
+    assert "Conclusion by loop:" in printed
     assert main([*words, "horch_histogram"]) == 0
     assert "Conclusion by loop:" not in capsys.readouterr().out
