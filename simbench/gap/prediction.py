@@ -28,6 +28,7 @@ from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.margins import gain_margin
 from simbench.loop.effects import NONE, UNKNOWN
 from simbench.loop.resolve import undisturbed
 from simbench.loop.simulate import simulate
@@ -401,9 +402,7 @@ def _margin(loop: Loop) -> float | None:
             response /= 1.0 + jw * float(part.parameters["tau"])
     if setup.Ti is not None:
         response *= 1.0 + 1.0 / (jw * setup.Ti)
-    phase = np.unwrap(np.angle(response))
-    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
-    return float("inf") if not crossed.size else 1.0 / float(np.abs(response[crossed]).max())
+    return gain_margin(response)
 
 
 # 3. Intervals

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.level import simulated
 from simbench.gap.closed_loop.summary_features import (
     Features,
     distance,
@@ -19,7 +19,6 @@ from simbench.gap.closed_loop.summary_features import (
     seed_spread,
 )
 from simbench.gap.situation import Situation
-from simbench.loop.simulate import simulate
 
 _RUNS = 12
 _SHARE, _BEGINS = (
@@ -74,13 +73,11 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
     """Return what a record has and runs of a loop have not; None where the loop cannot be
     simulated.
     """
-    n, runs = situation.record.n, []
-    for i in range(_RUNS):
-        try:
-            record = simulate(loop, seed=seed + i).record
-        except UserError:
-            return None
-        runs.append(as_archived(situation, np.asarray(record.op), np.asarray(record.pv)))
+    records = simulated(loop, seed, _RUNS)
+    if records is None:
+        return None
+    n = situation.record.n
+    runs = [as_archived(situation, np.asarray(r.op), np.asarray(r.pv)) for r in records]
     real, length = (situation.op, np.asarray(situation.record.pv)), int(_SHARE * n)
     ratios, sizes, names = [], [], []
     for begin in (int(share * n) for share in _BEGINS):

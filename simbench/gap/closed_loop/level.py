@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.errors import UserError
+from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
@@ -46,11 +47,18 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
     return best
 
 
+def simulated(loop: Loop, seed: int, count: int, kick: float = 0.0) -> list[LoopRecord] | None:
+    """Return the records of a loop under successive seeds; None where it cannot be simulated."""
+    try:
+        return [simulate(loop, seed=seed + i, kick=kick).record for i in range(count)]
+    except UserError:
+        return None
+
+
 def _means(loop: Loop, kick: float, seed: int) -> np.ndarray | None:
     """Return mean OP and PV over several runs; None where the loop runs away."""
-    try:
-        runs = [simulate(loop, seed=seed + i, kick=kick).record for i in range(_SEEDS)]
-    except UserError:
+    runs = simulated(loop, seed, _SEEDS, kick)
+    if runs is None:
         return None
     means = np.mean([(run.op.mean(), run.pv.mean()) for run in runs], axis=0)
     return means if np.all(np.isfinite(means)) else None

@@ -15,6 +15,7 @@ from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec, later
+from simbench.gap.likelihood.search import likeliest
 from simbench.gap.likelihood.valve_map import MapSearch, lagged
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
@@ -196,7 +197,7 @@ def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]
     starts = [
         {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
     ]
-    other = max((alone.fit(spec, start) for start in starts), key=lambda f: f.loglik)
+    other = likeliest(alone, spec, starts)
     if other.loglik - same.loglik < _ANOTHER or same.K == 0.0:
         return ""
     gain, time = (

@@ -281,21 +281,8 @@ class Engine:
         wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
         theta = {m: start[m] for m in spec.names if m in start or m in names}
-        box = np.array([self.bounds(spec, m) for m in names])
+        logs, box, unpack = self._searched(spec, names, theta)
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
-        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
-        logs = np.array([m in by_log for m in names])
-        box[logs] = np.log(box[logs])
-
-        def unpack(x: np.ndarray) -> dict[str, float]:
-            return {
-                **theta,
-                **{
-                    m: float(v)
-                    for m, v in zip(names, np.where(logs, np.exp(np.where(logs, x, 0.0)), x))
-                },
-            }
-
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
@@ -327,6 +314,23 @@ class Engine:
             if gained < _LAST_STEP_NATS:
                 break
         return self.at(spec, unpack(x))
+
+    def _searched(
+        self, spec: Spec, names: tuple[str, ...], theta: Mapping[str, float]
+    ) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], dict[str, float]]]:
+        """Return which parameters are searched by their logarithm (p,), their bounds (p, 2), and
+        what turns a point of the search into all parameters.
+        """
+        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
+        logs = np.array([m in by_log for m in names])
+        box = np.array([self.bounds(spec, m) for m in names])
+        box[logs] = np.log(box[logs])
+
+        def unpack(x: np.ndarray) -> dict[str, float]:
+            values = np.where(logs, np.exp(np.where(logs, x, 0.0)), x)
+            return {**theta, **{m: float(v) for m, v in zip(names, values)}}
+
+        return logs, box, unpack
 
     def _derivatives(
         self,
@@ -389,17 +393,9 @@ class Engine:
         """
         spec = fit.spec
         names = tuple(m for m in spec.names if m in fit.theta and (m != "T" or self.data.T > 0))
-        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
-        logs = np.array([m in by_log for m in names])
-        box = np.array([self.bounds(spec, m) for m in names])
-        box[logs] = np.log(box[logs])
+        logs, box, unpack = self._searched(spec, names, fit.theta)
         x = np.array([fit.theta[m] for m in names])
         x[logs] = np.log(x[logs])
-
-        def unpack(x: np.ndarray) -> dict[str, float]:
-            values = np.where(logs, np.exp(np.where(logs, x, 0.0)), x)
-            return {**fit.theta, **{m: float(v) for m, v in zip(names, values)}}
-
         now = self._terms(spec, unpack(x))
         J, slope = self._derivatives(spec, names, x, box, unpack, now)
         J = self._without_linear(spec, now, J)

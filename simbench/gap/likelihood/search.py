@@ -4,7 +4,7 @@ settle, narrow down.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -75,6 +75,11 @@ def idle(engine: Engine, base: Fit) -> dict[str, float]:
     )
     alone = settle(engine, stuck, steps=10).theta
     return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
+
+
+def likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:
+    """Return the likeliest of the fits from several starts, the first of equal ones."""
+    return max((engine.fit(spec, start) for start in starts), key=lambda f: f.loglik)
 
 
 def better(one: Fit | None, other: Fit) -> Fit:
