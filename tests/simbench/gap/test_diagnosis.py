@@ -262,18 +262,6 @@ def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
     )
 
 
-def test_of_two_effects_the_loop_with_both_is_compared_and_each_is_a_rival(stubs):
-    loops = Loops(rivals={("stiction",): gap(after=1.5), ("quantisation",): gap(after=3.5)})
-    answer = report(assessed("stiction", "quantisation"), weighed(), loops)
-    assert loops.shrunk == [["stiction", "quantisation"]]
-    assert [e["effect"] for e in answer.effects] == ["stiction", "quantisation"]
-    assert {r.effect: r.gap_after for r in answer.ranking[:3]} == {
-        "stiction": 1.5,
-        "gain_mismatch": None,
-        "quantisation": 3.5,
-    }
-
-
 @pytest.mark.parametrize(
     ("known", "faithful", "raw"), [(True, False, False), (False, True, False), (False, False, True)]
 )
@@ -286,14 +274,6 @@ def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive
     assert advice is not None
     assert advice["test"] == ("raw" if raw else "bump")
     assert (why, after) == ("", {} if raw else {"bump": 0.8})
-
-
-def test_a_reason_is_noted_where_no_test_would_tell(stubs, monkeypatch):
-    nothing = SimpleNamespace(next_test=None, why="no test would tell", tests=[])
-    monkeypatch.setattr(diagnosis, "plan", lambda *a, **k: nothing)
-    answer = report(assessed("stiction"), weighed(), Loops())
-    assert answer.next_test is None
-    assert "next test: none, no test would tell" in answer.notes
 
 
 def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):

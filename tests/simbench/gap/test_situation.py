@@ -105,9 +105,3 @@ def test_stages_before_and_after_a_valve_act_in_their_order():
     before = through_valve(u, Part(name="lag", parameters={"T": 4.0, "before": [play]}), 2.0)
     assert after == pytest.approx(before)
     assert after[-1] == pytest.approx(53.0, abs=1e-3)
-
-
-def test_a_record_is_named_by_its_tag():
-    s = situation()
-    assert s.where == "record 'FIC1'"
-    assert (s.integrating, situation(plant=VESSEL).integrating) == (False, True)

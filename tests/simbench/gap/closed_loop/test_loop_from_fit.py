@@ -148,12 +148,6 @@ def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_
     assert load.parameters == {"amplitude": pytest.approx(amplitude), "period": 60.0}
 
 
-def test_another_fits_load_may_be_asked_for():
-    (load,) = built(load=fitted_as(3.0, load=4.5, load_time=10.0, load_lag=3.0)).disturbance
-    ((std, _, _),) = load_parts({"load": 4.5, "load_time": 10.0, "load_lag": 3.0})
-    assert load.parameters == {"amplitude": pytest.approx(std / 3.0), "period": 20.0, "lag": 6.0}
-
-
 @pytest.mark.parametrize(
     ("colour", "free", "coloured"),
     [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)],
@@ -215,34 +209,3 @@ def test_lasting_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in
     assert steps.name == "load_steps"
     assert steps.parameters == pytest.approx({"rate": 3 / (2.0 * N), "size": 3.0 / 1.5})
     assert built(fit, jumps=False).effect == ()
-
-
-def test_jumps_that_fade_are_more_of_the_same_load():
-    jumps = tuple(range(50, N, 50))
-    plain, fading = (
-        built(
-            fitted_as(
-                spec=Spec(jumps=places, lasting=False),
-                load_jump=3.0,
-                load=2.0,
-                load_time=30.0,
-                load_lag=0.1,
-            )
-        )
-        for places in ((), jumps)
-    )
-    ratio = (
-        fading.disturbance[0].parameters["amplitude"] / plain.disturbance[0].parameters["amplitude"]
-    )
-    # a first-order process that 3.0, twice, is added to in a sample of fifty
-    rng = np.random.default_rng(1)
-    x, phi, out = 0.0, np.exp(-1 / 30.0), []
-    for hit in rng.random(200000) < len(jumps) / N:
-        x = (
-            phi * x
-            + 2.0 * np.sqrt(1 - phi**2) * rng.standard_normal()
-            + 3.0 * hit * np.sqrt(2.0) * rng.standard_normal()
-        )
-        out.append(x)
-    assert ratio == pytest.approx(np.std(out) / 2.0, rel=0.05)
-    assert fading.effect == ()

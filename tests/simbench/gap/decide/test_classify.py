@@ -152,18 +152,6 @@ def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_block(case):
     assert other.probability["drift"] == weights.probability["drift"]
 
 
-@pytest.mark.parametrize(
-    ("times", "low", "high"),
-    [(0.1, 0.1, 0.25), (0.5, 0.3, 0.45), (2.0, 0.55, 0.7), (10.0, 0.75, 0.9)],
-)
-def test_unknown_grows_with_how_far_a_test_is_beyond_its_limit(times, low, high):
-    sound = quiet(assessed("blind"), noise=20.0)
-    archive = replace(sound.situation.archive, rounding=None, band=0.0, spikes=None)
-    sound = replace(sound, situation=replace(sound.situation, archive=archive, trusted=True))
-    failing = replace(sound, tests={**sound.tests, "memory": times * 15.0})
-    assert low < classify(failing).probability[UNKNOWN] < high
-
-
 def test_unknown_is_never_the_answer_while_no_test_fails(case):
     even = quiet(case, **dict.fromkeys(list(EFFECTS)[:8], 12.0))
     near = replace(even, tests={**even.tests, "memory": 0.9 * RESIDUAL_LIMITS["memory"][0]})

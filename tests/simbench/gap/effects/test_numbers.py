@@ -16,7 +16,6 @@ from simbench.gap.effects import (
     outliers,
     recogniser,
 )
-from simbench.gap.effects._lattice import levels_of
 from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
@@ -135,17 +134,6 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
         assert line[-1] == pytest.approx(500.0, rel=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("after", "gone"), [(0.0, True), (0.45, True), (0.55, False), (1.0, False)]
-)
-def test_a_spike_is_gone_a_sample_later_and_a_step_is_not(after, gone):
-    pv = np.zeros(50)
-    pv[20], pv[21:] = 3.0, 3.0 * after
-    assert outliers._gone_again(pv, 20) == gone
-    assert not outliers._gone_again(pv, 0)
-    assert not outliers._gone_again(pv, 49)
-
-
 def innovations(height, count, neighbour=0.0):
     rng = np.random.default_rng(5)
     x = np.clip(rng.standard_normal(3000), -3.5, 3.5)
@@ -182,14 +170,6 @@ def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
         assert p["rate"] == pytest.approx(count / (x.size - kernels.SKIP), rel=0.01)
         assert p["size"] == pytest.approx(0.1 * height, rel=0.05)
         assert p["at"] == "record"
-
-
-def test_levels_are_counted_and_spaced_and_a_fine_signal_has_none():
-    rng = np.random.default_rng(0)
-    text = levels_of(0.5 * np.round(rng.normal(0.0, 2.0, 500)), rng.normal(0.0, 1.0, 500))
-    assert text.startswith("500 samples on ")
-    assert "0.5 apart" in text
-    assert levels_of(rng.normal(0.0, 1.0, 500), rng.normal(0.0, 1.0, 500)) == ""
 
 
 class Sines:

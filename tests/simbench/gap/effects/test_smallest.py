@@ -72,22 +72,6 @@ def test_the_first_step_that_costs_nine_nats_is_the_size(
     assert size == pytest.approx(unit_size * first(0.1 * unit / scale))
 
 
-@pytest.mark.parametrize(
-    ("effect", "name", "of"), [("time_constant_mismatch", "T", 20.0), ("noise", "noise_std", 0.1)]
-)
-def test_a_factor_is_of_the_number_itself(effect, name, of):
-    size, _ = recogniser(effect).smallest(probe(name, 5.0 * of, of))
-    assert size == pytest.approx(1.0 + first(0.5))
-
-
-def test_a_jump_is_tried_at_half_the_band_and_a_vessels_pole_by_its_dead_time():
-    size, _ = probe("J", 4.0).band(kernels.STICK)
-    assert size == pytest.approx(20.0 * first(0.04))
-    size, _ = probe("tau", 10.0, T=0.0).pole("valve")
-    # five times Td + 1 samples of 2 s
-    assert size == pytest.approx(50.0 * first(0.04))
-
-
 def test_what_no_size_shows_is_infinite():
     assert probe("S", 1e6).band(kernels.STICK) == (np.inf, "%")
 

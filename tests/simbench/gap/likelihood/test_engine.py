@@ -173,12 +173,6 @@ def test_a_load_of_power_one_over_f_is_taken_for_one():
     assert fit.theta["load"] == pytest.approx(LOAD, rel=0.3)
 
 
-def test_a_trusted_baseline_is_left_only_for_a_reason():
-    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
-    assert 0.66 * K < fit.K < K
-    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
-
-
 @pytest.mark.parametrize(
     ("kind", "names", "points"),
     [
@@ -246,9 +240,7 @@ def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, fre
     [
         (True, "", 0, 20.0, 4.0, (2.5, 5.5)),
         (True, "", 1, 20.0, 4.0, (1.5, 6.5)),
-        (True, "", 0, 20.0, 0.4, (0.0, 1.0)),
         (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)),
-        (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)),
         (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
         (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
     ],
@@ -265,12 +257,8 @@ def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
     [
         (1.05, "", 0),
         (1.12, "", 1),
-        (0.95, "", 0),
         (0.88, "", -1),
-        (1.12, "K", 0),
-        (18.0, "K", 0),
         (25.0, "K", 1),
-        (0.06, "K", 0),
         (0.04, "K", -1),
     ],
 )
@@ -283,16 +271,6 @@ def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, fr
     beta, off = Engine(data, 60.0)._linear(Spec(free=frozenset({free})), N)
     assert beta == pytest.approx([2.0 * sign * gain, 0.3], rel=0.02)
     assert np.sign(off) == way
-
-
-@pytest.mark.parametrize(("memory", "cost"), [(48.0, 0.0), (4.9, 0.0), (4.8 / np.e, 1.0 / 0.7)])
-def test_a_load_far_quicker_than_the_loop_is_a_surprise(memory, cost):
-    # 0.08 of the longest memory of 60 samples
-    theta = {**THETA, "load_time": memory - 0.1, "load_lag": 0.1, "T": T, "Td": TD, "colour": 0.0}
-    e = Engine(Data(OP, PV, K, T, TD, 0.0), 60.0)
-    colour, quick, *_ = e._surprises(Spec(), theta)
-    assert (colour, quick) == pytest.approx((0.0, -cost))
-    assert e._surprises(Spec(), theta | {"colour": 0.5})[0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -353,11 +331,3 @@ def test_scattered_fits_lie_as_far_below_the_likeliest_as_the_chi_squared_distri
     assert 0.25 * len(best.spec.names) < np.median(below) < 0.75 * len(best.spec.names)
     assert np.std([f.theta["T"] for f in fits]) / T < 0.2
     assert 0.0 < np.std([f.K for f in fits]) / K < 0.2
-
-
-def test_fits_scattered_by_nothing_are_the_fit_itself():
-    e = engine()
-    best = e.fit(Spec(), e.start(), steps=20)
-    (same,) = e.scattered(best, 1, 0.0, np.random.default_rng(3))
-    assert same.theta == pytest.approx(best.theta)
-    assert same.K == pytest.approx(best.K)

@@ -8,10 +8,6 @@ import pytest
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
-    KEPT,
-    TINY,
-    band_sizes,
-    different,
     idle,
     mapped,
     narrow,
@@ -149,14 +145,6 @@ def test_a_narrow_peak_wins_though_wider_hills_are_higher_on_the_coarse_set(kind
     assert best.theta["J"] == pytest.approx(3.12, rel=0.1)
 
 
-def test_of_points_with_like_s_and_jump_the_best_is_followed():
-    points = np.array([(4.0, 2.0, 0.0), (4.04, 2.02, 0.0), (4.04, 3.6, 0.0), (9.0, 4.5, 0.0)])
-    assert different(points, np.array([1.0, 5.0, 2.0, 3.0]), 1.0) == [1, 3, 2]
-    many = np.array([(s, 0.5 * s, 0.0) for s in np.geomspace(0.01, 100.0, 200)])
-    kept = different(many, -np.arange(200.0), 1.0)
-    assert (kept[0], len(kept)) == (0, KEPT)
-
-
 def loads(engine):
     """Return T and load of every scan of the coarse points."""
     return [
@@ -214,19 +202,6 @@ def test_an_idle_valve_changes_the_load_alone():
     ((spec, wide, steps),) = seen
     # a band of one and a half times OP's range of 20 % is never left
     assert (spec.pole, spec.valve, wide, steps) == ("", kernels.PLAY, pytest.approx(30.0), 10)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "span"), [(40.0, 60.0, 19.8), (50.0, 50.04, 0.0396), (50.0, 50.0, 1.0)]
-)
-def test_bands_are_tried_from_a_thousandth_of_ops_range_to_beyond_it_whatever_the_range(
-    low, high, span
-):
-    sizes = band_sizes(data(u=np.linspace(low, high, 1001)), 7) / span
-    assert len(sizes) == TINY + 7
-    assert sizes[[0, TINY - 1, TINY, -1]] == pytest.approx([0.001, 0.017, 0.02, 1.2], rel=1e-3)
-    for part in (sizes[:TINY], sizes[TINY:]):
-        assert part[1:] / part[:-1] == pytest.approx(part[1] / part[0])
 
 
 def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():

@@ -38,14 +38,6 @@ def test_enough_samples_are_left(n):
     assert at_its_pace(slow(n)).n >= SHORTEST_LEFT
 
 
-@pytest.mark.parametrize("k", [2, 3, 4])
-def test_a_record_sampled_less_often_ends_at_the_same_pace(k):
-    record = slow(24_000)
-    other = LoopRecord(op=record.op[::k], pv=record.pv[::k], Ts=record.Ts * k)
-    finest = at_its_pace(record).Ts
-    assert finest <= at_its_pace(other).Ts < finest + other.Ts
-
-
 def test_mv_is_left_out_with_the_samples():
     record = slow(12_000)
     with_mv = LoopRecord(op=record.op, pv=record.pv, mv=record.op, Ts=2.0)
