@@ -112,8 +112,8 @@ def test_a_released_gain_is_begun_under_three_loads():
 def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(effect, name, trials):
     best = float(trials[1])
     engine = Engine(lambda spec, theta: -abs(theta[name] - best))
-    best, price = fit(effect, engine)
-    assert (best.theta[name], price, best.spec.free) == (best, 1.0, {name})
+    fitted, price = fit(effect, engine)
+    assert (fitted.theta[name], price, fitted.spec.free) == (best, 1.0, {name})
     few = [(t, steps) for t, search, steps in engine.fitted if search == ("load_time", "load")]
     assert {steps for _, steps in few} == {2}
     assert [t[name] for t, _ in few[: len(trials)]] == pytest.approx(trials)

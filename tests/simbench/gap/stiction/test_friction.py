@@ -44,7 +44,7 @@ def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
         friction(case.record, case.baseline if known else None).assessment,
         at_its_pace(case.record),
     )
-    whole = [diagnose(case.record, case.baseline if known else None).behind.assessment]
+    whole = [diagnose(case.record, case.baseline if known else None).behind.found]
     if not known and slow is not case.record:
         whole.append(
             plausible(
@@ -72,7 +72,7 @@ def test_friction_that_was_taken_out_of_the_library_is_no_fault():
     with left_out(FRICTION):
         report = diagnose(case.record.window(0, 300), case.baseline)
     assert report.probability_of_stiction < 0.5
-    assert FRICTION not in report.behind.assessment.candidates
+    assert FRICTION not in report.behind.found.candidates
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6])
