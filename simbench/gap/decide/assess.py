@@ -2,7 +2,7 @@
 lead to "unknown".
 
 The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
-(`beside_the_load`, `beside_the_plant`), score (`_scores`), choose one or two (`_choose_effects`),
+(`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two (`_choose_effects`),
 and test what the best model does not explain (`tests_of`).
 """
 
