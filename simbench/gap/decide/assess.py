@@ -2,8 +2,8 @@
 lead to "unknown".
 
 The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
-(`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two (`_choose_effects`),
-and test what the best model does not explain (`tests_of`).
+(`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two
+(`_choose_effects`), and test what the best model does not explain (`tests_of`).
 """
 
 from __future__ import annotations
