@@ -55,10 +55,12 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-# of the least noise that is believed, below which the model predicts PV to its digits: nothing is
+# share of the least noise that is believed, below which the model predicts PV to its digits: nothing is
 # missing
 _PREDICTED = 0.1
-_EXPLANATIONS = 5  # that are simulated under each test, to say in passing which one to run next
+_EXPLANATIONS = (
+    5  # number that are simulated under each test, to say in passing which one to run next
+)
 _SETTLED = 0.9  # probability from which no log without the archive is asked for
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 

@@ -34,10 +34,10 @@ from simbench.loop.resolve import undisturbed
 from simbench.loop.simulate import simulate
 
 SECTIONS = ("controller", "setpoint")  # of a loop file, that an operator sets
-_DRAWS = 80
+_DRAWS = 80  # number of loops drawn
 _FAINT = 0.03  # probability below which an explanation is not drawn
-_FREQUENCIES = 1500  # at which the open loop is computed
-_QUANTILES = (0.05, 0.95)
+_FREQUENCIES = 1500  # number at which the open loop is computed
+_QUANTILES = (0.05, 0.95)  # ends of a 90 % interval, as probabilities
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
 # the one number calibrated: error of any corrected model, as a standard deviation of the logarithm,
 # added in quadrature. With it 90 % intervals held .93 of fresh records, over PV, OP and travel, on
@@ -45,13 +45,13 @@ _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quan
 # 946003.
 MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
-_LEAST = 1e-12  # that a logarithm is taken of
+_LEAST = 1e-12  # smallest value that a logarithm is taken of
 # draws that oscillate before and after the change, from which the two periods are compared
 _FEWEST = 10
 # where an answer ends to be valid
 # gain margin: below it small errors of gain or dead time decide how the loop swings
 _LEAST_MARGIN = 1.3
-_SHARE = 0.1  # of the draws that may lie below it, or run away
+_SHARE = 0.1  # share of the draws that may lie below it, or run away
 _REPRODUCED = 3.0  # standard deviations of the draws from the record
 _FARTHER = 2.5  # times the recorded standard deviation of PV or OP
 _WIDEST = 3.0  # upper over lower end of the interval of PV: a wider one tells nothing

@@ -23,7 +23,7 @@ from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-_SEEDS = 8
+_SEEDS = 8  # runs of each loop
 _RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)

@@ -20,7 +20,7 @@ from simbench.gap.closed_loop.summary_features import (
 )
 from simbench.gap.situation import Situation
 
-_RUNS = 12
+_RUNS = 12  # simulated records that the record is compared with
 _SHARE, _BEGINS = (
     0.35,
     (0.05, 0.3, 0.65),

@@ -13,8 +13,8 @@ from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
 _SEEDS = 6  # runs whose means are averaged: each has another load
-_ROUNDS = 4
-_CLOSE = 0.02  # of the record's standard deviation, at which the level is reached
+_ROUNDS = 4  # times that the operating point is moved at most
+_CLOSE = 0.02  # share of the record's standard deviation, at which the level is reached
 _WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
 
 

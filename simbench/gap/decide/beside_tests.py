@@ -27,7 +27,7 @@ _BY_MV = 10.0
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
-_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
+_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # multiples of a fitted drift, at which lab samples are asked
 # nats by which another plant must explain a test better than any explanation of the record ...
 _ANOTHER = 25.0
 _APART = 1.5  # ... and the factor in gain or time by which it is another

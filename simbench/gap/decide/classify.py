@@ -13,11 +13,11 @@ from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-# of the softmax: such likelihoods overstate, as no model of load and noise is quite true
+# probability per nat (-), of the softmax: such likelihoods overstate, as no model of load and noise is quite true
 TEMPERATURE = 0.35
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
-# of unknown, by the logarithm of how far the worst residual test is beyond its limit
+# slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
 _SHARPNESS = 0.7
 
 

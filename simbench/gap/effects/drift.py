@@ -12,7 +12,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import LINEAR, Fit, Spec
 from simbench.gap.situation import Situation
 
-_SURE_WITHIN = 0.2  # of its rate, that a ramp is known to from PV
+_SURE_WITHIN = 0.2  # share of its rate within which a ramp is known from PV
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:

@@ -15,10 +15,10 @@ from simbench.gap.likelihood.model import Fit, Spec, input_gain, lag_of, size_pe
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-_AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
-_ROUNDS = 8
+_AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
+_ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
-_SHARES = (0.7, 0.2)  # of the load, that may be left with jumps
+_SHARES = (0.7, 0.2)  # shares of the load that may be left with jumps
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 # share of the load that must be left with the jumps: a load that only jumps is an ordinary one
 _REMAINING = 0.25

@@ -15,11 +15,11 @@ from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
 
 _FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
-# of its height, that a spike must lie off the mean of its neighbours; a step lies off by half
+# share of its height that a spike must lie off the mean of its neighbours; a step lies off by half
 _GONE = 0.75
 _TAILS = (6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
 _SCALES = np.linspace(0.4, 1.0, 13)  # ... and its scales, in standard deviations
-_ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
+_ALONE = 0.7  # share of a spike that its neighbours in the innovations stay below
 
 
 def proven(s: Situation) -> Parameters | None:

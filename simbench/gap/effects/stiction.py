@@ -15,7 +15,7 @@ from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 from simbench.gap.situation import Situation
 
 _JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
-_COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # where MV is recorded
+_COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # the same where MV is recorded
 _MODELS = (kernels.STICK, kernels.CREEP)
 
 

@@ -12,6 +12,7 @@ from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import idle, likeliest
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
+# ratios of the largest to the smallest gain that are tried (-)
 _RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
 
 

@@ -30,17 +30,17 @@ from simbench.gap.likelihood.model import (
 _NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 _EDGE = 0.02  # ... and falls off with this standard deviation outside
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-# of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+# share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
 _HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-_REDDEST = 0.8  # noise of more memory than this has passed a filter
-_QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
+_REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
+_QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
 _QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
-STEP = 1e-4  # of a parameter or its logarithm, for derivatives
+STEP = 1e-4  # step of a parameter or its logarithm, for derivatives
 # the same about a noise correlation of 0, below half of which the filter takes noise for white
 _WHITE = 0.02
-_LONGEST = 1.5  # of a parameter or its logarithm in one step
+_LONGEST = 1.5  # largest change of a parameter or its logarithm in one step
 _IDLE = 1e-3  # curvature added to every parameter
 _LAST_STEP_NATS = 0.01  # nats below which a step is the last
 _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample

@@ -11,7 +11,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty, valve_of
 from simbench.gap.likelihood.valve_map import lagged
 
-# of PV's standard deviation: innovations below it are a simulation's, and nothing can be
+# share of PV's standard deviation: innovations below it are a simulation's, and nothing can be
 # missing from them
 _NOTHING = 1e-4
 

@@ -11,7 +11,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
 
-_PEAKS = 4  # of the best points of a grid over valve maps that are refined
+_PEAKS = 4  # number of best points of a grid over valve maps that are refined
 _SHARES = (
     0.1,
     0.05,
@@ -19,10 +19,10 @@ _SHARES = (
     0.01,
     0.004,
     0.001,
-)  # of a point's numbers by which it is varied, ever finer
+)  # shares of a point's numbers by which it is varied, ever finer
 _STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
 _HOPELESS = -20.0  # nats below which nobody asks by how much
-_AROUND = (-2, -1, 0, 1, 2)
+_AROUND = (-2, -1, 0, 1, 2)  # steps of a share about a point
 
 MapFit = tuple[float, dict[str, float | str]]
 

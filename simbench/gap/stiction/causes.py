@@ -31,17 +31,17 @@ _CAUSE_OF_FLAG = {
     "manual": NOT_TOLD,
 }
 _NAMED_FROM = 0.6  # confidence below which no cause is named
-_APART = 0.15  # by which the likeliest must lead the next
+_APART = 0.15  # confidence by which the likeliest must lead the next
 _KEPT = (
     0.9,
     0.98,
 )  # phase kept with one sine from which the swing is a line of the load, and from which surely
-_FEWEST_PERIODS = 12  # below which every swing keeps its phase
+_FEWEST_PERIODS = 12  # periods below which every swing keeps its phase
 _TIGHT = (
     2.2,
     4.0,
 )  # largest sensitivity from which tuning may be the cause, and from which it surely can
-_BARE = 0.1  # of S, below which J is no jump
+_BARE = 0.1  # share of S below which J is no jump
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
 # factor between the period of the loop and that of its resonance up to which they are one

@@ -46,7 +46,7 @@ OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
-_ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
+_ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
 
 
 @dataclass(frozen=True, eq=False)

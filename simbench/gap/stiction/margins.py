@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarios.spec import Loop
 
-_POINTS = 1500
+_POINTS = 1500  # frequencies of the response
 
 
 @dataclass(frozen=True)

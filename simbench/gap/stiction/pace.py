@@ -14,7 +14,7 @@ from detectors.record import LoopRecord
 from detectors.signal.lines import share_on_lines
 from detectors.signal.oscillation import find_oscillation
 
-_LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
+_LEAST = 0.2  # share of PV's standard deviation that PV moves from sample to sample
 SHORTEST_LEFT = 250  # samples that are left
 _REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
