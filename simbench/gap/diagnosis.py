@@ -55,8 +55,8 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-# share of the least noise that is believed, below which the model predicts PV to its digits: nothing is
-# missing
+# share of the least noise that is believed, below which the model predicts PV to its digits:
+# nothing is missing
 _PREDICTED = 0.1
 _EXPLANATIONS = (
     5  # number that are simulated under each test, to say in passing which one to run next

@@ -13,7 +13,8 @@ from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-# probability per nat (-), of the softmax: such likelihoods overstate, as no model of load and noise is quite true
+# factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
+# quite true
 TEMPERATURE = 0.35
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks

@@ -10,7 +10,8 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
-# nats that an effect of the stated size would bring: the price of a number and a clear lead over "none"
+# nats that an effect of the stated size would bring: the price of a number and a clear lead over
+# "none"
 _NATS = 9.0
 _STEPS = np.geomspace(0.02, 2.0, 14)  # shares of the record's scale, from barely there to gross
 
