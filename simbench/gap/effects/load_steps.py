@@ -11,7 +11,7 @@ from scipy.special import gammaln
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec, input_gain, lag_of, size_penalty
+from simbench.gap.likelihood.model import Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -94,19 +94,7 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     unit[0] = 0.0
     g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     response = np.append(g[1:], g[-1])
-    white = kernels.whiten(
-        response[None, :],
-        th["T"] if d.T > 0 else 0.0,
-        0.0,
-        th["load_time"],
-        lag_of(th),
-        th["load"],
-        0.0,
-        0.0,
-        th["noise_std"],
-        th["colour"],
-        engine.spread,
-    )[0][0]
+    white = kernels.whiten(response[None, :], engine.noise_model(Spec(), th))[0][0]
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]

@@ -203,23 +203,26 @@ class Engine:
         """
         d = self.data
         tau = theta.get("tau", 0.0)
-        white, log_var = kernels.whiten(
-            channels,
-            theta["T"] if d.T > 0 else 0.0,
-            tau if spec.pole in _POLES_OF_LOAD else 0.0,
-            theta["load_time"],
-            lag_of(theta),
-            theta["load"],
-            theta["load_walk"] if spec.load_walk else 0.0,
-            theta["walk"] if spec.walk else 0.0,
-            theta["noise_std"],
-            theta["colour"],
-            self.spread,
-            *jumps_of(spec, theta),
-        )
+        model = self.noise_model(spec, theta)
+        white, log_var = kernels.whiten(channels, model, jumps_of(spec, theta))
         count = d.n - kernels.SKIP
         jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
         return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
+
+    def noise_model(self, spec: Spec, theta: Mapping[str, float]) -> kernels.NoiseModel:
+        """Return what moves PV besides the plant's input."""
+        return kernels.NoiseModel(
+            theta["T"] if self.data.T > 0 else 0.0,
+            theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0,
+            theta["load_time"],
+            lag_of(theta),
+            theta["load"],
+            theta["noise_std"],
+            theta["colour"],
+            self.spread,
+            theta["load_walk"] if spec.load_walk else 0.0,
+            theta["walk"] if spec.walk else 0.0,
+        )
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
@@ -444,18 +447,17 @@ class Engine:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
         # a plant of higher order is near enough as a later one: the best is fitted as it is
-        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"] + d.lateness
-        tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
-        model = (theta["load_time"], lag_of(theta), theta["load"])
-        onset = kernels.plant(self.onset, T, Td, tau)
+        model, Td = self.noise_model(spec, theta), theta["Td"] + d.lateness
+        # a scan ranks maps without the walks
+        model = model._replace(load_walk=0.0, walk=0.0)
+        onset = kernels.plant(self.onset, model.T, Td, model.tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
-        noise = (theta["noise_std"], theta["colour"], self.spread)
         jumps = jumps_of(spec, theta)
-        white = kernels.whiten(channels, T, tau, *model, 0.0, 0.0, *noise, *jumps)[0]
+        white = kernels.whiten(channels, model, jumps)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
-        return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, *jumps)
+        return kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps)
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
         """Return how many numbers the signals of an effect are fitted by beyond those of one

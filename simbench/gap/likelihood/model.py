@@ -215,11 +215,11 @@ def lag_of(theta: Mapping[str, float]) -> float:
     return theta.get("load_lag", kernels.PINK_LOAD)
 
 
-def jumps_of(spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, bool] | tuple[()]:
-    """Return where the load jumps, the std of the jumps and whether they last; nothing where it
-    does not jump.
-    """
-    return (np.array(spec.jumps), theta["load_jump"], spec.lasting) if spec.jumps else ()
+def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps | None:
+    """Return the jumps of the load; None where it does not jump."""
+    if not spec.jumps:
+        return None
+    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"], spec.lasting)
 
 
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:

@@ -60,9 +60,8 @@ def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
     signal = simulated(parts, 200_000, np.random.default_rng(2))
     assert np.std(signal) == pytest.approx(2.0, rel=0.03)
     # the filter that whitens such a load in the engine whitens this one
-    white = kernels.whiten(
-        signal[None, :], 1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 0.0, 0.0, 1e-3, 0.0, 5.0
-    )[0][0, 100:]
+    model = kernels.NoiseModel(1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 1e-3, 0.0, 5.0)
+    white = kernels.whiten(signal[None, :], model)[0][0, 100:]
     assert np.var(white) == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.01
 

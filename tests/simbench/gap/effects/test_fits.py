@@ -9,6 +9,7 @@ import pytest
 
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine as RealEngine
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
 THETA = {
@@ -211,6 +212,7 @@ class Jumpy(Engine):
     """
 
     spread = 10.0
+    noise_model = RealEngine.noise_model
 
     def __init__(self, real, worth, lasting=True):
         super().__init__()

@@ -218,12 +218,12 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed
     }
     # PV answers a jump one sample later
     response = 1.0 - np.exp(-np.arange(n) / 5.0)
-    white = kernels.whiten(response[None, :], 5.0, 0.0, 20.0, 0.5, 0.5, 0.0, 0.0, 0.1, 0.1, 10.0)[
-        0
-    ][0]
+    model = kernels.NoiseModel(5.0, 0.0, 20.0, 0.5, 0.5, 0.1, 0.1, 10.0)
+    white = kernels.whiten(response[None, :], model)[0][0]
     residual = 0.02 * np.random.default_rng(0).standard_normal(n)
     residual[k:] += 5.0 * white[: n - k]
-    engine = SimpleNamespace(data=SimpleNamespace(n=n, T=5.0), spread=10.0)
+    data = SimpleNamespace(n=n, T=5.0)
+    engine = SimpleNamespace(data=data, noise_model=lambda spec, theta: model)
     places, heights = load_steps._jumps(engine, SimpleNamespace(theta=theta, residual=residual))
     assert (places[0] == k) == placed
     assert all(5 <= place < n - 5 for place in places)
