@@ -183,6 +183,7 @@ def test_without_a_plant_an_agreeing_tuning_is_no_effect(place):
     assert with_part(place, HEALTHY, "controller")["effect"] == "none"
 
 
+@pytest.mark.slow
 def test_without_a_controller_the_plant_is_still_compared(place):
     steps = [[150.0, 56.0], [350.0, 47.0], [550.0, 55.0], [750.0, 46.0]]
     weaker = HEALTHY | {"plant": HEALTHY["plant"] | {"K": 0.6}}

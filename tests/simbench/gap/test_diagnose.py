@@ -246,6 +246,7 @@ def test_a_loop_without_noise_is_no_riddle(effect, mv):
     assert report.effect == (effect["name"] if effect else "none")
 
 
+@pytest.mark.slow
 def test_without_a_baseline_friction_is_named_with_its_size_though_the_plant_bent_around_it():
     table = {
         "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},

@@ -26,7 +26,7 @@ CASES = {"mv": (8, ("oscillation",), True), "blind": (12, ("gain_mismatch",), Fa
 def assessed(name: str) -> Assessment:
     seed, effects, mv = CASES[name]
     case = random_case(seed, effects, mv=mv)
-    return assess(check(case.record.window(0, 800), case.baseline))
+    return assess(check(case.record.window(0, 500), case.baseline))
 
 
 @pytest.fixture(params=list(CASES))
