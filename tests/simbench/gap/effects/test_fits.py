@@ -88,7 +88,9 @@ def fit(effect, engine, start=None):
 
 def near(name, value):
     """Return a likelihood that falls off in the logarithm of a parameter."""
-    return lambda spec, theta: -abs(np.log(theta[name] / value)) if name in theta else -99.0
+    return lambda spec, theta: (
+        -abs(np.log(max(theta[name], 1e-9) / value)) if name in theta else -99.0
+    )
 
 
 def test_a_released_gain_is_begun_under_three_loads():
@@ -99,58 +101,41 @@ def test_a_released_gain_is_begun_under_three_loads():
     assert best.spec.free == {"K"}
 
 
-@pytest.mark.parametrize(
-    ("effect", "name", "trials"),
-    [
-        ("time_constant_mismatch", "T", 25.0 * np.array([0.3, 0.5, 0.7, 1.5, 2.0, 3.0])),
-        (
-            "dead_time_mismatch",
-            "Td",
-            [0.0, 1.25, 2.5, 3.75, *(5.0 + 7.5 * np.geomspace(0.25, 6.0, 12))],
-        ),
-    ],
-)
-def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(effect, name, trials):
-    best = float(trials[1])
-    engine = Engine(lambda spec, theta: -abs(theta[name] - best))
-    fitted, price = fit(effect, engine)
-    assert (fitted.theta[name], price, fitted.spec.free) == (best, 1.0, {name})
-    few = [(t, steps) for t, search, steps in engine.fitted if search == ("load_time", "load")]
-    assert {steps for _, steps in few} == {2}
-    assert [t[name] for t, _ in few[: len(trials)]] == pytest.approx(trials)
-    # the best three again under an idle valve's load, then the base and the best two in full
-    again = few[len(trials) :]
-    assert len(again) == 3
-    assert {t["load"] for t, _ in again} == {9.0}
-    in_full = [t for t, search, _ in engine.fitted if search is None]
-    assert [t[name] for t in in_full] == pytest.approx([THETA[name], best, best])
+@pytest.mark.parametrize(("effect", "name", "values", "on", "price"), [
+    ("time_constant_mismatch", "T", (8.0, 14.0, 70.0), {"free": {"T"}}, 1.0),
+    ("dead_time_mismatch", "Td", (1.0, 3.0, 10.0, 45.0), {"free": {"Td"}}, 1.0),
+    ("valve_lag", "tau", (0.4, 5.0, 80.0), {"pole": "valve"}, 1.0),
+    ("extra_lag", "tau", (0.4, 5.0, 80.0), {"pole": "extra"}, 1.0),
+    ("sensor_lag", "tau", (0.4, 5.0, 80.0), {"pole": "sensor"}, 1.0),
+    ("drift", "walk", (0.001, 0.05, 0.2), {"walk": True}, 2.0),
+    ("valve_characteristic", "R", (0.03, 0.4, 3.0, 40.0), {"valve": kernels.CURVE}, 1.0),
+])  # fmt: skip
+def test_a_number_is_sought_over_all_that_a_record_could_show(effect, name, values, on, price):
+    for value in values:
+        best, paid = fit(effect, Engine(near(name, value)))
+        # the stub refines nothing: the best of the values that are tried
+        assert abs(np.log(best.theta[name] / value)) < np.log(3.2), value
+        assert {key: getattr(best.spec, key) for key in on} == on
+        assert paid == price
+
+
+def test_a_mismatch_that_the_load_hid_is_sought_under_the_load_of_an_idle_valve_too():
+    engine = Engine(near("T", 12.0))
+    fit("time_constant_mismatch", engine)
+    quick = [t for t, search, steps in engine.fitted if search == ("load_time", "load")]
+    assert sum(t["load"] == 9.0 for t in quick) == 3
+    # and the best are fitted in full
+    assert {t["T"] for t, search, _ in engine.fitted if search is None} == {20.0, 12.5}
 
 
 @pytest.mark.parametrize(
-    ("where", "effect"), [("valve", "valve_lag"), ("extra", "extra_lag"), ("sensor", "sensor_lag")]
+    ("effect", "begun"), [("sensor_lag", (0.2, 0.2)), ("valve_lag", (0.1, 0.1))]
 )
-def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load(where, effect):
+def test_a_filter_is_begun_from_the_stated_noise_and_little_colour(effect, begun):
     engine = Engine(near("tau", 5.0))
-    best, price = fit(effect, engine)
-    assert (best.spec.pole, price) == (where, 1.0)
-    ((theta, points),) = engine.gridded
-    lags = np.geomspace(0.3, 90.0, 10)
-    assert sorted({round(p["tau"], 9) for p in points}) == pytest.approx(lags)
-    # the fitted and the stated plant, each with its own dead time and the shortest
-    assert {(p["T"], p["Td"]) for p in points} == {
-        (20.0, 4.0),
-        (20.0, 1.5),
-        (25.0, 5.0),
-        (25.0, 1.5),
-    }
-    # a filter makes noise quiet and coloured: begun from the stated noise and little colour
-    assert (theta["noise_std"], theta["colour"]) == (
-        (0.2, 0.2) if where == "sensor" else (0.1, 0.1)
-    )
-    longer = [t for t, _, steps in engine.fitted if steps == 2]
-    assert [t["tau"] for t in longer] == pytest.approx(lags[4::2])
-    assert {t["T"] for t in longer} == {25.0}
-    assert abs(np.log(best.theta["tau"] / 5.0)) < 0.5 * np.log(lags[1] / lags[0])
+    fit(effect, engine)
+    ((theta, _),) = engine.gridded
+    assert (theta["noise_std"], theta["colour"]) == begun
 
 
 def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
@@ -166,21 +151,11 @@ def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
     assert len(bare.fitted) == 1
 
 
-@pytest.mark.parametrize("T", [25.0, 0.0])
-def test_a_drifting_sensor_walks_and_ramps_but_a_vessels_balance_is_a_ramp_already(T):
-    engine = Engine(near("walk", 3.0 * 0.5 / np.sqrt(N)), T=T)
-    best, price = fit("drift", engine)
-    ((_, points),) = engine.gridded
-    assert [p["walk"] for p in points] == pytest.approx(
-        3.0 / np.sqrt(N) * np.array([0.01, 0.1, 0.5, 2.0])
-    )
-    assert best.theta["walk"] == pytest.approx(1.5 / np.sqrt(N))
-    assert (best.spec.walk, price) == (True, 2.0 if T else 1.0)
-    if T:
-        (line,) = best.spec.channels
-        assert line[[0, 250, -1]] == pytest.approx([0.0, 250 / 999, 1.0])
-    else:
-        assert best.spec.channels == ()
+def test_a_drift_ramps_but_a_vessels_balance_is_a_ramp_already():
+    best, _ = fit("drift", Engine())
+    assert best.spec.channels[0][[0, 250, -1]] == pytest.approx([0.0, 250 / 999, 1.0])
+    best, price = fit("drift", Engine(T=0.0))
+    assert (best.spec.channels, price) == ((), 1.0)
 
 
 @pytest.mark.parametrize(("effect", "kind", "count", "ratios", "price"), [

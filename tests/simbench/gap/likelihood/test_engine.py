@@ -273,37 +273,10 @@ def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, fr
     assert np.sign(off) == way
 
 
-@pytest.mark.parametrize(
-    ("changes", "spec", "late", "beyond"),
-    [
-        ({}, Spec(), 0, (0.0, 0.0, 0.0)),
-        ({"T": 1.1 * np.exp(0.02) * T}, Spec(), 0, (1.0, 0.0, 0.0)),
-        ({"T": T / 1.1 / np.exp(0.04)}, Spec(), 0, (2.0, 0.0, 0.0)),
-        ({"Td": TD + 0.1 * TD + 0.05 + 0.02 * TD + 0.03}, Spec(), 0, (0.0, 1.0, 0.0)),
-        # an archive late by a sample hides up to one: half a sample less, give or take half a
-        # sample
-        ({"Td": TD - 1.0}, Spec(), 1, (0.0, 0.0, 0.0)),
-        ({"Td": TD + 0.1 * TD + 0.05}, Spec(), 1, (0.0, 0.0, 0.0)),
-        ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
-    ],
-)
-def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, beyond):
-    theta = {
-        **THETA,
-        "T": T,
-        "Td": TD,
-        "noise_std": np.hypot(0.3, 0.1),
-        "load_time": 40.0,
-        "colour": 0.0,
-    } | changes
-    # noise of 0.3 and digits of 0.1 sqrt(12)
-    e = Engine(Data(OP, PV, K, T, TD, 0.3, resolution=0.1 * np.sqrt(12.0), late=late), 60.0)
-    assert e._surprises(spec, theta)[2:] == pytest.approx(beyond, abs=1e-6)
-    free = Spec(free=frozenset({"T", "Td", "noise_std"}))
-    assert len(e._surprises(free, theta)) == 2
-    assert (
-        len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1
-    )
+def test_a_trusted_baseline_is_left_only_for_a_reason():
+    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
+    assert 0.66 * K < fit.K < K
+    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
 
 
 @pytest.mark.parametrize("tau", [0.6, 4.0])
