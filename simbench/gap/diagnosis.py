@@ -116,10 +116,7 @@ def diagnose(
     >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
-    several: list[Any] = (
-        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
-    )
-    records = [as_record(one, **signals) for one in several]
+    records = [as_record(one, **signals) for one in _listed(record)]
     if not records:
         raise RecordError("no record to diagnose")
     refuse_twice(tests)
@@ -215,12 +212,14 @@ def conclude(
     """
     if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
         return judged(as_record(record, **signals))[0]
-    several = (
-        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
-    )
-    return diagnose_all(
-        [as_record(one, **signals) for one in several], loop, tests, describe=False
-    ).conclusion
+    records = [as_record(one, **signals) for one in _listed(record)]
+    return diagnose_all(records, loop, tests, describe=False).conclusion
+
+
+def _listed(record: Any) -> list[Any]:
+    """Return one record or several as a list."""
+    several = isinstance(record, Sequence) and not isinstance(record, str)
+    return list(record) if several else [record]
 
 
 def _assess_one(

@@ -479,7 +479,7 @@ def _limits(
             f"something in the {report.block} block is missing that no known effect explains"
         )
     if report.conclusion.verdict == NO_DECISION:
-        why.append("whether the valve sticks is open")
+        why.append("it is not decided whether the valve sticks")
     margin = [p.margin for p in pairs if p.margin is not None]
     if margin and np.quantile(margin, _SHARE) < _LEAST_MARGIN:
         why.append(
