@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +20,7 @@ from detectors.errors import ParameterError, masked
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
+_COLUMNS = 100  # of a terminal, beyond which a sentence goes on in the next line
 _BARE: dict[str, Any] = {
     "add_completion": False,
     "no_args_is_help": True,
@@ -189,7 +191,8 @@ def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
     for record in read:
         whose = f"{record.tag}: " if len(read) > 1 else ""
         for note in record.notes:
-            print(f"note: {whose}{note}", file=sys.stderr if as_json or whose else sys.stdout)
+            line = wrapped(f"note: {whose}{note}")
+            print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
 
 def method_completion(incomplete: str) -> list[str]:
@@ -291,5 +294,31 @@ def show_found(found: Any, as_json: bool) -> None:
 
 def show(content: Any, as_json: bool) -> None:
     """Print an answer, as JSON where asked."""
-    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
+    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
+    print(masked(text))
     sys.stdout.flush()
+
+
+def wrapped(text: str) -> str:
+    """Return a text whose lines are broken at blanks to `_COLUMNS`; what follows is indented.
+
+    A row of a table, known by two blanks in a row, stays whole.
+
+    >>> print(wrapped("note: " + "word " * 22))
+    note: word word word word word word word word word word word word word word word word word word
+      word word word word
+    """
+    lines = []
+    for line in text.splitlines():
+        if len(line) <= _COLUMNS or "  " in line.strip():
+            lines.append(line)
+            continue
+        margin = line[: len(line) - len(line.lstrip())] + "  "
+        lines += textwrap.wrap(
+            line,
+            _COLUMNS,
+            subsequent_indent=margin,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    return "\n".join(lines)

@@ -7,7 +7,17 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_found
+from simbench.cli.common import (
+    Jobs,
+    Json,
+    Page,
+    app,
+    examples,
+    reads,
+    say_assumed,
+    show,
+    show_found,
+)
 
 
 @app.command(
@@ -74,6 +84,6 @@ def report_(
     fleet, beside = report_folder(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
-    print(fleet.as_text())
+    show(fleet.as_text(), as_json=False)
     say_assumed([m.found.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}; table: {beside.resolve()}")
+    print(f"page: {out.resolve()}\ntable: {beside.resolve()}")
