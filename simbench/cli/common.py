@@ -16,6 +16,7 @@ import typer
 from typer import Argument, Option
 
 from detectors.errors import ParameterError, masked
+from simbench.cli.help import GroupedCommand
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
@@ -27,19 +28,27 @@ _BARE: dict[str, Any] = {
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
 }
-app = typer.Typer(
+
+
+class _Verbs(typer.Typer):
+    """An application whose verbs print their options in groups."""
+
+    def command(self, *args: Any, **settings: Any) -> Any:
+        """Add a verb, as `typer.Typer.command`."""
+        return super().command(*args, cls=GroupedCommand, **settings)
+
+
+app = _Verbs(
     help="A closed-loop testbench for valve-stiction detectors.",
     **{**_BARE, "add_completion": True},
 )
-confirm_app = typer.Typer(
-    help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.",
+confirm_app = _Verbs(
+    help="Run the chapter's confirmation tests on a simulated loop or on records.",
     **_BARE,
 )
-gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
-withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
-exam_app = typer.Typer(
-    help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE
-)
+gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
+withheld_app = _Verbs(help="Check the gap diagnosis on records whose effect is sealed.", **_BARE)
+exam_app = _Verbs(help="Benchmark methods by records without labels, in any language.", **_BARE)
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
@@ -60,83 +69,151 @@ def _workers(jobs: int) -> int:
     return jobs
 
 
-Json = Annotated[bool, Option("--json", help="JSON, and nothing else, on stdout.")]
+Json = Annotated[bool, Option("--json", help="Print JSON, and nothing else, on stdout.")]
 Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
-    int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
+    int,
+    Option(
+        "-j", "--jobs", callback=_workers, help="Use this many worker processes; -1 uses all cores."
+    ),
 ]
 Plugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further detector; repeatable.")
+    list[Path] | None,
+    Option(
+        metavar="FILE.py",
+        help="Load an additional detector from this Python file; may be repeated.",
+    ),
 ]
 Limit = Annotated[
     float,
     Option(
-        "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
+        "--time-limit",
+        metavar="S",
+        help="Stop a plug-in that takes longer than this for one record or scenario (s).",
     ),
 ]
 ValvePlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further valve model; repeatable.")
+    list[Path] | None,
+    Option(
+        metavar="FILE.py",
+        help="Load an additional valve model from this Python file; may be repeated.",
+    ),
 ]
 EffectPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further effect; repeatable.")
+    list[Path] | None,
+    Option(
+        metavar="FILE.py", help="Load an additional effect from this Python file; may be repeated."
+    ),
 ]
 PlantPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further plant; repeatable.")
+    list[Path] | None,
+    Option(
+        metavar="FILE.py", help="Load an additional plant from this Python file; may be repeated."
+    ),
 ]
 ControllerPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further controller; repeatable.")
+    list[Path] | None,
+    Option(
+        metavar="FILE.py",
+        help="Load an additional controller from this Python file; may be repeated.",
+    ),
 ]
 Thresholds = Annotated[
     Path | None,
     Option(
         metavar="FILE.json",
-        help="Other thresholds than the published ones, as calibrate writes them.",
+        help=(
+            "Use the thresholds in this JSON file, as `simbench calibrate` writes them, instead of"
+            " the defaults."
+        ),
     ),
 ]
 Span = Annotated[
-    tuple[float, float] | None, Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
+    tuple[float, float] | None,
+    Option(metavar="LO HI", help="State the recorded values that mean 0 and 100 %."),
 ]
 _READING: dict[str, Any] = {
-    "process": Annotated[str | None, Option(help="self-regulating or integrating.")],
-    "kind": Annotated[str | None, Option(help="flow, level, pressure, temperature or analyser.")],
+    "process": Annotated[
+        str | None, Option(help="State whether the process is self-regulating or integrating.")
+    ],
+    "kind": Annotated[
+        str | None,
+        Option(
+            help="State what the loop controls: flow, level, pressure, temperature or analyser."
+        ),
+    ],
     "op_span": Span,
     "pv_span": Span,
     "columns": Annotated[
         list[str] | None,
-        Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
+        Option(
+            metavar="op=NAME,pv=NAME",
+            help="Assign a column to a signal, as in pv=FIC101.PV; may be repeated.",
+        ),
     ],
     "Ts": Annotated[
         float | None,
-        Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
+        Option(
+            "--ts",
+            metavar="S",
+            help="State the sampling period (s) of a record without a time column.",
+        ),
     ],
     "tag": Annotated[
         str | None,
-        Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
+        Option(
+            metavar="TAG",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
+        ),
     ],
     "longest_segment": Annotated[
         bool | None,
         Option(
             "--longest-segment",
-            help="Of a record with long gaps, take the longest part without one.",
+            help="Judge the longest part without a gap, if the record has long gaps.",
         ),
     ],
     "loops": Annotated[
         Path | None,
-        Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."),
+        Option(
+            metavar="TABLE.toml",
+            help=(
+                "Read what is known of each loop from this TOML file, with one [[loop]] table per "
+                "tag."
+            ),
+        ),
     ],
 }
-Page = Annotated[Path | None, Option(metavar="FILE.html", help="Page to write.")]
-Report = Annotated[Path | None, Option(metavar="FILE.html", help="Report with pictures to write.")]
-Seed = Annotated[int, Option(min=0)]
+Page = Annotated[
+    Path | None, Option(metavar="FILE.html", help="Write an HTML page with pictures to this file.")
+]
+Report = Annotated[
+    Path | None,
+    Option(metavar="FILE.html", help="Write an HTML report with pictures to this file."),
+]
+Seed = Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")]
 Power = Annotated[
     bool,
-    Option("--power", help="Also say what this record could have shown, from twins of its loop."),
+    Option(
+        "--power",
+        help=(
+            "Also report the smallest stiction that this record could have shown, from simulated "
+            "replicates of its loop."
+        ),
+    ),
 ]
 FrontEnd = Annotated[
-    str, Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
+    str,
+    Option(
+        metavar="acf|hagglund", help="Choose the method that decides whether a loop oscillates."
+    ),
 ]
 World = Annotated[
-    str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
+    str,
+    Option(metavar="NAME", help="Draw the records with this plant simulator: a name, or a module."),
 ]
 
 
@@ -150,7 +227,10 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             "--tag",
             "--loop",
             metavar="TAG",
-            help="Loop of a file with several: FIC101, chemicals.loop1.",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
         )
         options["tag"] = Annotated[str | None, said]
 
@@ -214,7 +294,7 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 GridName = Annotated[
-    str, Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    str, Argument(help="Name a grid, or give a TOML file.", autocompletion=grid_completion)
 ]
 
 
