@@ -342,7 +342,8 @@ def check(
     exact: Annotated[
         bool,
         Option(
-            "--exact", help="Fail on every changed verdict of a built-in method, and list them."
+            "--exact",
+            help="Fail on every changed verdict or score of a built-in method, and list them.",
         ),
     ] = False,
     as_json: Json = False,
