@@ -143,9 +143,9 @@ SLACK = {"controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0}}
 ], ids=["alone", "with another gain", "with another time constant"])  # fmt: skip
 @pytest.mark.parametrize("valve", [{}, STICKY], ids=["ideal", "sticky"])
 def test_other_tuning_is_an_effect_and_no_other_loop(other, valve):
-    found = admitted(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
-    assert found["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
-    assert found["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
+    tuning = admitted(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
+    assert tuning["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
+    assert tuning["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
 
 
 def test_retuned_vessels_are_not_taken_for_other_plants():
@@ -190,7 +190,7 @@ def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
 @pytest.mark.parametrize(
     "other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"]
 )
-def test_op_says_whether_the_controller_saw_the_spikes(at, other):
+def test_op_shows_whether_the_controller_saw_the_spikes(at, other):
     effects = [
         {"name": "outliers", "rate": 0.01, "size": 3.0, "at": at},
         *([other] if other else []),
@@ -211,5 +211,5 @@ def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
 ], ids=["play", "sticky", "play and lag"])  # fmt: skip
 def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
     r = run(valve=valve)
-    found = check(replace(r, mv=None), loop(valve=valve))
-    assert np.abs(found.data.u - r.mv)[100:].max() < 0.05
+    situation = check(replace(r, mv=None), loop(valve=valve))
+    assert np.abs(situation.data.u - r.mv)[100:].max() < 0.05

@@ -1,4 +1,4 @@
-"""Which loops stand beside a record in the pictures, and over which samples."""
+"""Which loops are drawn with a record, and over which samples."""
 
 from types import SimpleNamespace
 
@@ -63,12 +63,12 @@ def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
 
 @pytest.mark.parametrize("mv", [False, True])
 def test_the_record_is_shown_as_the_diagnosis_saw_it(mv):
-    found = recorded(report(mv=mv))
+    shown = recorded(report(mv=mv))
     # OP in percent, not as recorded
-    assert np.array_equal(found.op, X)
-    assert np.array_equal(found.sp, X + 2.0)
-    assert (found.mv is not None, found.Ts) == (mv, 2.0)
-    part = found.part(10, 13)
+    assert np.array_equal(shown.op, X)
+    assert np.array_equal(shown.sp, X + 2.0)
+    assert (shown.mv is not None, shown.Ts) == (mv, 2.0)
+    part = shown.part(10, 13)
     assert [part.op.tolist(), part.pv.tolist(), part.sp.tolist()] == [
         [10, 11, 12],
         [10, 11, 12],
@@ -107,15 +107,15 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
         return real(x, seed=seed, kick=kick)
 
     monkeypatch.setattr(traces, "simulate", noted)
-    found = simulated(report(effect, named), seed=3)
-    assert list(found) == shown
+    runs = simulated(report(effect, named), seed=3)
+    assert list(runs) == shown
     expected = [
         (1.0, 3, 0.0),
         (1.1, 3, 0.0),
         {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1]),
     ]
     assert seen == expected[: len(shown)]
-    for trace in found.values():
+    for trace in runs.values():
         assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
         assert trace.Ts == 2.0
         assert trace.mv is not None
