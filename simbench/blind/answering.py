@@ -27,7 +27,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
     answers-2/ID.json.
 
     After each round the test that an answer asks for is opened and logged; where none is asked for,
-    or it is refused, an answer stands.
+    or it is refused, an answer is kept.
     """
     folder = Path(folder).resolve()
     if not 0 <= tests <= MOST_TESTS:
@@ -92,9 +92,9 @@ def _round(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
     with bar:
-        for name, (found, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
+        for name, (reply, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"
-            _write(place / f"{name}.json", json.dumps(found, indent=1))
+            _write(place / f"{name}.json", json.dumps(reply, indent=1))
             _write(cost, costs)
             bar.update()
     return len(todo)
@@ -110,12 +110,12 @@ def _answered(path: Path) -> bool:
 def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, Any], float]:
     start = time.process_time()
     try:
-        found = diagnose(
+        reply = diagnose(
             Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else [])
         )
     except Exception as error:  # one bad record must not cost the others
-        found = {"error": f"{type(error).__name__}: {error}"}
-    return found, time.process_time() - start
+        reply = {"error": f"{type(error).__name__}: {error}"}
+    return reply, time.process_time() - start
 
 
 def _blindfold(folder: str) -> None:

@@ -1,5 +1,5 @@
-"""Every effect taken out of the library in turn: what is said then, and how far does the gap shrink
-once it is back?
+"""Every effect taken out of the library in turn: what is answered then, and how far does the gap
+shrink once it is back?
 
 Knows the truth and the diagnosis, so neither a world nor the diagnosis imports it.
 """
@@ -55,8 +55,8 @@ def leave_out(
     most so many tests asked for.
 
     `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law
-    that describes what has no name; `resolvable` says whether the gap stands out of its floor at
-    all: of the others nobody can say anything.
+    that describes what has no name; `resolvable` is whether the gap exceeds its floor at
+    all: of the others nothing is known.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
@@ -95,10 +95,10 @@ def leave_out(
         ):
             done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
-    found = pd.read_csv(table, keep_default_na=False)
-    found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
-    write_table(summary(found), out / "table.csv")
-    return found
+    finished = pd.read_csv(table, keep_default_na=False)
+    finished = finished.loc[finished.record.isin(list(names))].reset_index(drop=True)
+    write_table(summary(finished), out / "table.csv")
+    return finished
 
 
 def _one(
@@ -111,7 +111,7 @@ def _one(
     seed: int,
     tests: int,
 ) -> dict[str, Any]:
-    """Draw one record, and diagnose it without and with its effect, beside the tests that were
+    """Draw one record, and diagnose it without and with its effect, with the tests that were
     asked for without it.
     """
     strength = _STRENGTHS[i % 2]
@@ -168,10 +168,10 @@ def _one(
     }
 
 
-def summary(found: pd.DataFrame) -> pd.DataFrame:
+def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return one row per effect, in the vocabulary's order, and one for all."""
-    rows = [_summary(effect, found[found.effect == effect]) for effect in WORLD_EFFECTS]
-    return pd.DataFrame([*rows, _summary("all", found)])
+    rows = [_summary(effect, table[table.effect == effect]) for effect in WORLD_EFFECTS]
+    return pd.DataFrame([*rows, _summary("all", table)])
 
 
 def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:

@@ -178,8 +178,8 @@ def make(
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        found = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
-        items = list(Progress(found, total=len(entries), desc="records", delay=1.0))
+        drawn = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
+        items = list(Progress(drawn, total=len(entries), desc="records", delay=1.0))
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
@@ -191,7 +191,7 @@ def make(
     )
     sealed = seal.seal(text)
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
-    half = out / ".records"  # until all of it stands; a call that was killed begins anew
+    half = out / ".records"  # until all of it is written; a call that was killed begins anew
     rmtree(half, ignore_errors=True)
     try:
         for name, item in zip(names, items, strict=True):

@@ -48,16 +48,16 @@ def open_(
     for row in Progress(truth, desc="scored", delay=1.0):
         record, baseline = _record(folder, row["id"])
         here = true_circumstances(row, baseline, record)
-        found = _answer(folder / "answers" / f"{row['id']}.json")
-        judged.append(judge_record(row, found, here))
+        answer = _answer(folder / "answers" / f"{row['id']}.json")
+        judged.append(judge_record(row, answer, here))
         for tests, rows in after.items():
             later = _answer(answers_after(folder, int(tests)) / f"{row['id']}.json")
             rows.append(judge_record(row, later, here))
-        if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
+        if judged[-1]["kind"] == "single" and row.get("case") and answer is not None:
             claims += [
                 {"id": row["id"], **c}
                 for c in true_shrinkages(
-                    row, found, record, baseline, here, row.get("world") or world
+                    row, answer, record, baseline, here, row.get("world") or world
                 )
             ]
     table = pd.DataFrame(judged)
@@ -88,11 +88,11 @@ def open_(
     draw(confusion(table), out)
     for tests, rows in after.items():
         write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
-    said = [
+    later_scores = [
         f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}"
         for tests, rows in after.items()
     ]
-    return score | {"markdown": markdown(figures, effects) + "".join(said)}
+    return score | {"markdown": markdown(figures, effects) + "".join(later_scores)}
 
 
 def _read_answers(text: str) -> list[dict[str, Any]]:
@@ -176,12 +176,12 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
 
 def _answer(path: Path) -> dict[str, Any] | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        answer = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     except ValueError:
         raise ParameterError(f"withheld: {path} is no JSON; delete it and answer again") from None
-    return found if isinstance(found, dict) else None
+    return answer if isinstance(answer, dict) else None
 
 
 def _cell(value: str) -> Any:

@@ -48,7 +48,7 @@ def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
 
 
 def open_one(out: Path, name: str, id_: str, order: int) -> Path:
-    """Open one test of a record, log it, and return the record it shows; its settings lie beside
+    """Open one test of a record, log it, and return the record it shows; its settings lie next to
     it.
     """
     sealed = out / TESTS / f"{name}-{id_}.sealed"

@@ -51,12 +51,15 @@ def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
 
 
 def write(sealed: _Sealed, folder: Path, key: Path) -> None:
-    """Write sealed answers and commitment into the folder, and the key into its own file readable
+    """Write sealed answers and commitment into the folder, and the key into another file readable
     by its owner only.
     """
     secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
-    told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
-    for file, content in told.items():
+    published = {
+        folder / SEALED: sealed.content,
+        folder / COMMITMENT: f"{sealed.commitment}\n".encode(),
+    }
+    for file, content in published.items():
         with whole_file(file, "wb") as f:
             f.write(content)
     write_key(key, json.dumps(secret).encode())

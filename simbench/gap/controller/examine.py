@@ -1,4 +1,4 @@
-"""The controller block: does the law that a loop is said to have turn the recorded error into the
+"""The controller block: does the law that a loop should have turn the recorded error into the
 recorded OP?
 """
 

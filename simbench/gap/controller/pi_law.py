@@ -1,5 +1,5 @@
 """The controller block: does the PI law turn the recorded error into the recorded OP, and if not,
-what stands between?
+what lies between?
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from simbench.gap.controller.recovered_pv import (
     FAITHFUL,
     MEAN_OVER,
     ROUNDED,
-    beside_a_mean,
     hidden_law,
     recover_pv,
+    rest_of_mean,
 )
 from simbench.gap.controller.regression import (
     FORMS,
@@ -40,10 +40,10 @@ _CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
 # ... which no longer shows as a lattice where OP is written in more than this share of it
 _BLURRED = 0.1
 _HALF = 0.5  # ... unless that is half of all that OP does
-# share of samples in which a fine OP stands still, from which it is not the mean of a moving PV
+# share of samples in which a fine OP rests, from which it is not the mean of a moving PV
 # that hides
 _RESTING = 0.05
-_STANDS = 0.01  # the same in standstills longer than chance brings
+_RESTS_LONG = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 _NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
@@ -55,13 +55,13 @@ _THINNED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """What the controller regression found.
+    """Result of the controller regression.
 
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP
-    (`baseline_residual`: of the baseline's). Between error and OP may stand: `limits` of OP tighter
+    (`baseline_residual`: of the baseline's). Between error and OP may lie: `limits` of OP tighter
     than its range (lo, hi), a `gap` of the error in which OP rests (full width), a lattice of OP
     (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV
-    the controller must have seen (None when it cannot be recovered). `reason` says why the block
+    the controller must have seen (None when it cannot be recovered). `reason` is why the block
     cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
     `averaged` that the archive's PV is a mean, `blur` what the digits leave uncertain of the
     recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
@@ -143,7 +143,7 @@ def _examine(
     trusted: bool,
     noise: float,
 ) -> Law:
-    """Judge the controller under one alignment of the signals: where is OP free, what stands still,
+    """Judge the controller under one alignment of the signals: where is OP free, what rests,
     which law, is it one?
     """
     e = (pv.mean() if sp is None else sp) - pv
@@ -253,7 +253,7 @@ class _Fitted(NamedTuple):
 
     @property
     def plain(self) -> bool:
-        """Whether nothing but the law itself stands between error and OP."""
+        """Whether nothing but the law itself lies between error and OP."""
         return not self.coarse and self.gap == 0.0
 
     @property
@@ -274,7 +274,7 @@ def _free(asked: _Asked) -> _Free:
         inside &= op > limit["lo"]
     if "hi" in limit:
         inside &= op < limit["hi"]
-    # a controller that holds its integral at a limit leaves it by a step of its own
+    # a controller that holds its integral at a limit leaves it by another step
     rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
     tight = {
@@ -329,7 +329,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_sums(op, e, free.inside, Kc, Ki, asked.op_is.step)
     elif fit is None:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
-    # OP that mostly stands still fits "no control at all" exactly
+    # OP that mostly rests fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
     card = _CARD / np.sqrt(6.0) if written_unit(op) > _BLURRED * _CARD else 0.0
     hidden = _DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
@@ -420,7 +420,7 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
     if asked.op_is.step == 0.0 and (
-        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _STANDS
+        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _RESTS_LONG
     ):
         return None
     Kc, Ki = asked.Kc, asked.Ki
@@ -437,7 +437,7 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
         if seen is not None:
             # a baseline that explains the archive as well is the simpler truth
             price = 1.0 if i < stated else 1.5
-            tries.append((price * beside_a_mean(asked.pv[inside], seen[inside]), i, seen))
+            tries.append((price * rest_of_mean(asked.pv[inside], seen[inside]), i, seen))
     rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
     if not np.isfinite(rest):
         return None

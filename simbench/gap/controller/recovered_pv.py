@@ -24,7 +24,7 @@ GRID = 60  # integral times tried, from a twentieth to twenty times the baseline
 
 
 class _Hidden(NamedTuple):
-    """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
+    """A PI law fitted through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
     misfit to the recorded error.
 
     `base` is the rms misfit of the baseline's tuning.
@@ -60,7 +60,7 @@ def recover_pv(
     # between limits the inversion is a first-order filter
     for k in [*np.flatnonzero(~inside), e.size]:
         if k > begin:
-            # a controller that holds its integral at a limit leaves it by a step of its own
+            # a controller that holds its integral at a limit leaves it by another step
             out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(e[begin], drive[begin + 1 : k]))
         if k < e.size:
             out[k] = e[k]
@@ -68,8 +68,8 @@ def recover_pv(
     return pv + e - out
 
 
-def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
-    """Return what is left of an archive's PV beside a mean of what the controller saw, over a
+def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
+    """Return what is left of an archive's PV after a mean of what the controller saw, over a
     sample or within one.
     """
     weights, mean = _mean(pv, seen)
@@ -139,14 +139,14 @@ def hidden_law(
     grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
     best = grid[int(np.argmin([misfit(x) for x in grid]))]
     width = grid[1] - grid[0]
-    found = scipy.optimize.minimize_scalar(
+    best_fit = scipy.optimize.minimize_scalar(
         misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6}
     )
-    X, forget = channels(float(np.exp(found.x)))
+    X, forget = channels(float(np.exp(best_fit.x)))
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
     X0, _ = channels(Kc / Ki)
     left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
     start = X0[:, -1]
     left = left - start * (start @ left) / max(float(start @ start), 1e-300)
     a = gain(beta)
-    return _Hidden(a, -forget * a, float(found.fun), float(np.std(left)))
+    return _Hidden(a, -forget * a, float(best_fit.fun), float(np.std(left)))

@@ -1,4 +1,4 @@
-"""Regressions behind the controller's law: OP by its changes, by its sums, and with a
+"""Regressions of the controller's law: OP by its changes, by its sums, and with a
 derivative.
 """
 

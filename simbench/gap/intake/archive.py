@@ -1,4 +1,4 @@
-"""What stands between the PV on record and the PV that the controller saw: rounding, compression,
+"""What lies between the PV on record and the PV that the controller saw: rounding, compression,
 means and spikes.
 """
 
@@ -39,7 +39,7 @@ def _resolution(archive: Archive, samples: Samples) -> float:
 
 
 def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
-    """Return why no PI law turns the recorded error into OP; nothing where what stands between is
+    """Return why no PI law turns the recorded error into OP; nothing where what lies between is
     known.
     """
     if not archive.faithful or it.law.gap > 0.0:

@@ -1,5 +1,5 @@
 """What cannot be compared: signals in other units, and the baseline of another loop; each refusal
-says what it rests on.
+names its grounds.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def refuse_unusable(it: Observed) -> None:
 
 
 def _refuse_other_pace(it: Observed) -> None:
-    found, Ts = it.record.Ts, it.baseline.sampling.Ts
-    if abs(found / Ts - 1.0) > SAME_TS:
+    period, Ts = it.record.Ts, it.baseline.sampling.Ts
+    if abs(period / Ts - 1.0) > SAME_TS:
         raise RecordError(
-            f"{it.where}: Ts = {found:g} s by its time column, but the baseline says Ts = {Ts:g} s;"
-            " they must agree within 1 %"
+            f"{it.where}: Ts = {period:g} s by its time column, but the baseline says Ts ="
+            f" {Ts:g} s; they must agree within 1 %"
         )
 
 

@@ -133,7 +133,7 @@ _NOISE, _LOAD, _FAULT, _LOG = range(4)
 
 
 def _stream(seed: int, purpose: int) -> np.random.Generator:
-    """Return an own random stream per purpose, so that a fault's strength does not shift anybody
+    """Return a random stream per purpose, so that a fault's strength does not shift anybody
     else's numbers.
     """
     return np.random.default_rng([seed, purpose])

@@ -9,7 +9,7 @@ import pytest
 from recorded import LOADED, recorded
 
 from simbench.gap.controller.pi_law import Law, examine_law
-from simbench.gap.controller.recovered_pv import beside_a_mean
+from simbench.gap.controller.recovered_pv import rest_of_mean
 
 
 def record(*effects, **changes):
@@ -260,13 +260,13 @@ def test_an_archive_that_takes_means_is_distinguished_from_a_controller_with_a_t
 
 def test_means_have_weights_that_are_no_derivative():
     seen = np.random.default_rng(0).normal(size=800)
-    assert beside_a_mean(0.7 * seen + 0.3 * np.roll(seen, 1), seen) < 1e-9
+    assert rest_of_mean(0.7 * seen + 0.3 * np.roll(seen, 1), seen) < 1e-9
     for other in (
         1.6 * seen - 0.6 * np.roll(seen, 1),
         0.5 * seen,
         np.random.default_rng(1).normal(size=800),
     ):
-        assert beside_a_mean(other, seen) == np.inf
+        assert rest_of_mean(other, seen) == np.inf
 
 
 def test_an_integral_held_at_a_limit_is_no_other_controller():

@@ -5,7 +5,7 @@ what is none.
 import numpy as np
 import pytest
 
-from simbench.gap.controller.recovered_pv import beside_a_mean, hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import hidden_law, recover_pv, rest_of_mean
 
 N = 1500
 E = np.random.default_rng(0).normal(0.0, 1.0, N)
@@ -81,7 +81,7 @@ def test_a_law_that_cannot_be_inverted_recovers_nothing():
 )
 def test_the_weights_of_a_mean_add_to_one_and_are_hardly_negative(weights, mean):
     pv = weights[0] * SEEN + weights[1] * np.roll(SEEN, 1)
-    assert (beside_a_mean(pv, SEEN) < 1e-9) == mean
+    assert (rest_of_mean(pv, SEEN) < 1e-9) == mean
 
 
 @pytest.mark.parametrize(
@@ -93,6 +93,6 @@ def test_a_mean_leaves_a_fifth_of_the_moves_at_most(noise, mean):
         0.5 * (SEEN + np.roll(SEEN, 1))
         + noise * np.random.default_rng(2).normal(size=SEEN.size) * 0.71
     )
-    rest = beside_a_mean(pv, SEEN)
+    rest = rest_of_mean(pv, SEEN)
     assert np.isfinite(rest) == mean
     assert not mean or rest == pytest.approx(noise / np.sqrt(1.0 + 2.0 * noise**2), rel=0.05)

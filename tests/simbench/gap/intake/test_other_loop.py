@@ -8,7 +8,7 @@ import pytest
 from detectors.errors import RecordError
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.other_loop import _own_plant, refuse_other_plant
+from simbench.gap.intake.other_loop import _plant_of_record, refuse_other_plant
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data
@@ -29,7 +29,7 @@ def test_the_plant_of_the_record_is_fitted_whatever_the_baseline_states(T, Td, T
     u, y = answered(-1.7, T, Td)
     # stated: a gain of a fifth, another time constant, noise and trust that do not count
     data = Data(u, y, -0.34, stated, 0.0, 5.0)
-    engine, fit = _own_plant(data, Law(0.0, 0.0, 1.0, Ti), 2.0)
+    engine, fit = _plant_of_record(data, Law(0.0, 0.0, 1.0, Ti), 2.0)
     assert fit.K == pytest.approx(-1.7, rel=0.03)
     assert fit.theta["T"] == pytest.approx(T, rel=0.05)
     assert fit.theta["Td"] == pytest.approx(Td, abs=0.2)
@@ -51,7 +51,7 @@ def begun(monkeypatch, law, n=1600, T=12.0):
 
     monkeypatch.setattr(other_loop, "Engine", Noted)
     u, y = answered(1.0, 12.0, 3.0, n)
-    _own_plant(Data(u, y, 1.0, T, 3.0, 0.1), law, 2.0)
+    _plant_of_record(Data(u, y, 1.0, T, 3.0, 0.1), law, 2.0)
     return seen
 
 
@@ -101,7 +101,7 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
         }
 
     monkeypatch.setattr(
-        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: base), plant)
+        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: base), plant)
     )
     monkeypatch.setattr(
         other_loop,
@@ -135,7 +135,7 @@ def test_the_plant_of_the_baseline_with_a_load_may_do_as_well(monkeypatch):
     plant = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
     monkeypatch.setattr(
         other_loop,
-        "_own_plant",
+        "_plant_of_record",
         lambda *a: (SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0)), plant),
     )
     monkeypatch.setattr(

@@ -178,7 +178,7 @@ def plant_refusal(monkeypatch, *, K=1.0, T=20.0, Td=4.0, plant, tuning=(2.0, 2.0
     fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
     zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
     monkeypatch.setattr(
-        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
+        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
     )
     monkeypatch.setattr(other_loop, "Engine", lambda *a: zero)
     monkeypatch.setattr(other_loop, "possible_effects", lambda s: [])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.plan import expected
-from simbench.gap.plan.expected import Expected, PlannedTests, _told, plan
+from simbench.gap.plan.expected import Expected, PlannedTests, _gained, plan
 
 P = np.array([0.5, 0.3, 0.1])
 
@@ -29,13 +29,13 @@ def trial(id_="bump"):
 
 
 def test_a_test_under_which_all_explain_the_same_tells_nothing():
-    information, right = _told(P, twice(np.zeros((3, 3))))
+    information, right = _gained(P, twice(np.zeros((3, 3))))
     assert information == pytest.approx(0.0, abs=1e-12)
     assert right == pytest.approx(0.5)
 
 
 def test_a_test_that_parts_all_tells_all_that_was_open():
-    information, right = _told(P, twice(-100.0 * (1 - np.eye(3))))
+    information, right = _gained(P, twice(-100.0 * (1 - np.eye(3))))
     share = P / P.sum()
     assert information == pytest.approx(-share @ np.log(share), abs=1e-6)
     # what is not among the explanations stays wrong
