@@ -101,22 +101,19 @@ def examine_law(
 ) -> Law:
     """Judge the controller from SP, PV and OP."""
     loop = (Ts, Kc, Ti, trusted, noise)
-    law = _examine(op, pv, sp, *loop)
+    law = _examine(op, pv, sp, loop)
     if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a
     # sample off
-    late = np.append(pv[0], pv[:-1])
-    tries = [law]
-    for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
-        other = _examine(op, late, sp_late, *loop)
-        recovered_pv = (
-            None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
-        )
-        tries.append(replace(other, recovered_pv=recovered_pv, late=1))
-    if sp is not None:
-        shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
-        tries += [_examine(op, pv, s, *loop) for s in shifted]
+    late, tries = np.append(pv[0], pv[:-1]), [law]
+    shifted = [] if sp is None else [np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
+    for sp_late in (sp, *shifted[:1]):
+        other = _examine(op, late, sp_late, loop)
+        seen = other.recovered_pv
+        seen = None if seen is None else np.append(seen[1:], pv[-1])
+        tries.append(replace(other, recovered_pv=seen, late=1))
+    tries += [_examine(op, pv, s, loop) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
@@ -137,40 +134,24 @@ def _examine(
     op: np.ndarray,
     pv: np.ndarray,
     sp: np.ndarray | None,
-    Ts: float,
-    Kc: float,
-    Ti: float | None,
-    trusted: bool,
-    noise: float,
+    loop: tuple[float, float, float | None, bool, float],
 ) -> Law:
     """Judge the controller under one alignment of the signals: where is OP free, what rests,
-    which law, is it one?
+    which law, is it one? `loop` holds the other arguments of `examine_law`.
     """
-    e = (pv.mean() if sp is None else sp) - pv
-    asked = _Asked(
-        op,
-        pv,
-        sp,
-        e,
-        Ts,
-        Kc,
-        Kc * Ts / Ti if Ti else 0.0,
-        Ti,
-        written(op, pv),
-        written(pv, op),
-        noise,
-    )
+    Ts, Kc, Ti, trusted, noise = loop
+    e, Ki = (pv.mean() if sp is None else sp) - pv, Kc * Ts / Ti if Ti else 0.0
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, written(op, pv), written(pv, op), noise)
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
     shown = _shown(asked)
     fitted = _fitted(asked, free, shown)
-    limits = (free.limits.get("lo", 0.0), free.limits.get("hi", 100.0)) if free.limits else None
     law = Law(
         fitted.fit.residual,
         fitted.fit.base,
         *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
-        limits=limits,
+        limits=free.limits,
         gap=fitted.gap,
         step=asked.op_is.step if fitted.coarse else 0.0,
         strays=fitted.fit.strays,
@@ -221,7 +202,7 @@ class _Free(NamedTuple):
 
     inside: np.ndarray
     rows: np.ndarray
-    limits: dict[str, float]
+    limits: tuple[float, float] | None
     size: float
     rounding: float
 
@@ -269,17 +250,13 @@ def _free(asked: _Asked) -> _Free:
         size = float(np.std(du)) or 1.0
     a, b = _first_guess(asked, du, size)
     limit = limits_of(op, e, a, b, asked.op_is.step, asked.op_is.unit, asked.Ti is None)
-    inside = np.ones(op.size, dtype=bool)
-    if "lo" in limit:
-        inside &= op > limit["lo"]
-    if "hi" in limit:
-        inside &= op < limit["hi"]
+    lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
+    inside = (op > lo) & (op < hi)
     # a controller that holds its integral at a limit leaves it by another step
     rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
-    tight = {
-        k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)
-    }
+    lo, hi = lo if lo > 0.01 else 0.0, hi if hi < 99.99 else 100.0
+    tight = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
     rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
     return _Free(inside, rows, tight, size, rounding)
 
@@ -372,27 +349,18 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
     if mean is not None:
         return mean
-    law = replace(
-        law,
-        reason=(
-            "the recorded PV is not the PV the controller saw, or it was archived at another rate"
-        ),
-    )
+    reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
+    law = replace(law, reason=reason)
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
+    foreign = ""
     if third < law.residual / 3 and third < 0.15:
-        return replace(
-            law, foreign="a third term explains OP five times better: the controller is no PI"
+        foreign = "a third term explains OP five times better: the controller is no PI"
+    elif fitted.collapsed and not fitted.gap:
+        foreign = (
+            "OP stands still in most samples: the controller skips scans, or a dead-band holds it"
         )
-    if fitted.collapsed and not fitted.gap:
-        return replace(
-            law,
-            foreign=(
-                "OP stands still in most samples: the controller skips scans, or a dead-band"
-                " holds it"
-            ),
-        )
-    if not fitted.plain:
-        return law
+    if foreign or not fitted.plain:
+        return replace(law, foreign=foreign)
     a, b = Kc + Ki, -Kc
     if shown.rough and not free.limits and shown.exact.sum() > 20:
         hidden = hidden_law(op, e, Kc, Ki, shown.exact)
@@ -441,14 +409,8 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
     if not np.isfinite(rest):
         return None
-    law = replace(
-        law,
-        residual=fitted.fit.base,
-        recovered_pv=seen,
-        averaged=True,
-        Kc=Kc,
-        Ti=asked.Ti or np.inf,
-    )
+    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True)
+    law = replace(law, Kc=Kc, Ti=asked.Ti or np.inf)
     return law if i < stated else _tuned(law, *tunings[i], asked)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from detectors.signal.filters import lfilter
+from simbench.gap.controller.regression import about_zero, solved
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
 # believed
@@ -73,10 +74,8 @@ def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     sample or within one.
     """
     weights, mean = _mean(pv, seen)
-    left = (pv - mean)[2:-2]
-    size = 1.4826 * float(np.median(np.abs(left)))
     one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
-    rest = size / (float(np.std(np.diff(pv))) or 1.0)
+    rest = about_zero((pv - mean)[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < _BLURRED else np.inf
 
 
@@ -90,7 +89,7 @@ def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
 def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     X = np.column_stack([np.roll(seen, shift) for shift in MEAN_OVER])
     y, inner = pv[2:-2], X[2:-2]
-    weights = np.linalg.lstsq(inner - inner.mean(axis=0), y - y.mean(), rcond=None)[0]
+    weights = solved(inner - inner.mean(axis=0), y - y.mean())
     return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
 
 
@@ -119,12 +118,11 @@ def hidden_law(
 
     if Ki == 0.0:
         X = np.column_stack([*around(op), np.ones(op.size)])[exact]
-        beta = np.linalg.lstsq(X, y, rcond=None)[0]
+        beta = solved(X, y)
         base = y - op[exact] / Kc
         return _Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
     drive = np.append(0.0, np.diff(op))
-    unit = np.zeros(op.size)
-    unit[0] = 1.0
+    unit = (np.arange(op.size) == 0).astype(float)
 
     def channels(wait: float) -> tuple[np.ndarray, float]:
         forget = wait / (1.0 + wait)  # wait = Ti/Ts
@@ -133,7 +131,7 @@ def hidden_law(
 
     def misfit(log_wait: float) -> float:
         X, _ = channels(float(np.exp(log_wait)))
-        return float(np.std(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]))
+        return float(np.std(y - X @ solved(X, y)))
 
     centre = np.log(Kc / Ki)
     grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
@@ -143,7 +141,7 @@ def hidden_law(
         misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6}
     )
     X, forget = channels(float(np.exp(best_fit.x)))
-    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    beta = solved(X, y)
     X0, _ = channels(Kc / Ki)
     left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
     start = X0[:, -1]

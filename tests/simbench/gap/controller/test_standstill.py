@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.regression import spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
@@ -142,19 +141,6 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
     # wanted
     op, e, size = scans(300)
     assert skips_scans(op, e, np.ones(op.size, dtype=bool), size, unit * size) == skips
-
-
-def test_a_dead_band_ends_half_way_between_the_largest_resting_and_the_smallest_moving_error():
-    op, e = rest(100, 1000)
-    reach, moves = np.maximum(np.abs(e[1:]), np.abs(e[:-1])), np.diff(op) != 0.0
-    # the pair that enters the band and the one that leaves it move already; a few at the end stand
-    # by chance
-    width = error_gap(op, e, np.ones(999, dtype=bool))
-    assert width == pytest.approx(reach[~moves & (reach < 1.0)].max() + reach[moves].min())
-
-
-def test_a_law_that_explains_all_has_no_strays():
-    assert Law(0.0, 0.0, 1.0, 20.0).strays.size == 0
 
 
 @pytest.mark.parametrize(("rests", "limited"), [(0, True), (60, False)])

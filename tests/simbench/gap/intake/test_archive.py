@@ -14,7 +14,6 @@ from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.archive import (
     _archive,
     _lines_where_apart,
-    _resolution,
     _spikes,
     _unexplained,
 )
@@ -88,13 +87,6 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
     assert plant_pv is not None
     assert np.array_equal(plant_pv, PV)
-
-
-def test_a_mean_is_the_archives_and_no_effect():
-    mean = replace(LAW, averaged=True, recovered_pv=PV + 1.0)
-    result, plant_pv, _ = _archive(seen_in(mean, PLAIN))
-    assert result.faithful
-    assert np.array_equal(plant_pv, PV + 1.0)
 
 
 @pytest.mark.parametrize(("noise", "thinned"), [(0.5, False), (0.1, True)])
@@ -171,13 +163,6 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
         if reason
         else _unexplained(it, Archive(), "") == ""
     )
-
-
-@pytest.mark.parametrize(
-    ("rounding", "unit"), [(None, 0.05), ((0.3, "loop"), 0.3), ((0.3, "record"), 0.001)]
-)
-def test_the_engine_takes_the_digits_that_are_in_its_pv(rounding, unit):
-    assert _resolution(Archive(rounding), lattice(0.05)) == unit
 
 
 @pytest.mark.parametrize(

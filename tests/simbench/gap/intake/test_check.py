@@ -11,7 +11,6 @@ from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
-from simbench.gap.intake.refuse import moving_slope
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -93,13 +92,6 @@ def test_a_faulty_valve_is_no_other_unit(effect):
     assert check(noisy, loop()).record.mv is not None
 
 
-def test_the_slope_is_that_of_the_sliding_valve():
-    r = run(**STICKY)
-    assert moving_slope(r.op, r.mv) == pytest.approx(1.0, abs=1e-6)
-    assert moving_slope(r.op, 0.4 * np.asarray(r.mv)) == pytest.approx(0.4, abs=1e-6)
-    assert moving_slope(np.full(500, 50.0), r.mv[:500]) is None
-
-
 def test_op_in_ma_or_as_a_share_is_refused_and_its_span_settles_it():
     r = run()
     refused(replace(r, op=4.0 + 0.16 * r.op, mv=None), loop(), "OP runs from", "mA", "--op-span")
@@ -167,23 +159,12 @@ def held(pv, every, length):
     return pv
 
 
-def test_digits_far_below_the_noise_are_no_quantisation():
-    r = run(**LOADED)
-    assert not check(replace(r, pv=np.round(r.pv, 3)), loop()).proven
-
-
 @pytest.mark.parametrize("digits", [3, 4, 9])
 def test_short_standstills_of_a_noisy_pv_are_frozen_and_rounding_is_not(digits):
     r = run(**LOADED)
     pv = np.round(r.pv, digits)
     assert not check(replace(r, pv=pv), loop()).frozen
     assert check(replace(r, pv=held(pv, 200, 12)), loop()).frozen
-
-
-def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
-    quiet = {**TABLE, "noise": {"std": 0.0}}
-    r = simulate(Loop.from_table(quiet), seed=1).record
-    assert not check(replace(r, pv=np.round(r.pv, 4)), Loop.from_table(quiet)).samples.stuck
 
 
 @pytest.mark.parametrize("at", ["loop", "record"])

@@ -146,13 +146,6 @@ def test_a_test_that_was_run_is_not_asked_for_again(monkeypatch):
     assert plan(assessment, OPEN, LOOPS).tests == ()
 
 
-def test_what_is_settled_asks_nothing(monkeypatch):
-    assessment = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
-    made = plan(assessment, {"stiction": 0.92, "deadband": 0.06, "none": 0.02}, LOOPS)
-    assert made.next_test is None
-    assert "stiction has a probability of 0.92" in made.why
-
-
 def test_unknown_by_single_samples_or_the_law_has_no_test_that_would_change_it(monkeypatch):
     assessment = stub(monkeypatch, {"bump": -60.0 * (1 - np.eye(3))})
     assessment.worst_test, assessment.unexplained = (10.0, "valve"), {"valve": "MV strays"}

@@ -108,30 +108,6 @@ def test_blocks_are_apart_within_the_picture_and_are_the_redder_the_larger_their
     assert colours[0][0] > 1.5 * max(colours[0][1:3])
 
 
-def test_words_are_in_their_block_or_just_above_their_line(blocks):
-    boxes, _ = shapes(blocks)
-    at = {t.get_text(): t.get_position() for t in blocks.texts if t.get_text()}
-    for (name, (x0, y0, x1, y1)), share in zip(boxes.items(), SHARES.values()):
-        for word in (name, f"{100 * share:.0f} %"):
-            x, y = at[word]
-            assert x == pytest.approx((x0 + x1) / 2)
-            assert y0 < y < y1
-        assert at[name][1] > at[f"{100 * share:.0f} %"][1]
-    edges = {n: (b[0], b[2]) for n, b in boxes.items()}
-    between = {
-        "SP": (0.0, 0.35),
-        "OP": (edges["controller"][1], edges["valve"][0]),
-        "MV": (edges["valve"][1], 3.01),
-    }
-    for word, (left, right) in between.items():
-        assert left < at[word][0] < right
-        assert 0.0 < at[word][1] - (boxes["valve"][1] + boxes["valve"][3]) / 2 < 0.1
-    assert edges["controller"][0] < at["PV"][0] < edges["sensor"][0]
-    assert 0.0 < at["PV"][1] - (boxes["sensor"][1] + boxes["sensor"][3]) / 2 < 0.1
-    assert at["-"][0] < 0.44
-    assert at["-"][1] < at["OP"][1]
-
-
 def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
     runs = {BASELINE: trace(), FIXED: trace(1e4)}
     upper, lower = draw_spectra(trace(), runs).axes
