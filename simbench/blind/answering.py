@@ -13,7 +13,7 @@ from typing import Any
 from detectors.errors import ParameterError
 from simbench.blind import outcomes
 from simbench.files import folder as make_folder
-from simbench.files import remove_stale_temporaries, whole_file
+from simbench.files import remove_stale_temporaries
 from simbench.handout import ask_in_processes
 from simbench.progress import Progress
 
@@ -42,7 +42,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
         for name, text in answers.items():
             asked = (json.loads(text).get("next_test") or {}).get("test")
             if asked is None:
-                _write(place / name, text)
+                outcomes.write_whole(place / name, text)
             else:
                 record = name.removesuffix(".json")
                 opened.setdefault(record, []).append(
@@ -55,14 +55,8 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
                     f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before"
                     " stands"
                 )
-                _write(place / name, answers[name])
+                outcomes.write_whole(place / name, answers[name])
     return done
-
-
-def _write(file: Path, text: str) -> None:
-    """Write whole or not at all: a call that is cut off can be resumed."""
-    with whole_file(file) as f:
-        f.write(text)
 
 
 def answers_after(folder: Path, tests: int) -> Path:
@@ -94,8 +88,8 @@ def _round(
     with bar:
         for name, (reply, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"
-            _write(place / f"{name}.json", json.dumps(reply, indent=1))
-            _write(cost, costs)
+            outcomes.write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
+            outcomes.write_whole(cost, costs)
             bar.update()
     return len(todo)
 

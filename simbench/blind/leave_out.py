@@ -115,19 +115,10 @@ def _one(
     asked for without it.
     """
     strength = _STRENGTHS[i % 2]
-    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {
-        "record": name,
-        "effect": effect,
-        "strength": strength,
-    }
+    hidden = {"effect": effect, "strength": strength}
+    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, **hidden}
     number = 1000 * list(WORLD_EFFECTS).index(effect) + i
-    entry = {
-        "kind": "single",
-        "effect": effect,
-        "strength": strength,
-        "mv": i % 4 < 2,
-        "plant": PLANTS[i % 3],
-    }
+    entry = {"kind": "single", **hidden, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
         item = draw_item(seed, number, entry)
         record_file, baseline_file = write_item(item, place, name)
@@ -146,12 +137,8 @@ def _one(
     except UserError as e:
         return row | {"error": str(e)}
     known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
-    law = (
-        without.looks_like.gap
-        if without.looks_like is not None and without.looks_like.law is not None
-        else None
-    )
-    gap = law or without.gap
+    like = without.looks_like
+    gap = (None if like is None or like.law is None else like.gap) or without.gap
     here = true_circumstances(item.answer, item.baseline, pd.DataFrame(item.columns))
     return row | {
         "said": without.effect,
@@ -177,12 +164,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
     failed = int((part.error != "").sum())
     seen = part[(part.error == "") & (part.resolvable.astype(str) == "True")]
-    row: dict[str, Any] = {
-        "effect": effect,
-        "block": block_of(effect) if effect in WORLD_EFFECTS else "",
-        "n": len(seen),
-        "failed": failed,
-    }
+    block = block_of(effect) if effect in WORLD_EFFECTS else ""
+    row: dict[str, Any] = {"effect": effect, "block": block, "n": len(seen), "failed": failed}
     if seen.empty:
         return row
     shares = {

@@ -18,11 +18,12 @@ from simbench.blind import seal
 from simbench.blind.answering import COST, MOST_TESTS, answers_after
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Figure, Share, by_effect, levels, median, rank
+from simbench.blind.outcomes import write_whole
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
 from simbench.files import folder as make_folder
-from simbench.files import whole_file, write_table
+from simbench.files import write_table
 from simbench.progress import Progress
 
 _OPEN_ANSWERS = "answers.csv"
@@ -77,8 +78,7 @@ def open_(
         }
     make_folder(out)
     for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
-        with whole_file(out / name) as f:
-            f.write(content)
+        write_whole(out / name, content)
     for name, frame in (
         ("score", pd.DataFrame(score["figures"])),
         ("by_effect", effects),
@@ -213,9 +213,6 @@ def _cost(folder: Path) -> list[Figure]:
     path = folder / COST
     if not path.exists():
         return []
-    cost = pd.read_csv(path)
-    return (
-        [Figure("CPU-seconds per record, mean", float(cost.cpu_s.mean()), len(cost))]
-        if len(cost)
-        else []
-    )
+    cost = pd.read_csv(path).cpu_s
+    mean = Figure("CPU-seconds per record, mean", float(cost.mean()), len(cost))
+    return [mean] if len(cost) else []

@@ -104,13 +104,12 @@ def claimed_shrinkage(candidate: Mapping[str, Any], answer: Mapping[str, Any]) -
 
 def _claims(answer: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[str, float | None]:
     shares = {str(r["effect"]): claimed_shrinkage(r, answer) for r in answer.get("ranking") or []}
-    effects = {e: s for e, s in shares.items() if e in EFFECTS and s is not None}
-    if kind != "single":
-        return {"claim_right": None, "claim_wrong": None}
-    right, wrong = (
-        [s for e, s in effects.items() if (e in group) is inside] for inside in (True, False)
-    )
-    return {"claim_right": max(right, default=None), "claim_wrong": max(wrong, default=None)}
+    closed: dict[bool, list[float]] = {True: [], False: []}
+    for effect, share in shares.items():
+        if kind == "single" and effect in EFFECTS and share is not None:
+            closed[effect in group].append(share)
+    names = {"claim_right": True, "claim_wrong": False}
+    return {name: max(closed[right], default=None) for name, right in names.items()}
 
 
 def _parameter_error(effect: str, truth: Any, answer: Mapping[str, Any]) -> float | None:
@@ -130,12 +129,9 @@ def _parameter_error(effect: str, truth: Any, answer: Mapping[str, Any]) -> floa
     errors = []
     for name, quantity in EFFECTS[effect].parameters.items():
         true, got = _number(truth.get(name)), _number(mine.get(name))
-        if (
-            not isinstance(quantity, Number)
-            or name in ("J", "c")
-            or true is None
-            or true == quantity.identity
-        ):
+        if not isinstance(quantity, Number) or name in ("J", "c"):
+            continue
+        if true is None or true == quantity.identity:
             continue
         got = quantity.identity if got is None else got
         if name == "R":
@@ -159,11 +155,7 @@ def true_circumstances(
 
 
 def _text(value: Any) -> str:
-    return (
-        ""
-        if value is None or (isinstance(value, float) and math.isnan(value))
-        else str(value).strip()
-    )
+    return "" if pd.isna(value) else str(value).strip()
 
 
 def _number(value: Any) -> float | None:

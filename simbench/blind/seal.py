@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from detectors.errors import ParameterError
-from simbench.files import whole_file
+from simbench.blind.outcomes import write_whole
 from simbench.handout import commitment_of, matches, read_key, write_key
 
 SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
@@ -60,8 +60,7 @@ def write(sealed: _Sealed, folder: Path, key: Path) -> None:
         folder / COMMITMENT: f"{sealed.commitment}\n".encode(),
     }
     for file, content in published.items():
-        with whole_file(file, "wb") as f:
-            f.write(content)
+        write_whole(file, content)
     write_key(key, json.dumps(secret).encode())
 
 

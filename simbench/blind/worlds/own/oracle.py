@@ -101,21 +101,19 @@ def find_strength(
     least, most = rate(a), rate(b)
     if least is None or least.expected > hi or (most is not None and most.expected < lo):
         return None
+
+    def near(rated: Ratio | None, off: float) -> bool:
+        if rated is None or not lo <= rated.expected < hi:
+            return False
+        return bool(abs(np.log(rated.expected / target)) < off)
+
     for x, rated in ((a, least), (b, most)):
-        if (
-            rated is not None
-            and lo <= rated.expected < hi
-            and abs(np.log(rated.expected / target)) < 0.1
-        ):
+        if near(rated, 0.1):
             return _if_record_fits(x, rated, band)
     for _ in range(tries):
         x = (a + b) / 2
         rated = rate(x)
-        if (
-            rated is not None
-            and lo <= rated.expected < hi
-            and abs(np.log(rated.expected / target)) < 0.15
-        ):
+        if near(rated, 0.15):
             return _if_record_fits(x, rated, band)
         if rated is None or rated.expected > target:
             b = x

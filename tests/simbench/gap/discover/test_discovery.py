@@ -56,7 +56,7 @@ def slow(*case):
         slow("derivative", {"Td": 8.0, "filter": 1.0}, "controller", "derivative_action"),
         slow("idle", {"share": 0.3, "length": 8.0}, "controller", "missed_executions"),
         slow("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
-        ("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
+        slow("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
     ],
 )
 def test_a_hidden_law_is_recognised_in_its_form(form, numbers, block, near):

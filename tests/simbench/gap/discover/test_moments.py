@@ -8,6 +8,7 @@ import pytest
 
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import held_out
+from simbench.gap.discover import moments
 from simbench.gap.discover.moments import matched
 from simbench.gap.discover.search import Finding, search
 from simbench.gap.intake.check import check
@@ -54,7 +55,8 @@ def test_a_load_of_the_wrong_size_is_brought_back_and_exact_numbers_stay(seen):
     assert again.fit.theta["load"] == pytest.approx(finding.fit.theta["load"], rel=0.4)
 
 
-def test_numbers_of_a_likelihood_move_only_where_the_loop_is_plainly_nearer():
+def test_numbers_of_a_likelihood_move_only_where_the_loop_is_plainly_nearer(monkeypatch):
+    monkeypatch.setattr(moments, "_TRIALS", 12)
     s = check(
         simulate(Loop.from_table(BASELINE.to_table() | {"disturbance": LOAD}), 3).record, BASELINE
     )

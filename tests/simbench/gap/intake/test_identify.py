@@ -122,7 +122,7 @@ def test_a_plant_is_fitted_from_a_coarse_grid_of_times(T, Td):
 DRIVEN = {
     "plant": {"type": "foptd", "K": 3.2, "T": 2.5, "Td": 1.0},
     "controller": {"type": "P", "Kc": 1.0},
-    "sampling": {"Ts": 0.07, "n": 900},
+    "sampling": {"Ts": 0.07, "n": 600},
     "valve": {"model": "coulomb", "S": 3.1, "J": 3.1},
     "noise": {"std": 0.96},
     "disturbance": [{"type": "sine", "at": "output", "amplitude": 1.6, "period": 9.0}],
