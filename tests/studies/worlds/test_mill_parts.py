@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill import archive, controller, loop, nature, valve
@@ -16,7 +15,6 @@ from results.studies.worlds.mill.controller import PRODUCTS
 from results.studies.worlds.mill.effects import build
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.loops import draw_loop
-from results.studies.worlds.mill.plant import discretise, fitted, margins
 
 
 def step_response(t, kind, K, T, Td, lags=()):
@@ -131,10 +129,10 @@ def still(case):
     return case | {"controller": case["controller"] | {"Kc": 1e-12, "Ti": 1e6}}
 
 
-def after_step(case, effect, row="load", **parameters):
-    """The record after a unit step of one of the signals from outside."""
+def after_step(case, effect, **parameters):
+    """The record after a unit step of the load."""
     stepped = rig(case, effect, **parameters)
-    stepped.changes.append(("step", lambda rng, t, rows: rows[row].__iadd__(t >= 0.0)))
+    stepped.changes.append(("step", lambda rng, t, rows: rows["load"].__iadd__(t >= 0.0)))
     return stepped.record(1)
 
 
@@ -159,26 +157,6 @@ def test_loop_agrees_with_sums_of_step_responses_and_plain_controllers(product, 
     assert (min(op), max(op)) == (47.0, 58.0)
     assert np.allclose(ours["pv"], pv[1:], atol=1e-8)
     assert np.allclose(ours["op"], op[1:], atol=1e-8)
-
-
-def test_first_order_fit_agrees_with_the_plant_of_higher_order():
-    T, Td = fitted(10.0, 2.0, [1.5, 1.0])
-    assert T + Td == pytest.approx(14.5)
-    plants = ((10.0, 2.0, (1.5, 1.0)), (T, Td), (10.0, 4.5))
-    true, fit, naive = (
-        np.array([step_response(s, "foptd", 1.0, *p) for s in np.arange(0.0, 60.0, 0.5)])
-        for p in plants
-    )
-    assert np.max(np.abs(true - fit)) < 0.05
-    assert np.sum((true - fit) ** 2) < 0.7 * np.sum((true - naive) ** 2)
-    assert fitted(None, 2.0, [1.5, 1.0]) == (None, 4.5)
-
-
-def test_margins_say_unstable_where_the_loop_grows():
-    # integrator with one sample of hold: 1 - K Kc crosses the unit circle at K Kc = 2
-    plant = discretise({"type": "integrating", "K": 1.0, "Td": 0.0}, 1.0)
-    for gain in (0.5, 2.2):
-        assert margins(plant, gain, 0.0, 1.0, 0.0)[1] == pytest.approx(gain / 2.0, rel=0.02)
 
 
 def positions(model, op, S, J):
@@ -244,17 +222,6 @@ def test_set_point_plans():
     assert np.std(np.diff(wander)) == pytest.approx(2.0 / 20.0, rel=0.1)
 
 
-def test_direct_action_is_the_mirror_image():
-    case, mirror = windy(), windy(noise=NOISE | {"std": -0.3})
-    mirror["plant"]["K"] *= -1
-    mirror["controller"]["direction"] = "direct"
-    moves = [[100.0, 100.0, 56.0], [450.0, 450.0, 62.0]]
-    mirror["setpoint"] |= {"value": 60.0, "moves": moves}
-    one, two = run(case), run(mirror)
-    assert np.allclose(one["op"], two["op"])
-    assert np.allclose(one["pv"] - 40.0, 60.0 - two["pv"])
-
-
 @pytest.mark.parametrize("name", KINDS)
 def test_at_identity_a_foreign_kind_changes_no_bit(name):
     healthy = run(windy())
@@ -284,19 +251,6 @@ def test_at_identity_a_foreign_kind_changes_no_bit(name):
 def test_what_cannot_act_is_refused_in_one_sentence(case, effects, error, word):
     with pytest.raises(error, match=word):
         build(a_case(**case), [{"effect": e, "parameters": p} for e, p in effects])
-
-
-def test_stiction_reports_the_band_and_the_jump_of_its_model():
-    case = a_case("bias_p")
-    for model, (kind, _) in valve.FRICTION.items():
-        case["friction"] = model
-        sticky = rig(case, "stiction", S=3.0, J=1.0)
-        numbers = [sticky.element[k] for k in ("kind", "first", "second")]
-        assert numbers == [kind, 2.0, 1.0]
-        r = sticky.record(1)
-        assert 0.0 < np.mean(np.diff(r["mv"]) != 0.0) < 1.0
-        assert np.max(np.abs(r["op"] - r["mv"])) <= 2.0 + 1e-6
-    assert rig(case, "stiction", S=1.0, J=2.0).element["kind"] == valve.CHOUDHURY
 
 
 def test_valve_effects_lie_between_op_and_mv():
@@ -360,14 +314,6 @@ def test_quantisation_compression_and_outliers_in_the_loop_and_in_the_record():
     assert np.mean(np.abs(np.diff(r["pv"], 2)) < 1e-9) > 0.5
 
 
-def test_sensor_lag_filters_the_noisy_pv():
-    case = still(windy(setpoint=CONSTANT))
-    raw, filtered = run(case)["pv"], run(case, "sensor_lag", tau=6.0)["pv"]
-    keep = math.exp(-1.0 / 6.0)
-    twin = lfilter([1.0 - keep], [1.0, -keep], raw - 40.0) + 40.0
-    assert np.allclose(filtered[200:], twin[200:], atol=1e-6)
-
-
 @pytest.mark.parametrize(("effect", "row"), [("drift", "wander"), ("load_drift", "load")])
 def test_drifts_are_ramps_and_walks_that_begin_with_the_record(effect, row):
     case = a_case(n=30_000, Ts=2.0)
@@ -401,14 +347,6 @@ def test_detuning_scales_the_tuning_and_a_deadband_takes_small_errors_away():
     assert np.mean(np.diff(r["op"]) == 0.0) > 0.2
 
 
-def test_scans_that_are_missed_hold_op():
-    case = windy()
-    missing = rig(case, "scan_overrun", share=0.5, length=80.0, scans=5.0)
-    mode = missing.rows(1)[0]["mode"][case["warm"] + 1 :]
-    assert set(np.unique(mode)) == {0, 3}
-    assert np.array_equal(np.diff(missing.record(1)["op"]) == 0.0, mode == 3)
-
-
 def test_manual_spells_hold_op_but_for_the_operators_hand_and_end_without_a_bump():
     case = windy(n=4000)
     spells = rig(case, "manual_spells", share=0.4, length=60.0)
@@ -419,20 +357,6 @@ def test_manual_spells_hold_op_but_for_the_operators_hand_and_end_without_a_bump
     assert np.any(moves[mode[1:] == 2] > 0.0)
     back = (mode[1:] == 0) & (mode[:-1] == 1)
     assert np.median(moves[back]) < 3.0 * np.median(moves[mode[1:] == 0])
-
-
-def test_valve_faults_bound_the_stem_or_make_it_ring():
-    r = run(windy(), "stroke_speed", rate=0.2)
-    assert np.max(np.abs(np.diff(r["mv"]))) <= 0.2 + 1e-12
-    r = run(windy(), "travel_stop", lo=49.0, hi=51.0)
-    assert np.array_equal(r["mv"], np.clip(r["op"], 49.0, 51.0))
-    assert r["op"].max() > 51.5
-    case = still(a_case(warm=50, Ts=0.1))
-    ringing = after_step(case, "positioner_ringing", "forward", period=10.0, damping=0.2)
-    mv = ringing["mv"] - 50.0
-    overshoot = math.exp(-math.pi * 0.2 / math.sqrt(1.0 - 0.04))
-    assert mv.max() == pytest.approx(1.0 + overshoot, abs=0.01)
-    assert mv[-1] == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.parametrize(

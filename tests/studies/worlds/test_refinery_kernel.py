@@ -221,20 +221,6 @@ def test_manual_holds_op_and_returns_without_a_bump():
         assert abs(op[150] - op[149]) < 2 * usual
 
 
-def test_closing_ramp_limits_one_direction_only():
-    c = Controller(Kc=2.0, Ti=20.0, Ts=TS, bias=M0, close_rate=0.05)
-    op = loop(signals(500, load=3.0, noise=1.0), controller=c)[1]
-    assert np.diff(op).min() == pytest.approx(-0.05 * TS, rel=1e-9)
-    assert np.diff(op).max() > 1.0
-
-
-def test_error_squared_law_has_full_gain_at_its_scale():
-    c = Controller(Kc=2.0, Ti=0.0, Ts=TS, bias=M0, square_share=1.0, square_scale=4.0)
-    sp = np.array([PV0, PV0 + 4.0, PV0 + 2.0])
-    op = loop(signals(3, sp=sp), plant=Plant(False, 1e-9, 1.0, 0.0), controller=c)[1]
-    np.testing.assert_allclose(op, [M0, M0 + 8.0, M0 + 2.0], atol=1e-6)
-
-
 def test_only_one_version_of_the_loop_is_compiled():
     loop(signals(5))
     assert len(physics.close_loop.signatures) == 1
