@@ -46,7 +46,7 @@ _RESTING = 0.05
 _RESTS_LONG = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
-_NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
+_NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 _LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
 # share of PV on straight lines from which the archive is known to have been thinned

@@ -104,7 +104,7 @@ def hidden_law(
     """Fit the law by the error it implies, compared with the recorded one only where the archive
     kept it.
 
-    A regression of OP on the recorded error would be biased by the archive's own error; here the
+    A regression of OP on the recorded error would be biased by the archive's error; here the
     error is the output.
     """
     y, many = e[exact], len(over)

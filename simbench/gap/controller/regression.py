@@ -79,7 +79,7 @@ def by_steps(
 def by_sums(
     op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float
 ) -> LawFit:
-    """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
+    """Fit OP = c + Kc e + Ki sum(e): the law of a coarse output, whose error does not add up.
 
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up
     as well, to a line over `_ADDED` samples, which is taken off.

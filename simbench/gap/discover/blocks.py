@@ -26,7 +26,7 @@ _STEPS = 4  # in which all other numbers are fitted again with a freedom
 _FINER, _PERIODS = (
     16,
     3,
-)  # times the record's own frequencies, and whole periods, in which a period is looked for
+)  # times the frequencies of the record, and whole periods, in which a period is looked for
 _EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an innovation is one
 
 

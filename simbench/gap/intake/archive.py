@@ -77,7 +77,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     elif samples.straight > _STRAIGHT:
         kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
         size = float(np.quantile(np.abs(pv - kept), 0.98))
-        # noise that the archive's own mean has smoothed lies on lines sooner
+        # noise that the archive's mean has smoothed lies on lines sooner
         band = (
             (size or 0.5 * float(np.std(np.diff(pv))))
             if not law.averaged or size > it.noise

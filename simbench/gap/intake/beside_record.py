@@ -91,7 +91,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     if contrary or law is None or not (s.tuned and s.law.known):
         return contrary
     if not law.known:
-        # what stands between error and OP in a foreign controller need not show in every record
+        # what lies between error and OP in a foreign controller need not show in every record
         why = (
             f"in automatic OP does not follow the record's controller ({law.reason}); the loop"
             f" behind {test.name} is another"

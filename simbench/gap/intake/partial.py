@@ -79,7 +79,7 @@ def completed(
                 f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed:"
                 f" {', '.join(PLANT_TYPES)}"
             )
-        # an inner loop is judged by its own record, set point included
+        # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing
     identified = identify(

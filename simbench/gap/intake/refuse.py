@@ -19,7 +19,7 @@ _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 _LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 _RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of them 1
-_SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
+_SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
 
 
 def refuse_unusable(it: Observed) -> None:
