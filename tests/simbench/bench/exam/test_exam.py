@@ -2,6 +2,7 @@
 must be is refused.
 """
 
+import contextlib
 import csv
 import json
 import shutil
@@ -18,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.grid import load_grid
-from simbench.bench.exam import opening
+from simbench.bench.exam import answering, opening, simulating
 from simbench.bench.exam.answering import answer_exam
 from simbench.bench.exam.folder import read_exam
 from simbench.bench.exam.making import make_exam
@@ -99,6 +100,7 @@ def test_scores_and_answers_are_those_of_a_run_with_the_same_seeds_to_the_last_b
     assert not said
 
 
+@pytest.mark.slow  # without processes: the next test
 def test_two_workers_write_the_same_files_as_one(place, tmp_path):
     make_exam("smoke", tmp_path / "exam", tmp_path / "key", jobs=2, seed=SEED)
     answer_exam(tmp_path / "exam", tmp_path / "answers.csv", METHODS, jobs=2)
@@ -108,6 +110,29 @@ def test_two_workers_write_the_same_files_as_one(place, tmp_path):
         *(f"exam/{file.name}" for file in (place / "exam").iterdir()),
     ):
         assert (tmp_path / name).read_bytes() == (place / name).read_bytes(), name
+
+
+def test_the_order_in_which_workers_end_changes_no_file(tmp_path, monkeypatch):
+    @contextlib.contextmanager
+    def last_first(jobs):
+        yield lambda task, pieces: (task(*piece) for piece in reversed(pieces))
+
+    def write(folder):
+        make_exam("smoke", folder / "exam", folder / "key", n=6, seed=SEED)
+        answer_exam(folder / "exam", folder / "answers.csv", ["he"])
+        return {f.name: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+    monkeypatch.setattr(simulating, "_PIECE", 1)
+    monkeypatch.setattr(answering, "_PIECE", 1)
+    expected = write(tmp_path / "one")
+    monkeypatch.setattr(simulating, "on_processes", last_first)
+    monkeypatch.setattr(
+        answering,
+        "ask_in_processes",
+        lambda ask, questions, jobs: ((k, ask(*q)) for k, q in reversed(questions.items())),
+    )
+    assert write(tmp_path / "other") == expected
+    assert len(expected) == 5
 
 
 def test_an_exam_holds_what_an_engineer_knows_and_nothing_else(place):

@@ -298,6 +298,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
     )
 
 
+@pytest.mark.slow  # in memory, by an interrupt: test_place.py
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
@@ -315,6 +316,7 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     assert_same(run, undisturbed)
 
 
+@pytest.mark.slow  # without processes: the next test
 def test_a_worker_that_dies_is_replaced(small, tmp_path):
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 2, file)
@@ -324,20 +326,28 @@ def test_a_worker_that_dies_is_replaced(small, tmp_path):
     assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
 
 
-def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkeypatch):
+@pytest.mark.parametrize("deaths", [1, run_module.LIVES])
+def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_advice(
+    small, finished, tmp_path, monkeypatch, deaths
+):
     class BrokenProcessPool(Exception):
         pass
 
-    tries = []
+    worked, work = [], run_module.work
 
-    def dying(*_):
-        tries.append(1)
-        raise BrokenProcessPool("a worker was killed")
+    def dying(grid, number, *more):
+        worked.append(number)
+        if number == 3 and worked.count(3) <= deaths:
+            raise BrokenProcessPool("a worker was killed")
+        return work(grid, number, *more)
 
     monkeypatch.setattr(run_module, "work", dying)
-    with pytest.raises(RunError, match=r"keep dying .*--resume"):
-        run_grid(small, tmp_path / "run", ["he"])
-    assert len(tries) == run_module.LIVES
+    if deaths < run_module.LIVES:
+        assert_same(run_grid(small, tmp_path / "run", METHODS), finished)
+    else:
+        with pytest.raises(RunError, match=r"keep dying .*--resume"):
+            run_grid(small, tmp_path / "run", METHODS)
+    assert worked == [0, 1, 2, *[3] * deaths, *([3, 4, 5, 6, 7] if deaths == 1 else [])]
 
 
 def counting(tmp_path):
@@ -367,10 +377,18 @@ def interrupt(process, tmp_path, sent):
     return out, err, seen.stat().st_size - before
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_ends_at_once_and_says_how_to_resume(tmp_path, jobs):
-    process = child(tmp_path, jobs, counting(tmp_path))
-    out, err, judged = interrupt(process, tmp_path, signal.SIGINT)
+@pytest.mark.slow  # in one process: the next test
+@pytest.mark.parametrize(
+    ("jobs", "sent", "sigint"),
+    [
+        (1, signal.SIGINT, "default_int_handler"),
+        (2, signal.SIGINT, "default_int_handler"),
+        (1, signal.SIGTERM, "SIG_IGN"),  # a background job, whose shell ignores Ctrl-C
+    ],
+)
+def test_a_stopped_process_ends_at_once_and_names_resume(tmp_path, jobs, sent, sigint):
+    process = child(tmp_path, jobs, counting(tmp_path), sigint)
+    out, err, judged = interrupt(process, tmp_path, sent)
     assert process.returncode == 130, err
     assert "continue with --resume" in out
     assert "Traceback" not in err
@@ -378,11 +396,27 @@ def test_ctrl_c_ends_at_once_and_says_how_to_resume(tmp_path, jobs):
     assert judged <= 4 * jobs
 
 
-def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
-    process = child(tmp_path, 1, counting(tmp_path), sigint="SIG_IGN")
-    out, err, _ = interrupt(process, tmp_path, signal.SIGTERM)
-    assert process.returncode == 130, err
-    assert "continue with --resume" in out
+@pytest.mark.parametrize(
+    ("sent", "on_sigint"),
+    [(signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_IGN)],
+)
+def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
+    small, tmp_path, monkeypatch, sent, on_sigint
+):
+    work, before = run_module.work, signal.getsignal(signal.SIGINT)
+
+    def signalled(grid, number, *more):
+        if number == 2:
+            signal.raise_signal(sent)
+        return work(grid, number, *more)
+
+    monkeypatch.setattr(run_module, "work", signalled)
+    signal.signal(signal.SIGINT, on_sigint)
+    try:
+        with pytest.raises(Interrupted, match=r"2 pieces are whole .* continue with --resume"):
+            run_grid(small, tmp_path / "run", ["he"])
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(
@@ -644,12 +678,12 @@ def test_the_manifest_says_what_was_run(finished):
 
 def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.3)
+    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.4)
     scenarios = pd.read_parquet(run / "scenarios.parquet")
     seeds = scenarios.groupby("cell").repeat.nunique()
     told = read_manifest(run)["adaptive"]
     assert seeds.min() < seeds.max()
-    assert told["widest"] <= 0.3
+    assert told["widest"] <= 0.4
     assert told["scenarios"] == len(scenarios) < told["full_product"]
     assert scenarios.scenario_id.is_unique
 
@@ -699,7 +733,7 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
         return judge_both(record, *rest)
 
     monkeypatch.setattr(work_module, "judge_both", heard)
-    folder = run_grid(make_grid(SMALL, "small", {"repeats": 40}), tmp_path / "run", ["he"])
+    folder = run_grid(make_grid(SMALL, "small", {"repeats": 12}), tmp_path / "run", ["he"])
     rows = pd.read_parquet(folder / "scenarios.parquet")
     assert sorted(asked) == sorted(rows.record_hash)
     place = {mark: k for k, mark in enumerate(asked)}
@@ -710,7 +744,7 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
     )
     # a sticky loop stands right before its sibling in the grid; asked about, it comes first as
     # often as last
-    assert 0.4 < np.mean(sticky < healthy) < 0.6
+    assert 0.3 < np.mean(sticky < healthy) < 0.7  # 96 pairs: four standard errors
     assert np.mean(healthy - sticky == 1) < 0.1
 
 

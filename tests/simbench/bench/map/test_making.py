@@ -119,21 +119,9 @@ def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_pa
             assert of["n"] == row["applicable"]
 
 
+@pytest.mark.slow  # the run of a map by two workers is that of any other run
 def test_two_workers_give_the_same_files(mapped, small, tmp_path):
     assert digests(made(small, tmp_path / "map", jobs=2)) == digests(mapped)
-
-
-def test_dask_gives_the_same_files(mapped, small, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    settings = {
-        "n_workers": 1,
-        "threads_per_worker": 1,
-        "processes": False,
-        "dashboard_address": "127.0.0.1:0",
-    }
-    with distributed.LocalCluster(**settings) as cluster:
-        folder = made(small, tmp_path / "map", backend="dask", address=cluster.scheduler_address)
-    assert digests(folder) == digests(mapped)
 
 
 def test_ray_gives_the_same_files(mapped, small, tmp_path, monkeypatch):
@@ -141,6 +129,7 @@ def test_ray_gives_the_same_files(mapped, small, tmp_path, monkeypatch):
     assert digests(made(small, tmp_path / "map", backend="ray")) == digests(mapped)
 
 
+@pytest.mark.slow  # the run of a map is resumed as any other run
 def test_a_killed_map_is_resumed_and_gives_the_same_files(small, tmp_path):
     file = tmp_path / "mine.py"
     file.write_text(

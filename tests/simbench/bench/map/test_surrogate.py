@@ -67,7 +67,7 @@ def test_a_rate_of_a_cell_lies_in_its_interval_where_neighbours_are_alike():
 @pytest.mark.parametrize("slope", [4.0, 0.0])
 def test_the_cost_of_a_run_of_the_whole_grid_lies_in_its_interval(slope):
     inside, errors, naive = 0, [], []
-    for seed in range(20):
+    for seed in range(10):
         outcomes = population(seed, slope)[1]
         surrogate = drawn(outcomes, 120, seed)
         mean = halves_of_all(surrogate).mean(axis=(0, 1)) / 2.0
@@ -75,7 +75,7 @@ def test_the_cost_of_a_run_of_the_whole_grid_lies_in_its_interval(slope):
         inside += found.lo <= known <= found.hi
         errors.append(found.value - known)
         naive.append(OUTCOME_COST[surrogate.outcome].mean() - known)
-    assert inside >= 17  # of 20; binomial with .95: fewer in 1.6 % of cases
+    assert inside >= 8  # of 10; binomial with .95: fewer in 1.2 % of cases
     assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(naive)))
 
 

@@ -129,21 +129,24 @@ def test_a_wrong_name_is_one_sentence():
 
 def test_the_grid_keeps_its_promises():
     grid = load_grid("plant")
-    scenarios = [s for i in range(0, grid.group_count, 3) for s in resolve(grid.group(i))]
-    sticky = {s.tags["valve"] for s in scenarios if s.tags["S"]}
-    assert len(sticky) >= 14
-    S = [s.tags["S"] for s in scenarios if s.tags["S"]]
+    drafts = [d for i in range(0, grid.group_count, 3) for d in grid.group(i).drafts]
+    sticky = [d for d in drafts if d.tags["S"]]
+    assert len({d.tags["valve"] for d in sticky}) >= 14
+    S = [d.tags["S"] for d in sticky]
     assert min(S) < 0.4
     assert max(S) > 7.0
-    per = [s.tags["samples_per_period"] for s in scenarios]
+    per = [d.tags["samples_per_period"] for d in drafts]
     assert (min(per), max(per)) == (10.0, 200.0)
-    assert {e.name for s in scenarios for e in s.loop.effect} == set(grid.content.effects)
-    assert all((s.loop.noise.mv_std or 0.0) > 0 for s in scenarios)
-    assert 0.3 < np.mean([len(s.loop.setpoint.steps) > 1 for s in scenarios]) < 0.7
-    buried = [s for s in scenarios if s.tags["disturbance"] == "buried" and s.tags["S"]]
+    assert {e.name for d in drafts for e in d.effects} == set(grid.content.effects)
+    assert all(d.mv_noise > 0 for d in drafts)
+    assert 0.3 < np.mean([len(d.moves) > 1 for d in drafts]) < 0.7
+    buried = [d for d in sticky if d.tags["disturbance"] == "buried"]
     assert buried
+    chosen = dict.fromkeys(d.tags["cell"] for d in buried[::12])
+    scenarios = [s for cell in chosen for s in resolve(grid.group(cell)) if s.tags["S"]]
+    assert all((s.loop.noise.mv_std or 0.0) > 0 for s in scenarios)
     assert all(
-        s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in buried
+        s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in scenarios
     )
     whole = {
         name for name in VALVES.names() if name in grid.content.valves or VALVES.load(name).FRICTION

@@ -142,7 +142,7 @@ def test_w_Ti_of_the_cycle_is_what_the_cell_asks_for():
 @pytest.mark.parametrize(
     ("name", "every"),
     [
-        ("ci", 5),
+        ("ci", 30),
         *(
             pytest.param(name, 4, marks=pytest.mark.slow)
             for name in ("chapter", "plant", "families", "own-ground")
