@@ -1,5 +1,5 @@
 """Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another,
-beside the published ones.
+compared with the published ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ROC_POINTS = 200
 
 @dataclass(frozen=True, eq=False)
 class _Calibration:
-    """Cuts found on seeds A and what they do on seeds B."""
+    """Cuts from seeds A and what they do on seeds B."""
 
     # wanted share of healthy loops called sticky; also the wanted share of wrong answers among the
     # decided
@@ -141,10 +141,10 @@ def calibrate(
             )
             for name, seed in (("seeds-a", seed_a), ("seeds-b", seed_b))
         ]
-    found = calibrate_books(*books, false_alarm)
+    calibration = calibrate_books(*books, false_alarm)
     if out is not None:
-        found.write(out)
-    return found
+        calibration.write(out)
+    return calibration
 
 
 def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibration:
@@ -156,11 +156,11 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
     for i, method in enumerate(b.methods):
         score_a, score_b = _scores(a.score, a, i), _scores(b.score, b, i)
         cut = cut_for(score_a[~_labels(a)], false_alarm)
-        # without the front end: it says "no" to more cycling loops than a small share of wrong
+        # without the front end: it answers "no" to more cycling loops than a small share of wrong
         # answers allows
         low, high = abstention(_scores(a.score_raw, a, i), _labels(a), false_alarm)
         raw_b = _scores(b.score_raw, b, i)
-        said = b.verdict[i, b.truth["cycled"] >= 0]
+        verdicts = b.verdict[i, b.truth["cycled"] >= 0]
         above, decided = score_b > cut, (raw_b > high) | (raw_b <= low)
         wrong = ((raw_b > high) & ~positive) | ((raw_b <= low) & positive)
         known = ~np.isnan(score_b)
@@ -174,8 +174,8 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
             informative=not area.lo <= 0.5 <= area.hi,
         )
         row.update(
-            published_false_alarm=float((said[~positive] == 1).mean()),
-            published_detection=float((said[positive] == 1).mean()),
+            published_false_alarm=float((verdicts[~positive] == 1).mean()),
+            published_detection=float((verdicts[positive] == 1).mean()),
             no_stiction_below=low,
             stiction_above=high,
             coverage=float(decided.mean()),

@@ -32,7 +32,7 @@ from simbench.cli.common import (
     pairs,
     refuse_picture,
     show,
-    show_found,
+    show_result,
     threshold_file,
 )
 
@@ -151,7 +151,7 @@ def run(
 @app.command(
     "map",
     epilog=examples(
-        "map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"
+        "map chapter -o map --points 400", "map mine.toml -o map --x valve.S --y noise.std"
     ),
 )
 def map_of_grid(
@@ -192,7 +192,7 @@ def map_of_grid(
     from simbench.figures import draw_map
 
     with _interruptible():
-        found = map_grid(
+        grid_map = map_grid(
             grid,
             out,
             points,
@@ -204,8 +204,8 @@ def map_of_grid(
             address=address,
             resume=resume,
         )
-    draw_map(found)
-    show(found.methods if as_json else found.as_text(), as_json)
+    draw_map(grid_map)
+    show(grid_map.methods if as_json else grid_map.as_text(), as_json)
 
 
 @app.command(
@@ -307,7 +307,7 @@ def check(
         if path is not None:
             with whole_file(path) as f:
                 f.write(text)
-    show_found(result, as_json)
+    show_result(result, as_json)
     if result.answer != "passed":
         raise Exit(1)
 
@@ -339,9 +339,9 @@ def verify(
     """
     from simbench.bench.execute.verify import verify_run
 
-    found = verify_run(folder, share, jobs, plugin or [], time_limit)
-    show_found(found, as_json)
-    if found.contradictions:
+    verification = verify_run(folder, share, jobs, plugin or [], time_limit)
+    show_result(verification, as_json)
+    if verification.contradictions:
         raise Exit(1)
 
 
@@ -359,12 +359,12 @@ def history(
     from simbench.bench.score.history import read_history
 
     refuse_picture(out)
-    found = read_history(baseline)
+    accuracies = read_history(baseline)
     if out is not None:
         from simbench.figures import draw_history
 
-        draw_history(found, out)
-    show_found(found, as_json)
+        draw_history(accuracies, out)
+    show_result(accuracies, as_json)
 
 
 @app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
@@ -385,8 +385,8 @@ def calibrate(
     """Find each method's threshold for a wanted false-alarm rate."""
     from simbench.bench.calibrate import calibrate as run_calibration
 
-    found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
-    show_found(found, as_json)
+    calibration = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
+    show_result(calibration, as_json)
 
 
 @app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
@@ -401,11 +401,11 @@ def worst(
     from simbench.bench.worst import worst as search
     from simbench.files import whole_file
 
-    found = search(method, budget=budget, seed=seed)
+    case = search(method, budget=budget, seed=seed)
     if out is not None:
         with whole_file(out) as f:
-            f.write(found.to_toml())
-    show_found(found, as_json)
+            f.write(case.to_toml())
+    show_result(case, as_json)
 
 
 @app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))
@@ -418,7 +418,7 @@ def figure(
     isdb: Annotated[Path | None, Option(metavar="FILE|DIR", help="Real records.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
+    """Draw the chapter's figures and tables, each with a file of the numbers drawn."""
     from simbench.figures import make_figures
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)

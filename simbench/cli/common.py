@@ -105,7 +105,7 @@ _READING: dict[str, Any] = {
     ],
     "Ts": Annotated[
         float | None,
-        Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
+        Option("--ts", metavar="S", help="Sampling period (s), where no column states it."),
     ],
     "tag": Annotated[
         str | None,
@@ -131,7 +131,7 @@ Power = Annotated[
     Option("--power", help="Also say what this record could have shown, from twins of its loop."),
 ]
 FrontEnd = Annotated[
-    str, Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
+    str, Option(metavar="acf|hagglund", help="Method that decides whether a loop oscillates.")
 ]
 World = Annotated[
     str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
@@ -144,18 +144,20 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
     """
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
-        said = Option(
+        tag_option = Option(
             "--tag",
             "--loop",
             metavar="TAG",
             help="Loop of a file with several: FIC101, chemicals.loop1.",
         )
-        options["tag"] = Annotated[str | None, said]
+        options["tag"] = Annotated[str | None, tag_option]
 
     def given(verb: Callable[..., None]) -> Callable[..., None]:
-        own = inspect.signature(verb, eval_str=True)
+        signature = inspect.signature(verb, eval_str=True)
         named = inspect.Parameter.KEYWORD_ONLY
-        kept = [p.replace(kind=named) for name, p in own.parameters.items() if name != "about"]
+        kept = [
+            p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"
+        ]
         added = [
             inspect.Parameter(name, named, default=None, annotation=kind)
             for name, kind in options.items()
@@ -172,7 +174,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             )
 
         last = [p for p in kept if p.name == "as_json"]
-        asked.__signature__ = own.replace(
+        asked.__signature__ = signature.replace(
             parameters=[*(p for p in kept if p not in last), *added, *last]
         )  # pyright: ignore[reportAttributeAccessIssue]
         asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
@@ -182,7 +184,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
-    """Say under an answer what reading its records assumed: beside JSON, or of several records, on
+    """Print what reading the records assumed: after JSON, or of several records, on
     stderr.
     """
     read = list(records)
@@ -233,21 +235,23 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
         raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        thresholds = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(
             f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}"
         ) from None
     except (ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())[:200]
+        reason = " ".join(str(error).split())[:200]
         raise ParameterError(
-            f"thresholds {path} are no JSON ({said}); a table of method ids is needed"
+            f"thresholds {path} are no JSON ({reason}); a table of method ids is needed"
         ) from None
-    if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+    if not isinstance(thresholds, dict) or not all(
+        isinstance(v, dict) for v in thresholds.values()
+    ):
         raise ParameterError(
             f"thresholds {path}: a table of method ids to tables of numbers is needed"
         )
-    for method, values in found.items():
+    for method, values in thresholds.items():
         for name, value in values.items():
             if (
                 isinstance(value, bool)
@@ -258,7 +262,7 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
                     f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is"
                     " needed"
                 )
-    return found
+    return thresholds
 
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
@@ -284,9 +288,9 @@ def number(text: str) -> Any:
         return text
 
 
-def show_found(found: Any, as_json: bool) -> None:
-    """Print what was found, in its own words or as its own JSON."""
-    show(found.as_json() if as_json else found.as_text(), as_json)
+def show_result(result: Any, as_json: bool) -> None:
+    """Print a result as text, or as JSON where asked."""
+    show(result.as_json() if as_json else result.as_text(), as_json)
 
 
 def show(content: Any, as_json: bool) -> None:

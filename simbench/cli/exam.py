@@ -96,7 +96,7 @@ def open_(
     )
     with opened_exam(folder, key, answers, jobs) as opened:
         scores, missing = score_run(opened.run), opened.missing
-        told = {
+        content = {
             **scores.as_json(),
             "failed": read_failures(opened.run).as_json(),
             "missing": missing,
@@ -113,7 +113,7 @@ def open_(
             write_report(opened.run, report)
         show(
             (
-                told
+                content
                 if as_json
                 else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)])
             ),

@@ -21,7 +21,7 @@ from simbench.cli.common import (
     pairs,
     reads,
     show,
-    show_found,
+    show_result,
     withheld_app,
 )
 
@@ -91,7 +91,7 @@ def gap_diagnose(
         effect_plugins=effect_plugin or (),
         **about,
     )
-    show_found(report, as_json)
+    show_result(report, as_json)
 
 
 @gap_app.command(
@@ -121,8 +121,8 @@ def gap_plan(
     """
     from simbench.gap.command import plan_files
 
-    found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
-    show_found(found, as_json)
+    plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show_result(plan, as_json)
 
 
 @gap_app.command(
@@ -152,10 +152,10 @@ def gap_predict(
     """
     from simbench.gap.command import predict_file
 
-    found = predict_file(
+    prediction = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )
-    show_found(found, as_json)
+    show_result(prediction, as_json)
 
 
 @gap_app.command(
@@ -181,8 +181,8 @@ def gap_discover(
     """
     from simbench.gap.command import discover_file
 
-    found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
-    show_found(found, as_json)
+    discovery = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
+    show_result(discovery, as_json)
 
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
@@ -197,8 +197,8 @@ def leave_out_(
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
-    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks
-    once it is back.
+    """Take every effect out of the library in turn: what is diagnosed then, and how far the
+    gap shrinks once it is back.
     """
     from simbench.blind.leave_out import leave_out, summary
 
@@ -221,7 +221,7 @@ def gap_study(
         Path | None, Option(metavar="FILE.html", help="Page to write; a killed call goes on.")
     ] = None,
     write_grid: Annotated[
-        Path | None, Option(metavar="FILE.toml", help="The grid, with the effects found.")
+        Path | None, Option(metavar="FILE.toml", help="The grid, with these effects.")
     ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,
@@ -231,8 +231,8 @@ def gap_study(
     """
     from simbench.plant.command import study_folder
 
-    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
-    show_found(found, as_json)
+    study = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
+    show_result(study, as_json)
 
 
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
@@ -287,8 +287,8 @@ def open_sealed(
     """Score the answers against the truth."""
     from simbench.blind.opening import open_ as score_answers
 
-    found = score_answers(out, key, scores, world)
+    scored = score_answers(out, key, scores, world)
     show(
-        {k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"],
+        {k: v for k, v in scored.items() if k != "markdown"} if as_json else scored["markdown"],
         as_json,
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_found
+from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_result
 
 
 @app.command(
@@ -32,9 +32,9 @@ def trust_(
     """
     from simbench.plant.command import trust_file
 
-    found = trust_file(path, loop, method or ["all"], html=html, **about)
-    show_found(found, as_json)
-    say_assumed([found.record], as_json)
+    trust = trust_file(path, loop, method or ["all"], html=html, **about)
+    show_result(trust, as_json)
+    say_assumed([trust.record], as_json)
 
 
 @app.command(
@@ -52,15 +52,15 @@ def report_(
     labels: Annotated[
         Path | None, Option(help="Table with id and label: judge its records.")
     ] = None,
-    out: Annotated[Path, Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path(
-        "report.html"
-    ),
+    out: Annotated[
+        Path, Option("-o", "--out", help="Page; a CSV is written to the same folder.")
+    ] = Path("report.html"),
     orders: Annotated[
         Path | None, Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")
     ] = None,
     previous: Annotated[
         Path | None,
-        Option(metavar="FOLDER", help="Of last week's report: causes that return are said to."),
+        Option(metavar="FOLDER", help="Of last week's report: causes that return are marked."),
     ] = None,
     jobs: Jobs = 2,
     *,
@@ -71,9 +71,9 @@ def report_(
     """
     from simbench.plant.command import report_folder
 
-    fleet, beside = report_folder(
+    fleet, table = report_folder(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
     print(fleet.as_text())
     say_assumed([m.found.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}; table: {beside.resolve()}")
+    print(f"page: {out.resolve()}; table: {table.resolve()}")

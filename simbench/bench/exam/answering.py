@@ -153,7 +153,7 @@ def _answers(
     lines, failed = [], Counter()
     with one_thread():
         for ident, record in records.items():
-            found = judge_both(record, chosen)[1]
-            lines.append(rows_of(ident, (front for front, *_ in found)))
-            failed.update(front.method for front, _, error, _ in found if error is not None)
+            answers = judge_both(record, chosen)[1]
+            lines.append(rows_of(ident, (front for front, *_ in answers)))
+            failed.update(front.method for front, _, error, _ in answers if error is not None)
     return "".join(lines), dict(failed)

@@ -32,7 +32,7 @@ def next_round(
     receipts: Sequence[Receipt],
     width: float,
     methods: Sequence[str],
-    told: dict[str, Any],
+    extra: dict[str, Any],
 ) -> list[list[int]]:
     """Return the groups that the next round must add, cut in pieces; none when every cell is known
     well enough.
@@ -45,7 +45,7 @@ def next_round(
         repeats < _MOST_REPEATS
     )
     sizes = np.array([grid.size(cell) for cell in range(grid.cells)])
-    told["adaptive"] = {
+    extra["adaptive"] = {
         "width": width,
         "widest": float(widths[~blind].max()) if not blind.all() else None,
         "scenarios": int(repeats @ sizes),
@@ -101,12 +101,12 @@ def _counts(
     ):
         group = scenarios.column("group").to_numpy()
         answer = np.array(scenarios.column("cycled").to_pylist())
-        said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T
+        verdict = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T
         cell = group % grid.cells
         np.maximum.at(repeats, cell, group // grid.cells + 1)
         labelled = np.isin(answer, (YES, NO))
         np.add.at(known, cell[labelled], 1)
-        good = said == np.where(answer == YES, STICTION, NO_STICTION)
+        good = verdict == np.where(answer == YES, STICTION, NO_STICTION)
         for i in range(len(methods)):
             np.add.at(right[i], cell[labelled], good[i, labelled])
     return right, known, repeats

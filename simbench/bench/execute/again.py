@@ -64,10 +64,10 @@ def differing(folder: str | Path) -> Iterator[str]:
         if record_hash(record) != row["record_hash"]:  # another processor: another record
             continue
         asked += 1
-        for said, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
-            verdict, score = first[row["scenario_id"], said.method]
-            differ[said.method] += said.verdict != verdict or not np.allclose(
-                said.score, score, 1e-6, 0, equal_nan=True
+        for second, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
+            verdict, score = first[row["scenario_id"], second.method]
+            differ[second.method] += second.verdict != verdict or not np.allclose(
+                second.score, score, 1e-6, 0, equal_nan=True
             )
     yield from (
         f"method {m} differs from itself on {k} of {asked} records asked twice"

@@ -28,15 +28,15 @@ class Failures:
 
     def __str__(self) -> str:
         """One sentence; empty when nothing failed."""
-        said = []
+        clauses = []
         if self.scenarios:
-            said.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
-        said += [
+            clauses.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
+        clauses += [
             f"method {m} failed on {n} of {self.of - self.scenarios} records"
             for m, n in self.methods.items()
         ]
         first = next(iter(self.reasons), "")
-        return f"{'; '.join(said)} (most often: {first})" if said else ""
+        return f"{'; '.join(clauses)} (most often: {first})" if clauses else ""
 
     def above(self, share: float) -> bool:
         """Return whether more than a share of the scenarios, or of the records of one method,

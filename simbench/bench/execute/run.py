@@ -51,7 +51,7 @@ LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run stopped by Ctrl-C or SIGTERM; its text says how to resume."""
+    """A run stopped by Ctrl-C or SIGTERM; its text names how to resume."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def run_grid(
     RunError
         For options that contradict each other, and for a run that cannot be continued.
     Interrupted
-        After Ctrl-C or SIGTERM; its text says how to resume.
+        After Ctrl-C or SIGTERM; its text names how to resume.
 
     Examples
     --------
@@ -158,11 +158,11 @@ def run_grid(
     _refuse_wrong_options(asked, grid)
     plan = _read_plan(grid, asked)
     files, parts = _plugin_files(asked)
-    # read before any plug-in runs, as one may move its own file
+    # read before any plug-in runs, as one may move the file it is in
     digests = _digests(("", files), *zip(_PARTS, parts))
-    own = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
+    adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
-        registry.adopted(own),
+        registry.adopted(adopted),
         registry.hosted(files, asked.time_limit) as added,
         hosted_parts(*parts, seconds=asked.time_limit),
     ):
@@ -243,7 +243,9 @@ def _describe_run(
     plan: Grid, names: Sequence[str], asked: RunOptions, digests: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return the manifest: everything that decides the numbers of the run."""
-    own = {f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()}
+    sources = {
+        f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()
+    }
     return describe(
         {
             "grid": plan.name,
@@ -255,7 +257,7 @@ def _describe_run(
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
             "thresholds": {k: dict(v) for k, v in (asked.thresholds or {}).items()},
-            "plugins": {**digests, **own},
+            "plugins": {**digests, **sources},
             "until_width": asked.until_width,
             "raw": asked.raw,
             "front_end": known_front_end(asked.front_end),
@@ -290,7 +292,7 @@ def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextMan
 
 
 def _path(place: Place) -> Path:
-    # a URL is no path, but stands wherever a run's folder is asked for
+    # a URL is no path, but is accepted wherever a run's folder is
     return cast(Path, place.url) if place.local is None else place.local
 
 
@@ -299,7 +301,7 @@ class _Task:
 
     def __init__(self, grid: Grid, place: Place, key: str, settings: WorkSettings) -> None:
         # packed once, not for every piece; a worker may stand in another folder
-        # by value: a caller's own detector may stand in a notebook
+        # by value: a caller's detector may be defined in a notebook
         self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
@@ -415,7 +417,7 @@ class _Bar:
         for name in self._seconds:
             self._seconds[name] += getattr(receipt, name)
         self._bar.set_postfix(failures=self._failures, refresh=False)
-        if receipt.found:
+        if receipt.reused:
             self._skip(receipt.scenarios)
         else:
             self._bar.update(receipt.scenarios)
@@ -457,10 +459,10 @@ def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
 
 
 def _source_digest(detector: Any) -> str:
-    """Return what tells a caller's own detector from another of its name: its source, and its
-    parameters where it says them.
+    """Return a digest of a caller's detector: of its source, and of its parameters where it has
+    any.
     """
-    said = (
+    parameters = (
         detector.get_params(deep=False)
         if hasattr(detector, "get_params")
         else getattr(detector, "__dict__", {})
@@ -469,7 +471,7 @@ def _source_digest(detector: Any) -> str:
         source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
     except (OSError, TypeError):  # typed into a shell
         source = repr(getattr(getattr(detector, "__code__", None), "co_code", detector))
-    return hashlib.sha256(f"{source}{said}".encode()).hexdigest()
+    return hashlib.sha256(f"{source}{parameters}".encode()).hexdigest()
 
 
 def _budgets(names: Sequence[str]) -> tuple[int, int]:

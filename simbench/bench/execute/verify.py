@@ -23,7 +23,7 @@ from detectors.plugins.registry import methods as registry
 from scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.bench.execute import adaptive
 from simbench.bench.execute.pieces import Receipt, partition_file, records_hash
-from simbench.bench.execute.plugin_host import said_of, settled, truth
+from simbench.bench.execute.plugin_host import error_text, settled, truth
 from simbench.bench.execute.run import about_method
 from simbench.bench.execute.verify_result import Notes, Verification
 from simbench.bench.execute.work import WorkSettings, scenario_columns, work
@@ -104,7 +104,7 @@ def verify_run(
             AttributeError,
             ArithmeticError,
         ) as error:
-            notes.add("the shape of tables and manifest", "", "a run", said_of(error))
+            notes.add("the shape of tables and manifest", "", "a run", error_text(error))
             return Verification(str(place), "", 0, contradictions=tuple(notes.sentences()))
         for kind in TABLE_KINDS:
             notes.compare(f"number of files of table {kind}", "", len(marks[kind]), len(pieces))
@@ -127,8 +127,8 @@ def verify_run(
         )
         task = _Verification(place.absolute(), marks, grid, tuple(fast), (wide, deep), settings)
         with on_processes(jobs) as run:
-            for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
-                notes.merge(found)  # pyright: ignore
+            for piece_notes in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
+                notes.merge(piece_notes)  # pyright: ignore
         _compare_records(place, notes)
     sizes = {m: sum(map(grid.size, wide if m in fast else deep)) for m in asked}
     others = (f"file {name}" for name in sorted(set(place.names()) - _CHECKED_FILES))
