@@ -147,10 +147,10 @@ def test_mean_ranks_of_a_published_example():
     assert mean_ranks(rng.random((14, 4))).critical_difference == pytest.approx(1.25, abs=0.005)
 
 
-def test_methods_that_always_answer_alike_cannot_be_told_apart():
-    found = mean_ranks(np.ones((30, 4)))
-    assert found.p == 1.0
-    assert found.mean_rank.tolist() == [2.5] * 4
+def test_methods_that_always_answer_alike_cannot_be_separated():
+    result = mean_ranks(np.ones((30, 4)))
+    assert result.p == 1.0
+    assert result.mean_rank.tolist() == [2.5] * 4
     with pytest.raises(ValueError, match="3 methods"):
         mean_ranks(np.ones((30, 2)))
 
@@ -169,11 +169,11 @@ def test_delong_by_pairs(level):
     one, other = placements(score, positive)
     sd = math.sqrt(one.var(ddof=1) / one.size + other.var(ddof=1) / other.size)
     area = one.mean()
-    found = auc(score, positive, level)
-    assert found.value == pytest.approx(area)
+    result = auc(score, positive, level)
+    assert result.value == pytest.approx(area)
     z = stats.norm.ppf(0.5 + level / 2)
     logit = math.log(area / (1 - area))
-    for bound, sign in ((found.lo, -1), (found.hi, 1)):
+    for bound, sign in ((result.lo, -1), (result.hi, 1)):
         assert math.log(bound / (1 - bound)) == pytest.approx(
             logit + sign * z * sd / (area * (1 - area))
         )
@@ -211,11 +211,11 @@ def test_a_paired_fall_by_pairs():
 def test_the_critical_difference_is_the_studentised_range():
     rng = np.random.default_rng(4)
     x = rng.normal(size=(40, 5))
-    found = mean_ranks(x, 0.9)
+    result = mean_ranks(x, 0.9)
     q = stats.studentized_range.ppf(0.9, 5, np.inf)
-    assert found.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
-    assert found.mean_rank.sum() == pytest.approx(15.0)
-    assert found.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
+    assert result.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
+    assert result.mean_rank.sum() == pytest.approx(15.0)
+    assert result.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
 
 
 def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():

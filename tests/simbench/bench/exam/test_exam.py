@@ -89,15 +89,15 @@ def test_scores_and_answers_are_those_of_a_run_with_the_same_seeds_to_the_last_b
     names = {
         i: of["scenario"] for i, of in json.loads((place / "key").read_text())["records"].items()
     }
-    said = {(r["method"], names[r["record"]]): r for r in csv.DictReader(lines_of(place))}
+    given = {(r["method"], names[r["record"]]): r for r in csv.DictReader(lines_of(place))}
     verdicts = pd.read_parquet(run / "verdicts.parquet")
     for row in verdicts[verdicts.method != "oracle"].itertuples():
-        answer = said.pop((row.method, row.scenario_id))
+        answer = given.pop((row.method, row.scenario_id))
         assert answer["verdict"] == row.verdict
         assert np.array_equal(float(answer["score"] or "nan"), row.score, equal_nan=True)
         ends = [float(x) for x in answer["S"].split("..")] if answer["S"] else [np.nan]
         assert np.array_equal([ends[0], ends[-1]], [row.S_lo, row.S_hi], equal_nan=True)
-    assert not said
+    assert not given
 
 
 @pytest.mark.slow  # without processes: the next test
@@ -251,20 +251,22 @@ def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
         )
         == 0
     )
-    told = json.loads(capsys.readouterr().out)
-    assert told["missing"] == {"my-method": 1}
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["missing"] == {"my-method": 1}
     labels = pd.read_csv(tmp_path / "labels.csv", dtype={"record": str})
     assert list(labels.columns[:5]) == ["record", "cycled", "sticky", "predicted", "oscillates"]
     assert list(labels.record) == ids
     clear = labels.cycled.isin(["yes", "no"])
-    said = np.array(["yes", "no", "yes", None])
+    given = np.array(["yes", "no", "yes", None])
     whole = ("my-method", "cycled", "all", "all")
     (mine,) = [
-        r for r in told["rows"] if (r["method"], r["truth"], r["process"], r["population"]) == whole
+        r
+        for r in printed["rows"]
+        if (r["method"], r["truth"], r["process"], r["population"]) == whole
     ]
     assert mine["n"] == clear.sum()
     assert mine["accuracy_applicable"] == pytest.approx(
-        (said == labels.cycled)[clear].mean(), abs=1e-6
+        (given == labels.cycled)[clear].mean(), abs=1e-6
     )
     assert "my-method" in (tmp_path / "r.html").read_text()
     assert main(words) == 0
@@ -322,11 +324,11 @@ def test_wrong_answers_are_refused_with_file_and_line(tiny, tmp_path, capsys, ho
     file.write_bytes(spoilt(how, lines_of(tiny)))
     words = ["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), str(file)]
     assert main([*words, "--labels", str(tmp_path / "l")]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert part in told.err
-    assert (f"{file}, line {line}:" if line else str(file)) in told.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert part in printed.err
+    assert (f"{file}, line {line}:" if line else str(file)) in printed.err
     assert not (tmp_path / "l").exists()
 
 
@@ -385,10 +387,10 @@ def test_a_changed_exam_is_refused(tiny, tmp_path, capsys, change, part):
         )
         == 2
     )
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert part in told.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert part in printed.err
 
 
 def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
@@ -409,10 +411,10 @@ def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
         )
         == 2
     )
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1
-    assert "was made by another version of simbench" in told.err
-    assert "open it with the version that made it" in told.err
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "was made by another version of simbench" in printed.err
+    assert "open it with the version that made it" in printed.err
 
 
 def test_another_key_is_refused(tiny, tmp_path, capsys):
@@ -464,7 +466,7 @@ def test_wrong_use_ends_in_one_sentence_and_writes_nothing(
         str(Path(known.get(w.split("/")[0], w.split("/")[0]), *w.split("/")[1:])) for w in words
     ]
     assert main(["exam", *words]) == 2
-    told = capsys.readouterr()
-    assert (told.out, told.err.count("\n")) == ("", 1)
-    assert part in told.err
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert part in printed.err
     assert not list(tmp_path.iterdir())

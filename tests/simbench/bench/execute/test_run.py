@@ -58,7 +58,7 @@ def plugin(tmp_path, body):
     file.write_text(
         "import os, pathlib, signal\n"
         "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
-        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         "def detect(prepared):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
         + '\n    return Verdict("mine", "no_decision", reason="nothing to say")\n'
@@ -93,7 +93,7 @@ def test_two_workers_give_the_same_bits_as_one(by_two, finished):
 
 
 @pytest.mark.usefixtures("by_two")
-def test_joblib_finds_its_own_processes_after_a_run():
+def test_joblib_still_finds_its_processes_after_a_run():
     """As `simbench report` after `simbench run` in one process."""
     assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
 
@@ -224,7 +224,7 @@ def test_a_ray_that_fails_ends_the_run_in_one_sentence(
         run_grid(small, tmp_path / "ray", ["he"], backend="ray", address=address)
 
 
-def test_without_ray_it_is_said_what_to_install(small, tmp_path, monkeypatch):
+def test_without_ray_the_error_names_what_to_install(small, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(
         RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"
@@ -273,7 +273,7 @@ def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
 
 
 def child(tmp_path, jobs, file, sigint="default_int_handler"):
-    """Run the small grid in a process of its own; what Ctrl-C does there is not inherited."""
+    """Run the small grid in another process; what Ctrl-C does there is not inherited."""
     code = f"""
         import signal
         import sys
@@ -419,9 +419,7 @@ def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(
-    small, finished, tmp_path, monkeypatch
-):
+def test_a_full_disk_keeps_what_is_whole_and_names_resume(small, finished, tmp_path, monkeypatch):
     write, left = pieces.write_piece, [3]
 
     def full(where, piece, key):
@@ -659,7 +657,7 @@ def test_a_sample_of_the_records_is_kept(small, tmp_path):
     assert np.array_equal(pd.read_csv(kept[0]).pv, record.pv)
 
 
-def test_the_manifest_says_what_was_run(finished):
+def test_the_manifest_states_what_was_run(finished):
     content = read_manifest(finished)
     assert content["complete"]
     assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
@@ -681,10 +679,10 @@ def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
     run = run_grid(once, tmp_path / "run", ["he"], until_width=0.4)
     scenarios = pd.read_parquet(run / "scenarios.parquet")
     seeds = scenarios.groupby("cell").repeat.nunique()
-    told = read_manifest(run)["adaptive"]
+    adaptive = read_manifest(run)["adaptive"]
     assert seeds.min() < seeds.max()
-    assert told["widest"] <= 0.4
-    assert told["scenarios"] == len(scenarios) < told["full_product"]
+    assert adaptive["widest"] <= 0.4
+    assert adaptive["scenarios"] == len(scenarios) < adaptive["full_product"]
     assert scenarios.scenario_id.is_unique
 
 
@@ -723,7 +721,7 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the_grids(
+def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_of_the_grid(
     small, tmp_path, monkeypatch
 ):
     asked, judge_both = [], work_module.judge_both
@@ -742,7 +740,7 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
         came[(rows.member == "sticky").to_numpy()],
         came[(rows.member == "healthy").to_numpy()],
     )
-    # a sticky loop stands right before its sibling in the grid; asked about, it comes first as
+    # a sticky loop is right before its sibling in the grid; asked about, it comes first as
     # often as last
     assert 0.3 < np.mean(sticky < healthy) < 0.7  # 96 pairs: four standard errors
     assert np.mean(healthy - sticky == 1) < 0.1
@@ -757,11 +755,11 @@ def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     )
     axes = {"disturbance": ["none"], "S_over_2J": [0.5]}
     folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, fresh_seeds=True)
-    told = read_manifest(folder)
-    assert told["seed"] != 1
-    assert f"seed {told['seed']}," in score_run(folder).as_text()
+    manifest = read_manifest(folder)
+    assert manifest["seed"] != 1
+    assert f"seed {manifest['seed']}," in score_run(folder).as_text()
     assert_same(
-        folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]})
+        folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": manifest["seed"]})
     )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)

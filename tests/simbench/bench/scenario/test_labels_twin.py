@@ -26,16 +26,16 @@ def scenarios(grid, groups):
 def test_cells_of_the_chapter_are_labelled_alike(cells):
     differ, answers = [], []
     for scenario in scenarios("chapter", cells):
-        run, found = simulate_with_truth(scenario.loop, scenario.seed)
+        run, label = simulate_with_truth(scenario.loop, scenario.seed)
         predicted, exists, *_ = theory(scenario.loop)
         again = cycled(scenario.loop, scenario.seed)
-        mine = (run.sticky, predicted, found.answer)
+        mine = (run.sticky, predicted, label.answer)
         twin = (friction_band(scenario.loop)[0] > 0, table_11_3(scenario.loop), again)
         # the one cell of the refined table that has no condition in numbers is that of the exact
         # cycle
         if not (scenario.loop.valve.name == "deadband" and scenario.tags["process"] == "foptd"):
             mine, twin = (*mine, exists), (*twin, refined(scenario.loop))
-        answers.append((found.answer, again))
+        answers.append((label.answer, again))
         if mine != twin:
             differ.append((scenario.id, mine, twin))
     assert not differ
@@ -52,5 +52,5 @@ def test_cells_of_the_chapter_are_labelled_alike(cells):
 def test_other_grids_are_labelled_alike_sample_by_sample(grid):
     """Through the loop in plain Python."""
     for scenario in scenarios(grid, 6):
-        _, found = simulate_with_truth(scenario.loop, scenario.seed)
-        assert cycled(scenario.loop, scenario.seed, plain=True) == found.answer
+        _, label = simulate_with_truth(scenario.loop, scenario.seed)
+        assert cycled(scenario.loop, scenario.seed, plain=True) == label.answer

@@ -1,5 +1,5 @@
-"""Grid plant: what it promises, every valve as a member of a grid, and the page that says where its
-ranges come from.
+"""Grid plant: what it promises, every valve as a member of a grid, and the page that gives the source
+of its ranges.
 """
 
 import math
@@ -178,7 +178,7 @@ def test_the_page_names_every_range_as_the_grid_has_it():
             }
             ranges.update({f"{name}.{key}": value for key, value in values.items()})
     as_chapter = ("sine", "propagated", "steps", "random_walk")
-    told = dict(
+    on_page = dict(
         re.findall(
             r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:own|source|records)",
             PAGE.read_text(),
@@ -188,12 +188,12 @@ def test_the_page_names_every_range_as_the_grid_has_it():
     wanted = {
         k: f"[{v[0]}, {v[1]}]" for k, v in ranges.items() if k.partition(".")[0] not in as_chapter
     }
-    assert told == wanted
+    assert on_page == wanted
     chapter = load_grid("chapter").content.disturbances
     assert all(content.disturbances[name] == chapter[name] for name in as_chapter)
 
 
-def test_mapped_parameters_are_what_the_valve_file_says():
+def test_mapped_parameters_are_those_of_the_valve_file():
     for name in VALVES.names():
         module = VALVES.load(name)
         if hasattr(module, "for_SJ"):

@@ -87,7 +87,7 @@ def test_one_moment_that_goes_on_is_enough():
     moments = {
         seed: [goes_on(seed, quiet) for quiet in (2000, 1990, 1980, 1970)] for seed in range(12)
     }
-    mixed = [seed for seed, found in moments.items() if any(found) and not all(found)]
+    mixed = [seed for seed, of_seed in moments.items() if any(of_seed) and not all(of_seed)]
     assert mixed
     assert {answer(chosen, seed) for seed in mixed} == {"yes"}
 
@@ -157,11 +157,11 @@ def test_an_aggressive_linear_loop_is_no():
     assert answer(chosen) == "no"
 
 
-@pytest.mark.parametrize(("valve", "said"), [(IDEAL, "no"), (STICKY, "unclear")])
-def test_a_saturating_loop_is_not_the_valves_doing(valve, said):
+@pytest.mark.parametrize(("valve", "expected"), [(IDEAL, "no"), (STICKY, "unclear")])
+def test_a_saturating_loop_is_not_the_valves_doing(valve, expected):
     chosen = loop(valve, Kc=12.0)
     assert np.ptp(simulate(chosen, 1).record.op[1000:]) == 100.0
-    assert answer(chosen) == said
+    assert answer(chosen) == expected
 
 
 def test_a_dead_zone_is_not_friction():
@@ -202,9 +202,9 @@ def test_a_dead_band_is_measured_by_a_twentieth_of_its_width():
 
 def test_reversals_of_a_square_wave_are_where_it_turns():
     wave = np.repeat([0.0, 1.0] * 4, 10)
-    found = motion(wave, 0.5)
-    assert found.at.tolist() == [19, 29, 39, 49, 59, 69]
-    assert (found.swing, found.period, found.lasting) == (1.0, 20.0, 1.0)
+    reversals = motion(wave, 0.5)
+    assert reversals.at.tolist() == [19, 29, 39, 49, 59, 69]
+    assert (reversals.swing, reversals.period, reversals.lasting) == (1.0, 20.0, 1.0)
 
 
 def test_small_ripple_is_no_reversal():

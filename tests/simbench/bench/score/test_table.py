@@ -64,9 +64,9 @@ def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
 @pytest.mark.slow  # of a smaller grid: the test before this one
 @pytest.mark.parametrize("truth", ["cycled", "predicted", "sticky"])
 def test_score_of_ci_prints_one_table_on_one_screen(truth):
-    found = called("score", BASELINE, "--truth", truth)
-    assert found.exit_code == 0, found.output
-    assert one_screen(found.stdout), found.stdout
+    result = called("score", BASELINE, "--truth", truth)
+    assert result.exit_code == 0, result.output
+    assert one_screen(result.stdout), result.stdout
 
 
 def test_an_unknown_truth_is_refused(tmp_path):
@@ -76,12 +76,12 @@ def test_an_unknown_truth_is_refused(tmp_path):
 def test_a_plug_in_that_fails_more_often_than_allowed_is_not_ranked_and_ends_with_1(tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN)
     asked = ("run", "smoke", "--method", "he,broken", "--plugin", tmp_path / "broken.py")
-    found = called(*asked, "-o", tmp_path / "run")
-    assert found.exit_code == 1
-    assert "Not ranked, too many errors: broken failed on" in found.stdout
+    result = called(*asked, "-o", tmp_path / "run")
+    assert result.exit_code == 1
+    assert "Not ranked, too many errors: broken failed on" in result.stdout
     (row,) = [
         line
-        for line in found.stdout.splitlines()
+        for line in result.stdout.splitlines()
         if " broken " in line and line[0] in "-0123456789"
     ]
     assert row.startswith("- ")
@@ -100,7 +100,7 @@ def test_a_run_of_few_loops_prints_why_there_is_no_ranking(tmp_path):
     folder = run_grid(
         "smoke", tmp_path / "run", ["he", "horch"], sets={"disturbance": "none"}, progress=False
     )
-    found = called("score", folder)
-    assert found.exit_code == 0
-    assert "There is no ranking: " in found.stdout
-    assert "oscillating loops have a clear label, and 30 are needed." in found.stdout
+    result = called("score", folder)
+    assert result.exit_code == 0
+    assert "There is no ranking: " in result.stdout
+    assert "oscillating loops have a clear label, and 30 are needed." in result.stdout

@@ -1,4 +1,4 @@
-"""A run lies where its URL says: the same bits in memory, on disk or on a cluster, and nothing
+"""A run lies at its URL: the same bits in memory, on disk or on a cluster, and nothing
 where nobody can write.
 """
 
@@ -196,7 +196,7 @@ def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(
     assert not list(tmp_path.iterdir())
 
 
-def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypatch, capsys):
+def test_no_password_is_in_a_run_or_in_what_is_printed(small, url, monkeypatch, capsys):
     secret = f"memory://me:secret@host/{uuid.uuid4().hex}"
     monkeypatch.setattr("sys.argv", ["simbench", "run", "small", "-o", secret])
     assert run_grid(small, secret, METHODS) == secret
@@ -210,6 +210,6 @@ def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypat
     )
     assert main(["score", secret, "--json"]) == 0
     assert main(["score", f"{secret}x"]) == 2
-    said = capsys.readouterr()
-    assert "secret" not in said.out + said.err
+    printed = capsys.readouterr()
+    assert "secret" not in printed.out + printed.err
     place.remove("")
