@@ -332,7 +332,8 @@ def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_pat
     ):
         (tmp_path / f"{name}.toml").write_text(text)
     changed, plain = (
-        load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop for name in ("changed", "plain")
+        load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop
+        for name in ("changed", "plain")
     )
     assert changed.setpoint.value == 40.0
     assert changed.with_("setpoint.value", 50.0).plant == plain.plant

@@ -1,4 +1,6 @@
-"""Before a run: the estimated size is the size it gets, and what nobody means by mistake is refused."""
+"""Before a run: the estimated size is the size it gets, and what nobody means by mistake is
+refused.
+"""
 
 import numpy as np
 import pytest

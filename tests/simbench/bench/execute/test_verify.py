@@ -1,5 +1,5 @@
-"""Verification: whoever changes a run and makes every checksum consistent again is detected; run times
-may differ.
+"""Verification: whoever changes a run and makes every checksum consistent again is detected; run
+times may differ.
 """
 
 import contextlib

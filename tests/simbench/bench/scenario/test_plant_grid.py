@@ -1,5 +1,5 @@
-"""Grid plant: what it promises, every valve as a member of a grid, and the page that gives the source
-of its ranges.
+"""Grid plant: what it promises, every valve as a member of a grid, and the page that gives the
+source of its ranges.
 """
 
 import math

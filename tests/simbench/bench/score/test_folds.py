@@ -20,8 +20,8 @@ def test_detection_at_five_percent_takes_its_threshold_from_the_other_fold():
     positive = np.tile(np.r_[np.ones(20, bool), np.zeros(20, bool)], 2)
     # 20 negatives: one of them, 5 %, may lie above the threshold
     ranks = np.r_[np.full(20, 30), np.arange(20), np.full(20, 18), np.arange(40, 60)]
-    # fold 0 is cut at the other's second largest negative, 58: nothing is above it; fold 1 at 18: ties
-    # are not above it
+    # fold 0 is cut at the other's second largest negative, 58: nothing is above it; fold 1 at 18:
+    # ties are not above it
     assert found_at(ranks, positive, fold) == 0
     assert found_at(ranks, positive, 1 - fold) == 0
     ranks[40:60] = 19
