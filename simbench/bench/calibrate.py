@@ -165,23 +165,24 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
         wrong = ((raw_b > high) & ~positive) | ((raw_b <= low) & positive)
         known = ~np.isnan(score_b)
         area = auc(score_b[known], positive[known])
-        row: dict[str, Any] = {"method": method, "cut": cut}
-        row.update(_rate("false_alarm", above[~positive]), **_rate("detection", above[positive]))
-        row.update(
-            auc=area.value,
-            auc_lo=area.lo,
-            auc_hi=area.hi,
-            informative=not area.lo <= 0.5 <= area.hi,
+        rows.append(
+            {
+                "method": method,
+                "cut": cut,
+                **_rate("false_alarm", above[~positive]),
+                **_rate("detection", above[positive]),
+                "auc": area.value,
+                "auc_lo": area.lo,
+                "auc_hi": area.hi,
+                "informative": not area.lo <= 0.5 <= area.hi,
+                "published_false_alarm": float((verdicts[~positive] == 1).mean()),
+                "published_detection": float((verdicts[positive] == 1).mean()),
+                "no_stiction_below": low,
+                "stiction_above": high,
+                "coverage": float(decided.mean()),
+                "wrong_decided": float(wrong.sum() / max(decided.sum(), 1)),
+            }
         )
-        row.update(
-            published_false_alarm=float((verdicts[~positive] == 1).mean()),
-            published_detection=float((verdicts[positive] == 1).mean()),
-            no_stiction_below=low,
-            stiction_above=high,
-            coverage=float(decided.mean()),
-            wrong_decided=float(wrong.sum() / max(decided.sum(), 1)),
-        )
-        rows.append(row)
         curves.append(roc(score_b, positive).assign(method=method))
     about = {
         "grid": b.manifest["grid"],
@@ -214,9 +215,7 @@ def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[f
     score, positive = score[known], positive[known]
     if score.size == 0:
         return -math.inf, math.inf
-    # the smallest score is a candidate too: below it lies nothing
-    cuts = np.unique(np.quantile(score, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
-    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    cuts = _cuts(score)
     below = np.array([[(score <= c).sum(), (positive & (score <= c)).sum()] for c in cuts])
     above = np.array([[(score > c).sum(), (~positive & (score > c)).sum()] for c in cuts])
     decided = below[:, None, 0] + above[None, :, 0]
@@ -233,10 +232,15 @@ def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     import pandas as pd
 
     finite = np.where(np.isnan(score), -np.inf, score)
-    cuts = np.unique(np.quantile(finite, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
-    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    cuts = _cuts(finite)
     rates = [[c, (finite[~positive] > c).mean(), (finite[positive] > c).mean()] for c in cuts]
     return pd.DataFrame(rates, columns=["threshold", "false_alarm", "detection"])
+
+
+def _cuts(score: np.ndarray) -> np.ndarray:
+    """Return quantiles of scores, and one cut that the smallest score exceeds."""
+    quantiles = np.quantile(score, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf")
+    return np.unique([-np.inf, *quantiles])
 
 
 def _labels(book: RunArrays) -> np.ndarray:

@@ -12,6 +12,8 @@ from typer import Argument, Exit, Option
 
 from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
+    Address,
+    Backend,
     ControllerPlugin,
     EffectPlugin,
     FrontEnd,
@@ -23,6 +25,7 @@ from simbench.cli.common import (
     PlantPlugin,
     Plugin,
     Report,
+    Resume,
     Seed,
     Thresholds,
     ValvePlugin,
@@ -78,9 +81,9 @@ def run(
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[str, Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
-    address: Annotated[str | None, Option(metavar="URL", help="Of a running scheduler.")] = None,
-    resume: Annotated[bool, Option("--resume", help="Go on where an earlier run stopped.")] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     until_width: Annotated[
         float | None,
         Option(metavar="W", help="Add seeds until accuracy's interval is this narrow."),
@@ -174,15 +177,9 @@ def map_of_grid(
         str | None, Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")
     ] = None,
     jobs: Jobs = 1,
-    backend: Annotated[
-        str, Option(metavar="loky|dask|ray", help="What simulates the scenarios.")
-    ] = "loky",
-    address: Annotated[
-        str | None, Option(metavar="URL", help="Address of a running scheduler.")
-    ] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Continue a map that was interrupted.")
-    ] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     as_json: Json = False,
 ) -> None:
     """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its

@@ -59,30 +59,30 @@ def _workers(jobs: int) -> int:
 
 
 Json = Annotated[bool, Option("--json", help="JSON, and nothing else, on stdout.")]
+Backend = Annotated[str, Option(metavar="loky|dask|ray", help="What simulates the scenarios.")]
+Address = Annotated[str | None, Option(metavar="URL", help="Address of a running scheduler.")]
+Resume = Annotated[bool, Option("--resume", help="Continue where an earlier call stopped.")]
 Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
     int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
 ]
-Plugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further detector; repeatable.")
-]
+
+
+def _file(what: str) -> Any:
+    return Option(metavar="FILE.py", help=f"File of a further {what}; repeatable.")
+
+
+Files = list[Path] | None
+Plugin = Annotated[Files, _file("detector")]
+ValvePlugin = Annotated[Files, _file("valve model")]
+EffectPlugin = Annotated[Files, _file("effect")]
+PlantPlugin = Annotated[Files, _file("plant")]
+ControllerPlugin = Annotated[Files, _file("controller")]
 Limit = Annotated[
     float,
     Option(
         "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
     ),
-]
-ValvePlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further valve model; repeatable.")
-]
-EffectPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further effect; repeatable.")
-]
-PlantPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further plant; repeatable.")
-]
-ControllerPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further controller; repeatable.")
 ]
 Thresholds = Annotated[
     Path | None,

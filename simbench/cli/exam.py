@@ -8,7 +8,18 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Full, GridName, Jobs, Json, Plugin, Report, exam_app, examples, show
+from simbench.cli.common import (
+    Full,
+    GridName,
+    Jobs,
+    Json,
+    Plugin,
+    Report,
+    Resume,
+    exam_app,
+    examples,
+    show,
+)
 
 Folder = Annotated[Path, Argument(metavar="EXAM", help="Folder of the exam.")]
 Key = Annotated[
@@ -55,9 +66,7 @@ def answer(
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
-    resume: Annotated[
-        bool, Option("--resume", help="Go on where an earlier call stopped.")
-    ] = False,
+    resume: Resume = False,
 ) -> None:
     """Ask detectors about every record of an exam."""
     from simbench.bench.exam.answering import answer_exam

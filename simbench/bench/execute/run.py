@@ -46,7 +46,7 @@ from simbench.bench.store.place import Place, place_of
 from simbench.loop.hosted import hosted_parts
 
 _BACKENDS = ("loky", "dask", "ray")
-_PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
+PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
@@ -132,7 +132,9 @@ def run_grid(
     jobs : int
         Worker processes; -1 uses all cores.
     **options
-        Fields of `RunOptions`.
+        Fields of `RunOptions`: raw, front_end, plugins, valve_plugins, effect_plugins,
+        plant_plugins, controller_plugins, time_limit, own, backend, address, resume, until_width,
+        sets, axes, fresh_seeds, thresholds, keep, progress, large.
 
     Returns
     -------
@@ -159,14 +161,14 @@ def run_grid(
     plan = _read_plan(grid, asked)
     files, parts = _plugin_files(asked)
     # read before any plug-in runs, as one may move the file it is in
-    digests = _digests(("", files), *zip(_PARTS, parts))
+    digests = _digests(("", files), *zip(PARTS, parts))
     adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
         registry.adopted(adopted),
         registry.hosted(files, asked.time_limit) as added,
         hosted_parts(*parts, seconds=asked.time_limit),
     ):
-        names = _choose_methods(methods, added)
+        names = choose_with_oracle(methods, added)
         _refuse_wrong_run(plan, names, asked)
         manifest = _describe_run(plan, names, asked, digests)
         place = place_of(Path("runs") / plan.name if out is None else out)
@@ -211,7 +213,7 @@ def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
 
 
 def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Return the files of detectors, and those of each kind of part in the order of _PARTS."""
+    """Return the files of detectors, and those of each kind of part in the order of PARTS."""
     kinds = (
         asked.plugins,
         asked.valve_plugins,
@@ -223,11 +225,10 @@ def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, 
     return files, tuple(parts)
 
 
-def _choose_methods(methods: Iterable[str], added: Sequence[str]) -> list[str]:
+def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str]:
     """Return the ids of all methods that judge: those asked for, the plug-ins', then the oracle."""
     asked = [part.strip() for text in methods for part in text.split(",")]
-    names = choose_methods(m for m in asked if m != ORACLE)
-    names += [a for a in added if a not in names]
+    names = choose_methods([*(m for m in asked if m != ORACLE), *added])
     return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
 
 
@@ -334,7 +335,9 @@ def _all_pieces(
         groups = (
             []
             if width is None
-            else adaptive.next_round(plan, place, receipts, width, methods, bar.extra)
+            else adaptive.next_round(
+                plan, place, pieces.marks_of(receipts), width, methods, bar.extra
+            )
         )
         bar.more(sum(plan.size(i) for some in groups for i in some))
     return receipts

@@ -43,6 +43,14 @@ from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
+_THEORY_COLUMNS = (
+    "predicted",
+    "refined",
+    "theory",
+    "theory_period",
+    "theory_amplitude",
+    "theory_reason",
+)
 _HELD = 80  # records simulated before they are judged in drawn order
 
 
@@ -64,17 +72,6 @@ class Chunk:
     judging: float
     total: float
     kept: list[tuple[str, LoopRecord]] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class _Questions:
-    """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too,
-    what finds oscillations.
-    """
-
-    chosen: Thresholds
-    oracle: bool
-    front_end: str
 
 
 @dataclass(frozen=True)
@@ -140,7 +137,6 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
         for m in methods
         if m != ORACLE
     }
-    asked = _Questions(chosen, ORACLE in methods, settings.front_end)
     rng = np.random.default_rng([grid.content.seed, number])
     settling, finished, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
@@ -153,7 +149,10 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
             if len(held) >= _HELD or index == groups[-1]:
                 # a sticky loop comes before its siblings in a grid: what is asked next must not
                 # follow from what was asked last
-                judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
+                judged = {
+                    int(k): _judged(held[k], chosen, ORACLE in methods, settings.front_end)
+                    for k in rng.permutation(len(held))
+                }
                 for _, one in sorted(judged.items()):
                     if one.record is not None and len(kept) < settings.keep:
                         kept.append((one.row["scenario_id"], one.record))
@@ -223,15 +222,15 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedSce
     )
 
 
-def _judged(it: SimulatedScenario, asked: _Questions) -> _Judged:
+def _judged(it: SimulatedScenario, chosen: Thresholds, oracle: bool, front_end: str) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
-        methods = (*asked.chosen, *[ORACLE] * asked.oracle)
+        methods = (*chosen, *[ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
         prepared, results = None, [(v, v, it.error, 0.0) for v in failed]
     else:
-        prepared, results = judge_both(it.run.record, asked.chosen, asked.front_end)
-        if asked.oracle:
+        prepared, results = judge_both(it.run.record, chosen, front_end)
+        if oracle:
             since = time.perf_counter()
             verdict, wrong = oracle_of(it.scenario, it.run)
             results.append((verdict, verdict, wrong, time.perf_counter() - since))
@@ -266,23 +265,11 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     row = scenario_columns(it.scenario, it.group)
     row.update(
+        zip(_THEORY_COLUMNS, it.theory),
         cycled=it.cycled.answer,
         cycle_period=it.cycled.period,
         cycle_swing=it.cycled.swing,
         error=it.error,
-    )
-    row.update(
-        zip(
-            (
-                "predicted",
-                "refined",
-                "theory",
-                "theory_period",
-                "theory_amplitude",
-                "theory_reason",
-            ),
-            it.theory,
-        )
     )
     if it.run is not None and prepared is not None:
         oscillation = prepared.oscillation

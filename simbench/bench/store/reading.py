@@ -201,13 +201,19 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
             )
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
-    marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
-    arrays = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups}
     width = max((block.shape[1] for block in design), default=1)
-    arrays["design"] = np.concatenate(
-        [np.zeros((0, width)), *(np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)]
-    )
-    return {**marks, **arrays, "friction": friction}
+    padded = (np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)
+    return {
+        "ids": ids,
+        "hashes": hashes,
+        "places": np.concatenate(places),
+        "axes": axes,
+        "truth": truth,
+        "oscillating": oscillating,
+        "groups": groups,
+        "design": np.concatenate([np.zeros((0, width)), *padded]),
+        "friction": friction,
+    }
 
 
 def _verdict_columns(
