@@ -58,10 +58,6 @@ def test_every_grid_has_the_count_it_promises(name):
     assert grid.source
 
 
-def test_ci_is_large_enough():
-    assert len(load_grid("ci")) >= 2000
-
-
 def test_table_11_3_has_all_eight_cells():
     blocks = load_grid("table-11-3").content.block
     cells = {(b.process, b.controller, math.inf in b.axes["S_over_2J"]) for b in blocks}

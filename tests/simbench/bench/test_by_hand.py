@@ -11,7 +11,6 @@ import pytest
 from scipy.stats import norm
 
 from detectors.contract.detector import LoopRecord
-from detectors.errors import ParameterError
 from detectors.report.summary import level_ends
 from detectors.verdict import Verdict
 from results.studies.leak import Leak
@@ -276,24 +275,6 @@ def test_parts_of_a_cell_are_scaled_by_its_cycle():
     fresh = {"value": 50.0}
     rules._move_setpoint(fresh, [(2.0, 0.5)], unit)
     assert fresh["steps"] == [[100.0, 51.5]]
-
-
-def test_a_valve_of_a_cell_has_the_cells_band_or_is_refused():
-    assert rules.valve_table("kano", {"S": 4.0, "J": 2.0}, 30.0, {}) == {
-        "model": "kano",
-        "S": 4.0,
-        "J": 2.0,
-    }
-    assert rules.valve_table("stenman", {"S": 4.0, "J": 4.0}, 30.0, {}) == {
-        "model": "stenman",
-        "d": 4.0,
-    }
-    with pytest.raises(
-        ParameterError, match=r"'stenman' cannot have S = 4 %, J = 2 %: nearest is S = 4 %, J = 4 %"
-    ):
-        rules.valve_table("stenman", {"S": 4.0, "J": 2.0}, 30.0, {})
-    assert rules.band(loop(valve={"model": "choudhury", "S": 5, "J": 2})) == (5.0, 2.0)
-    assert rules.band(loop(valve={"model": "deadzone", "D": 5})) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_what_is_known_of_a_record_is_given_by_the_same_options(export, caught, 
 READERS = [*VERBS, "report"]
 
 
-@pytest.mark.parametrize("step", [pytest.param(1, marks=pytest.mark.slow), len(READERS)])
+@pytest.mark.parametrize("step", [pytest.param(1, marks=pytest.mark.slow), 2 * len(READERS)])
 @pytest.mark.parametrize("verb", READERS)
 def test_every_export_reaches_every_verb_as_the_same_record(
     tmp_path, caught, monkeypatch, verb, step

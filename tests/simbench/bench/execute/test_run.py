@@ -14,9 +14,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
-from bench_fixtures import SMALL
+from bench_fixtures import SMALL, raise_after
 from joblib import Parallel, delayed
 from killing import kill_when_it_stops, stops
 
@@ -33,7 +32,6 @@ from simbench.bench.execute.work import record_hash
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
-from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
 from simbench.files import FileError
@@ -64,6 +62,13 @@ def plugin(tmp_path, body):
         + '\n    return Verdict("mine", "no_decision", reason="nothing to say")\n'
     )
     return file
+
+
+@pytest.fixture
+def unscored(monkeypatch):
+    """Runs of this process are not scored, which takes half of their time."""
+    nothing = SimpleNamespace(write=lambda place: None)
+    monkeypatch.setattr(pieces, "score_book", lambda book: nothing)
 
 
 def test_both_tables_are_keyed_by_scenario_and_method(finished):
@@ -98,35 +103,6 @@ def test_joblib_still_finds_its_processes_after_a_run():
     assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
 
 
-def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
-    """As runs were written before, and as a baseline still is."""
-    single = tmp_path / "single"
-    single.mkdir()
-    digests = {}
-    for kind in ("scenarios", "verdicts"):
-        pq.write_table(pq.read_table(finished / f"{kind}.parquet"), single / f"{kind}.parquet")
-        digests[kind] = digest((single / f"{kind}.parquet").read_bytes())
-    manifest_module.write_manifest(single, {**read_manifest(finished), "tables": digests})
-    one, other = RunArrays.read(finished), RunArrays.read(single)
-    for name in (
-        "ids",
-        "hashes",
-        "places",
-        "oscillating",
-        "verdict",
-        "verdict_raw",
-        "score",
-        "score_raw",
-        "applicable",
-        "failed",
-    ):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    for a, b in ((one.axes, other.axes), (one.truth, other.truth)):
-        assert a.keys() == b.keys()
-        for name in a:
-            np.testing.assert_array_equal(a[name], b[name])
-
-
 def test_a_book_holds_what_the_tables_say(finished):
     verdicts, scenarios = tables(finished)
     book = RunArrays.read(finished)
@@ -146,6 +122,7 @@ def test_a_book_holds_what_the_tables_say(finished):
         np.testing.assert_array_equal(book.score_raw[i], wide["score_raw"][method])
 
 
+@pytest.mark.usefixtures("unscored")
 def test_dask_gives_the_same_bits(small, finished, tmp_path):
     distributed = pytest.importorskip("distributed")
     settings = {
@@ -192,6 +169,7 @@ class RayOfThreads:
         )
 
 
+@pytest.mark.usefixtures("unscored")
 def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
     ray = RayOfThreads()
     monkeypatch.setitem(sys.modules, "ray", ray)
@@ -248,19 +226,12 @@ def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
             )
 
 
-def test_a_record_is_simulated_again_from_its_id(finished):
-    _, scenarios = tables(finished)
-    for row in scenarios.iloc[::5].itertuples():
-        scenario = read_scenario(finished, row.scenario_id)
-        assert scenario.id == row.scenario_id
-        assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
-
-
 def test_an_unknown_id_names_the_run(finished):
     with pytest.raises(RunError, match="no scenario 'nonsense'"):
         read_scenario(finished, "nonsense")
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
     file = plugin(tmp_path, 'raise ZeroDivisionError("by design")')
     run = run_grid(small, tmp_path / "run", ["he"], plugins=[file])
@@ -326,6 +297,7 @@ def test_a_worker_that_dies_is_replaced(small, tmp_path):
     assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
 
 
+@pytest.mark.usefixtures("unscored")
 @pytest.mark.parametrize("deaths", [1, run_module.LIVES])
 def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_advice(
     small, finished, tmp_path, monkeypatch, deaths
@@ -419,27 +391,22 @@ def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_full_disk_keeps_what_is_whole_and_names_resume(small, finished, tmp_path, monkeypatch):
-    write, left = pieces.write_piece, [3]
-
-    def full(where, piece, key):
-        if not left[0]:
-            raise FileError("verdicts.parquet cannot be written: no space left on device")
-        left[0] -= 1
-        return write(where, piece, key)
-
-    monkeypatch.setattr(pieces, "write_piece", full)
-    with pytest.raises(
-        RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
-    ):
-        run_grid(small, tmp_path / "run", METHODS)
-    monkeypatch.undo()
+    full = FileError("verdicts.parquet cannot be written: no space left on device")
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "write_piece", 3, full)
+        with pytest.raises(
+            RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
+        ):
+            run_grid(small, tmp_path / "run", METHODS)
     assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
 
 
-def test_a_torn_piece_is_done_again(small, finished, tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+@pytest.mark.usefixtures("unscored")
+def test_a_torn_piece_is_done_again(small, finished, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "finish", 0, KeyboardInterrupt)
         with pytest.raises(Interrupted):
             run_grid(small, tmp_path / "run", METHODS)
     torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
@@ -455,6 +422,7 @@ def test_resuming_a_finished_run_changes_nothing(small, finished):
     assert before == {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
 
 
+@pytest.mark.usefixtures("unscored")
 def test_resume_on_an_absent_or_empty_folder_starts_afresh(small, finished, tmp_path):
     (tmp_path / "empty").mkdir()
     assert_same(run_grid(small, tmp_path / "empty", METHODS, resume=True), finished)
@@ -471,6 +439,7 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
         run_grid(small, tmp_path, METHODS, resume=True)
 
 
+@pytest.mark.usefixtures("unscored")
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -529,26 +498,18 @@ def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
         RunArrays.read(tmp_path / "run")
 
 
-def test_an_unfinished_run_is_not_scored(small, tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-        with pytest.raises(Interrupted, match="8 pieces are whole"):
-            run_grid(small, tmp_path / "run", ["yamashita"])
-    with pytest.raises(RunError, match="not finished"):
-        RunArrays.read(tmp_path / "run")
-
-
-@pytest.mark.parametrize("step", ["score_book", "remove"])
-def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, step):
+@pytest.mark.parametrize(("owner", "step"), [(pieces, "score_book"), (pieces.Place, "remove")])
+def test_a_kill_between_the_last_steps_is_tidied_up(
+    small, finished, tmp_path, monkeypatch, owner, step
+):
     run = tmp_path / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            pieces if step == "score_book" else pieces.Place,
-            step,
-            lambda *_: (_ for _ in ()).throw(KeyboardInterrupt),
-        )
+    with monkeypatch.context() as patch:
+        raise_after(patch, owner, step, 0, KeyboardInterrupt)
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, run, METHODS)
+    if step == "score_book":
+        with pytest.raises(RunError, match="not finished"):
+            RunArrays.read(run)
     run_grid(small, run, METHODS, resume=True)
     assert sorted(f.name for f in run.iterdir()) == sorted(f.name for f in finished.iterdir())
     assert_same(run, finished)
@@ -595,12 +556,14 @@ def test_a_loop_that_cannot_be_simulated_is_refused_before_a_folder_is_made(tmp_
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("unscored")
 def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"])
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     small, finished, tmp_path, monkeypatch
 ):
@@ -623,6 +586,7 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     assert list(scenarios.cycled) == list(sound.cycled)
 
 
+@pytest.mark.usefixtures("unscored")
 def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
     """As the healthy loops of grid families whose sensor lags."""
     table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
@@ -640,6 +604,7 @@ def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tm
     assert not verdicts.reason.fillna("").str.startswith("failed").any()
 
 
+@pytest.mark.usefixtures("unscored")
 def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
     err = capfd.readouterr().err
@@ -648,6 +613,7 @@ def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_pa
     assert "failures=0" in err
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_sample_of_the_records_is_kept(small, tmp_path):
     run = run_grid(small, tmp_path / "run", ["yamashita"], keep=1)
     kept = sorted((run / "records").glob("*.csv"))
@@ -674,38 +640,33 @@ def test_the_manifest_states_what_was_run(finished):
     } <= set(content)
 
 
+@pytest.mark.usefixtures("unscored")
 def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.4)
+    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.45)
     scenarios = pd.read_parquet(run / "scenarios.parquet")
     seeds = scenarios.groupby("cell").repeat.nunique()
     adaptive = read_manifest(run)["adaptive"]
     assert seeds.min() < seeds.max()
-    assert adaptive["widest"] <= 0.4
+    assert adaptive["widest"] <= 0.45
     assert adaptive["scenarios"] == len(scenarios) < adaptive["full_product"]
     assert scenarios.scenario_id.is_unique
 
 
-def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
+@pytest.mark.usefixtures("unscored")
+def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path, monkeypatch):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
-    write, left = pieces.write_piece, [5]
-
-    def stopping(where, piece, key):
-        if not left[0]:
-            raise KeyboardInterrupt
-        left[0] -= 1
-        return write(where, piece, key)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "write_piece", stopping)
+    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.45)
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "write_piece", 5, KeyboardInterrupt)
         with pytest.raises(Interrupted):
-            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
+            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45)
     assert_same(
-        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed
+        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45, resume=True), undisturbed
     )
 
 
+@pytest.mark.usefixtures("unscored")
 def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
     assert read_manifest(run)["front_end"] == "hagglund"
@@ -721,6 +682,7 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.usefixtures("unscored")
 def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_of_the_grid(
     small, tmp_path, monkeypatch
 ):
@@ -731,7 +693,7 @@ def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_o
         return judge_both(record, *rest)
 
     monkeypatch.setattr(work_module, "judge_both", heard)
-    folder = run_grid(make_grid(SMALL, "small", {"repeats": 12}), tmp_path / "run", ["he"])
+    folder = run_grid(make_grid(SMALL, "small", {"repeats": 8}), tmp_path / "run", ["he"])
     rows = pd.read_parquet(folder / "scenarios.parquet")
     assert sorted(asked) == sorted(rows.record_hash)
     place = {mark: k for k, mark in enumerate(asked)}
@@ -742,8 +704,8 @@ def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_o
     )
     # a sticky loop is right before its sibling in the grid; asked about, it comes first as
     # often as last
-    assert 0.3 < np.mean(sticky < healthy) < 0.7  # 96 pairs: four standard errors
-    assert np.mean(healthy - sticky == 1) < 0.1
+    assert 0.25 < np.mean(sticky < healthy) < 0.75  # 64 pairs: four standard errors
+    assert np.mean(healthy - sticky == 1) < 0.2  # 1/16 expected, as pieces have 16 loops
 
 
 def test_fresh_seeds_are_drawn_and_stated(tmp_path):

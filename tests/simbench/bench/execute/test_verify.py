@@ -86,7 +86,7 @@ class Forgery:
             if row["method"] == method
         ]
 
-    def write(self):
+    def write(self, scores=True):
         for kind, parts in self.rows.items():
             shutil.rmtree(self.folder / f"{kind}.parquet")
             (self.folder / f"{kind}.parquet").mkdir()
@@ -113,7 +113,8 @@ class Forgery:
             "cells_hash": grid.cells_hash,
         }
         self.manifest["benchmark"] = benchmark_of(grid, book.ids.astype(str).tolist())
-        score_book(book).write(place_of(self.folder))
+        if scores:
+            score_book(book).write(place_of(self.folder))
         self.close()
 
     def close(self):
@@ -266,12 +267,14 @@ TAMPERINGS = {
 
 
 @pytest.mark.parametrize("how", TAMPERINGS)
-def test_a_changed_run_with_consistent_checksums_is_refuted(run, tmp_path, how):
+def test_a_changed_run_with_consistent_checksums_is_refuted(run, tmp_path, monkeypatch, how):
+    """By its tables and its manifest: nobody looks at the scores."""
+    monkeypatch.setattr(verify_module, "_compare_scores", lambda *_: None)
     change, wanted = TAMPERINGS[how]
     forgery = Forgery(run, tmp_path / "f")
     change(forgery)
     with contextlib.suppress(RunError):  # tables that no run has stay as they are
-        forgery.write()
+        forgery.write(scores=False)
     contradictions = verify_run(tmp_path / "f").contradictions
     assert contradictions, how
     for words in wanted:
@@ -328,9 +331,11 @@ def test_a_share_is_drawn_anew_and_the_text_names_what_can_escape(run, tmp_path,
     forgery = Forgery(run, tmp_path / "f")
     of_verdicts(reason="clear stiction")(forgery)
     forgery.write()
-    results = [verify_run(tmp_path / "f", share=0.5) for _ in range(6)]
+    results = []
+    while len({bool(result.contradictions) for result in results}) < 2:
+        results.append(verify_run(tmp_path / "f", share=0.5))
+        assert len(results) < 9
     assert {result.simulated for result in results} == {8}
-    assert {bool(result.contradictions) for result in results} == {True, False}
     honest = next(result for result in results if not result.contradictions)
     assert "fewer than 5 changed verdicts of a method can escape" in honest.as_text()
 

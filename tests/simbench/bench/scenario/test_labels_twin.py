@@ -51,6 +51,6 @@ def test_cells_of_the_chapter_are_labelled_alike(cells):
 @pytest.mark.parametrize("grid", ["smoke", "table-11-3"])
 def test_other_grids_are_labelled_alike_sample_by_sample(grid):
     """Through the loop in plain Python."""
-    for scenario in scenarios(grid, 6):
+    for scenario in scenarios(grid, 4):
         _, label = simulate_with_truth(scenario.loop, scenario.seed)
         assert cycled(scenario.loop, scenario.seed, plain=True) == label.answer

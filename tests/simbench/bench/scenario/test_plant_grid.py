@@ -82,7 +82,9 @@ def test_every_valve_file_is_a_member_with_the_band_that_its_cell_asks_for(valve
     [("stenman", 2.0), ("deadband", 1.0), ("hysteresis", 1.0), ("coulomb_viscous", 2.0)],
 )
 def test_a_band_that_a_valve_cannot_have_is_one_sentence(valve, J):
-    with pytest.raises(ParameterError, match=f"valve {valve!r} cannot have S = 5 %"):
+    with pytest.raises(
+        ParameterError, match=f"valve {valve!r} cannot have S = 5 %, J = .*: nearest is S = "
+    ):
         valve_table(valve, {"S": 5.0, "J": J}, 100.0, {})
 
 

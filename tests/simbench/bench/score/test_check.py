@@ -317,13 +317,23 @@ def test_texts_carry_the_verdict(base, with_answers):
     assert len(content["flips"]) == len(check.flips) == N
 
 
+METHODS = ["horch", "he", "yamashita"]
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
+    return run_grid("smoke", tmp_path_factory.mktemp("check") / "run", METHODS, progress=False)
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory):
+    """The run with another threshold and one more method."""
     return run_grid(
         "smoke",
-        tmp_path_factory.mktemp("check") / "run",
-        ["horch", "he", "yamashita"],
+        tmp_path_factory.mktemp("check") / "moved",
+        [*METHODS, "ellipse"],
         progress=False,
+        thresholds={"yamashita": {"rho3_min": 0.9}},
     )
 
 
@@ -341,16 +351,9 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
     assert update_baseline(run, base).endswith("nothing moved")
 
 
-def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_path):
-    base, moved = tmp_path / "baseline", tmp_path / "moved"
+def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved, tmp_path):
+    base = tmp_path / "baseline"
     update_baseline(run, base)
-    run_grid(
-        "smoke",
-        moved,
-        ["horch", "he", "yamashita"],
-        progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )
     text = check_run(moved, base).as_text()
     command = text.splitlines()[-1].split()
     assert command[:4] == ["simbench", "simulate", "--from", str(base)]
@@ -363,20 +366,13 @@ def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_p
     assert again.verdict == flip.was
 
 
-def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
+def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
     update_baseline(run, base)  # the same once more
-    moved = run_grid(
-        "smoke",
-        tmp_path / "moved",
-        ["horch", "he", "yamashita"],
-        progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )
     update_baseline(moved, base)
     table = read_history(base).table
-    assert table.groupby("baseline").size().to_dict() == {1: 3, 2: 3}
+    assert table.groupby("baseline").size().to_dict() == {1: 3, 2: 4}
     wide = table.pivot(index="method", columns="baseline", values="accuracy_applicable")
     assert wide.loc["he", 1] == wide.loc["he", 2]
     assert wide.loc["yamashita", 1] > wide.loc["yamashita", 2]
@@ -389,13 +385,9 @@ def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
         read_history(tmp_path)
 
 
-def test_updating_names_what_moves(run, tmp_path):
+def test_updating_names_what_moves(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
-    moved = run_grid(
-        "smoke", tmp_path / "moved", ["horch", "he", "yamashita", "ellipse"], progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )  # fmt: skip
     assert check_run(moved, base).failed
     text = update_baseline(moved, base)
     assert "+ method ellipse" in text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.ranks import rank_methods
 from simbench.bench.statistics import mean_ranks
 
@@ -69,24 +69,6 @@ def test_the_area_under_risk_and_coverage_scatters_as_in_a_bootstrap_of_whole_gr
         taken = (4 * rng.integers(0, 150, 150)[:, None] + np.arange(4)).ravel()
         drawn.append(risk_coverage(ranks[taken], positive[taken], fold[taken])[0].mean())
     assert spread == pytest.approx(np.std(drawn), rel=0.25)
-
-
-def test_a_classifier_is_not_asked_about_groups_it_learned_on():
-    rng = np.random.default_rng(1)
-    group = np.repeat(np.arange(60), 8)
-    # a label of the group: known again only by its settings
-    label = rng.integers(0, 2, 60)[group] == 1
-    chance = out_of_fold(rng.normal(size=(60, 3))[group], label, group)
-    assert np.mean((chance > 0.5) == label) < 0.65
-    leaked = out_of_fold(np.column_stack([rng.normal(size=480), label]), label, group)
-    assert np.mean((leaked > 0.5) == label) == 1.0
-
-
-def test_siblings_that_stand_or_fall_together_widen_what_a_run_resolves():
-    rng = np.random.default_rng(3)
-    right = np.repeat(rng.random((2, 300)) < 0.7, 4, axis=1)
-    alone, whole = rank_methods(right), rank_methods(right, np.repeat(np.arange(300), 4))
-    assert whole.resolution == pytest.approx(2 * alone.resolution, rel=0.1)
 
 
 def test_the_closed_form_is_the_group_bootstraps_variance():

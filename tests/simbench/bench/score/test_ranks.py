@@ -72,11 +72,3 @@ def test_more_loops_resolve_less_in_proportion_to_the_root():
     rng = np.random.default_rng(5)
     few, many = (rank_methods(rng.random((3, n)) < 0.7).resolution for n in (1000, 16000))
     assert few / many == pytest.approx(4.0, rel=0.1)
-
-
-def test_nothing_to_rank_is_no_number_and_one_method_is_first():
-    assert np.isnan(rank_methods(np.zeros((0, 10), dtype=bool)).resolution)
-    assert np.isnan(rank_methods(np.zeros((2, 0), dtype=bool)).resolution)
-    alone = rank_methods(np.arange(100)[None, :] < 70)
-    assert alone.rank.tolist() == [1]
-    assert alone.resolution == pytest.approx(1.96 * np.sqrt(2 * 0.7 * 0.3 / 100), rel=0.05)

@@ -12,7 +12,7 @@ from detectors.errors import ParameterError
 from detectors.verdict import NO_DECISION, STICTION
 from scenarios.errors import SpecError
 from scenarios.spec import Loop
-from simbench.bench.calibrate import abstention, calibrate, calibrate_books, cut_for, roc
+from simbench.bench.calibrate import abstention, calibrate, calibrate_books
 from simbench.bench.execute.adaptive import trials
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
@@ -399,20 +399,6 @@ def test_the_table_is_ranked_by_cost_not_by_silence(book):
     assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
 
 
-def test_the_classifier_without_waveform_learns_a_planted_tell(book):
-    rng = np.random.default_rng(5)
-    truth = rng.integers(0, 2, 400)
-    run = book(truth, truth)
-    designs = (
-        rng.normal(size=(400, 6)),
-        np.column_stack([truth + rng.normal(0, 0.1, 400), np.ones((400, 5))]),
-    )
-    tables = (score_book(replace(run, design=x)).ranking().set_index("method") for x in designs)
-    fair, leaking = (table.loc["no_waveform"] for table in tables)
-    assert fair.accuracy_applicable < 0.62
-    assert leaking.accuracy_applicable > 0.95
-
-
 def test_the_classifier_without_waveform_is_trained_once_for_a_run(book, monkeypatch):
     calls, learn = [], no_waveform.out_of_fold
     monkeypatch.setattr(no_waveform, "out_of_fold", lambda *a: calls.append(1) or learn(*a))
@@ -475,24 +461,6 @@ def test_wilson_narrows_as_trials_predicts():
         assert 0.07 < hi - lo <= 0.101
 
 
-def test_a_cut_lets_no_more_than_the_wanted_share_through():
-    rng = np.random.default_rng(1)
-    for scores in (
-        rng.normal(size=500),
-        np.round(rng.normal(size=500), 1),
-        np.r_[np.full(300, np.nan), rng.normal(size=200)],
-    ):
-        cut = cut_for(scores, 0.05)
-        assert np.mean(scores > cut) <= 0.05
-        lower = scores[scores < cut]
-        if lower.size:
-            assert np.mean(scores > lower.max()) > 0.05
-
-
-def test_few_scores_leave_nothing_to_cut():
-    assert cut_for(np.r_[np.full(99, np.nan), 1.0], 0.05) == -math.inf
-
-
 def test_abstention_is_the_best_of_all_bands():
     rng = np.random.default_rng(2)
     positive = rng.random(120) < 0.5
@@ -507,13 +475,6 @@ def test_abstention_is_the_best_of_all_bands():
     bands = [decided_and_wrong(a, b) for a in cuts for b in cuts if a <= b]
     best = max(decided for decided, wrong in bands if wrong + 1 <= 0.1 * (decided + 1))
     assert decided_and_wrong(low, high)[0] == best > 0
-
-
-def test_the_roc_runs_from_corner_to_corner():
-    curve = roc(np.array([1.0, 2.0, 3.0, 4.0]), np.array([False, True, False, True]))
-    assert (curve.false_alarm.iloc[0], curve.detection.iloc[0]) == (1.0, 1.0)
-    assert (curve.false_alarm.iloc[-1], curve.detection.iloc[-1]) == (0.0, 0.0)
-    assert curve.false_alarm.is_monotonic_decreasing
 
 
 def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
@@ -564,16 +525,6 @@ def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(tmp_path):
 def test_an_impossible_false_alarm_rate_is_refused(share):
     with pytest.raises(ParameterError, match="between 0 and 1"):
         calibrate("smoke", share)
-
-
-def test_a_sweep_scores_every_combination():
-    scored = sweep(LOOP, {"valve.J": [0, 2], "noise.std": [0.02, 0.1]}, seeds=3).score(
-        ["he", "horch"]
-    )
-    assert len(scored) == 2 * 2 * 2
-    assert set(scored.n) == {3}
-    assert scored.groupby("valve.J").cycling.mean().to_dict() == {0: 0.0, 2: 1.0}
-    assert scored.accuracy.between(0, 1).all()
 
 
 def test_seeds_of_a_sweep_differ_and_are_the_same_again():

@@ -57,8 +57,6 @@ def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
     text = (tmp_path / "report.html").read_text()
     assert "no_waveform" in text
     assert "Oscillating loops, against Table 11.3" in text
-    everything = called("score", run, "--full").stdout
-    assert everything.count("rank  method") > 2
 
 
 @pytest.mark.slow  # of a smaller grid: the test before this one
