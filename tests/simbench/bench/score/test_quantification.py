@@ -110,7 +110,7 @@ def finished(tmp_path_factory):
         "smoke",
         tmp_path_factory.mktemp("sizes") / "run",
         ["hammerstein", "kano_a"],
-        sets={"repeats": 1},
+        sets={"repeats": 2},
     )
 
 
