@@ -12,6 +12,8 @@ from typer import Argument, Exit, Option
 
 from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
+    Address,
+    Backend,
     ControllerPlugin,
     EffectPlugin,
     FrontEnd,
@@ -23,6 +25,7 @@ from simbench.cli.common import (
     PlantPlugin,
     Plugin,
     Report,
+    Resume,
     Seed,
     Thresholds,
     ValvePlugin,
@@ -32,7 +35,7 @@ from simbench.cli.common import (
     pairs,
     refuse_picture,
     show,
-    show_found,
+    show_result,
     threshold_file,
 )
 
@@ -86,15 +89,9 @@ def run(
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[
-        str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
-    ] = "loky",
-    address: Annotated[
-        str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
-    ] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Continue a run that was interrupted.")
-    ] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     until_width: Annotated[
         float | None,
         Option(
@@ -174,7 +171,7 @@ def run(
 @app.command(
     "map",
     epilog=examples(
-        "map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"
+        "map chapter -o map --points 400", "map mine.toml -o map --x valve.S --y noise.std"
     ),
 )
 def map_of_grid(
@@ -208,15 +205,9 @@ def map_of_grid(
         Option(metavar="AXIS", help="Show this axis from bottom to top in the pictures."),
     ] = None,
     jobs: Jobs = 1,
-    backend: Annotated[
-        str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
-    ] = "loky",
-    address: Annotated[
-        str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
-    ] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Continue a map that was interrupted.")
-    ] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     as_json: Json = False,
 ) -> None:
     """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its
@@ -226,7 +217,7 @@ def map_of_grid(
     from simbench.figures import draw_map
 
     with _interruptible():
-        found = map_grid(
+        grid_map = map_grid(
             grid,
             out,
             points,
@@ -238,8 +229,8 @@ def map_of_grid(
             address=address,
             resume=resume,
         )
-    draw_map(found)
-    show(found.methods if as_json else found.as_text(), as_json)
+    draw_map(grid_map)
+    show(grid_map.methods if as_json else grid_map.as_text(), as_json)
 
 
 @app.command(
@@ -362,7 +353,7 @@ def check(
         if path is not None:
             with whole_file(path) as f:
                 f.write(text)
-    show_found(result, as_json)
+    show_result(result, as_json)
     if result.answer != "passed":
         raise Exit(1)
 
@@ -397,9 +388,9 @@ def verify(
     """
     from simbench.bench.execute.verify import verify_run
 
-    found = verify_run(folder, share, jobs, plugin or [], time_limit)
-    show_found(found, as_json)
-    if found.contradictions:
+    verification = verify_run(folder, share, jobs, plugin or [], time_limit)
+    show_result(verification, as_json)
+    if verification.contradictions:
         raise Exit(1)
 
 
@@ -417,12 +408,12 @@ def history(
     from simbench.bench.score.history import read_history
 
     refuse_picture(out)
-    found = read_history(baseline)
+    accuracies = read_history(baseline)
     if out is not None:
         from simbench.figures import draw_history
 
-        draw_history(found, out)
-    show_found(found, as_json)
+        draw_history(accuracies, out)
+    show_result(accuracies, as_json)
 
 
 @app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
@@ -450,8 +441,8 @@ def calibrate(
     """Find each method's threshold for a wanted false-positive rate."""
     from simbench.bench.calibrate import calibrate as run_calibration
 
-    found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
-    show_found(found, as_json)
+    calibration = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
+    show_result(calibration, as_json)
 
 
 @app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
@@ -469,11 +460,11 @@ def worst(
     from simbench.bench.worst import worst as search
     from simbench.files import whole_file
 
-    found = search(method, budget=budget, seed=seed)
+    case = search(method, budget=budget, seed=seed)
     if out is not None:
         with whole_file(out) as f:
-            f.write(found.to_toml())
-    show_found(found, as_json)
+            f.write(case.to_toml())
+    show_result(case, as_json)
 
 
 @app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))

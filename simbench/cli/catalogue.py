@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Exit
 
 from detectors.errors import ParameterError, nearest
-from simbench.cli.common import Json, app, examples, show, show_found
+from simbench.cli.common import Json, app, examples, show, show_result
 
 
 @app.command(epilog=examples("contract my_detector.py"))
@@ -28,9 +28,9 @@ def contract(
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
     from simbench.contract import check_in_subprocess
 
-    found = check_in_subprocess(path)
-    show_found(found, as_json)
-    if not found.kept:
+    report = check_in_subprocess(path)
+    show_result(report, as_json)
+    if not report.kept:
         raise Exit(1)
 
 

@@ -70,6 +70,13 @@ def _workers(jobs: int) -> int:
 
 
 Json = Annotated[bool, Option("--json", help="Print JSON, and nothing else, on stdout.")]
+Backend = Annotated[
+    str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
+]
+Address = Annotated[
+    str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
+]
+Resume = Annotated[bool, Option("--resume", help="Continue a call that was interrupted.")]
 Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
     int,
@@ -77,45 +84,26 @@ Jobs = Annotated[
         "-j", "--jobs", callback=_workers, help="Use this many worker processes; -1 uses all cores."
     ),
 ]
-Plugin = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE.py",
-        help="Load an additional detector from this Python file; may be repeated.",
-    ),
-]
+
+
+def _file(what: str) -> Any:
+    return Option(
+        metavar="FILE.py", help=f"Load an additional {what} from this Python file; may be repeated."
+    )
+
+
+Files = list[Path] | None
+Plugin = Annotated[Files, _file("detector")]
+ValvePlugin = Annotated[Files, _file("valve model")]
+EffectPlugin = Annotated[Files, _file("effect")]
+PlantPlugin = Annotated[Files, _file("plant")]
+ControllerPlugin = Annotated[Files, _file("controller")]
 Limit = Annotated[
     float,
     Option(
         "--time-limit",
         metavar="S",
         help="Stop a plug-in that takes longer than this for one record or scenario (s).",
-    ),
-]
-ValvePlugin = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE.py",
-        help="Load an additional valve model from this Python file; may be repeated.",
-    ),
-]
-EffectPlugin = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE.py", help="Load an additional effect from this Python file; may be repeated."
-    ),
-]
-PlantPlugin = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE.py", help="Load an additional plant from this Python file; may be repeated."
-    ),
-]
-ControllerPlugin = Annotated[
-    list[Path] | None,
-    Option(
-        metavar="FILE.py",
-        help="Load an additional controller from this Python file; may be repeated.",
     ),
 ]
 Thresholds = Annotated[
@@ -223,7 +211,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
     """
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
-        said = Option(
+        tag_option = Option(
             "--tag",
             "--loop",
             metavar="TAG",
@@ -232,12 +220,14 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
                 "chemicals.loop1."
             ),
         )
-        options["tag"] = Annotated[str | None, said]
+        options["tag"] = Annotated[str | None, tag_option]
 
     def given(verb: Callable[..., None]) -> Callable[..., None]:
-        own = inspect.signature(verb, eval_str=True)
+        signature = inspect.signature(verb, eval_str=True)
         named = inspect.Parameter.KEYWORD_ONLY
-        kept = [p.replace(kind=named) for name, p in own.parameters.items() if name != "about"]
+        kept = [
+            p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"
+        ]
         added = [
             inspect.Parameter(name, named, default=None, annotation=kind)
             for name, kind in options.items()
@@ -254,7 +244,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             )
 
         last = [p for p in kept if p.name == "as_json"]
-        asked.__signature__ = own.replace(
+        asked.__signature__ = signature.replace(
             parameters=[*(p for p in kept if p not in last), *added, *last]
         )  # pyright: ignore[reportAttributeAccessIssue]
         asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
@@ -264,7 +254,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
-    """Say under an answer what reading its records assumed: beside JSON, or of several records, on
+    """Print what reading the records assumed: after JSON, or of several records, on
     stderr.
     """
     read = list(records)
@@ -316,21 +306,23 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
         raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        thresholds = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(
             f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}"
         ) from None
     except (ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())[:200]
+        reason = " ".join(str(error).split())[:200]
         raise ParameterError(
-            f"thresholds {path} are no JSON ({said}); a table of method ids is needed"
+            f"thresholds {path} are no JSON ({reason}); a table of method ids is needed"
         ) from None
-    if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+    if not isinstance(thresholds, dict) or not all(
+        isinstance(v, dict) for v in thresholds.values()
+    ):
         raise ParameterError(
             f"thresholds {path}: a table of method ids to tables of numbers is needed"
         )
-    for method, values in found.items():
+    for method, values in thresholds.items():
         for name, value in values.items():
             if (
                 isinstance(value, bool)
@@ -341,7 +333,7 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
                     f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is"
                     " needed"
                 )
-    return found
+    return thresholds
 
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
@@ -367,9 +359,9 @@ def number(text: str) -> Any:
         return text
 
 
-def show_found(found: Any, as_json: bool) -> None:
-    """Print what was found, in its own words or as its own JSON."""
-    show(found.as_json() if as_json else found.as_text(), as_json)
+def show_result(result: Any, as_json: bool) -> None:
+    """Print a result as text, or as JSON where asked."""
+    show(result.as_json() if as_json else result.as_text(), as_json)
 
 
 def show(content: Any, as_json: bool) -> None:

@@ -15,7 +15,7 @@ from simbench.cli.common import (
     reads,
     refuse_picture,
     say_assumed,
-    show_found,
+    show_result,
 )
 
 if TYPE_CHECKING:
@@ -62,14 +62,14 @@ def gain_change(
 
         assert records is not None
         read = [read_record(path, **about) for path in records]
-        found = gain_change_recorded(read[0], read[1], ratio)
+        result = gain_change_recorded(read[0], read[1], ratio)
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
 
         with naming(loop):
-            found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
-    _confirmed(found, picture, as_json)
+            result = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
+    _confirmed(result, picture, as_json)
     say_assumed(read, as_json)
 
 
@@ -101,14 +101,14 @@ def travel(
 
         assert record is not None
         read = [read_record(record, **about, automatic=False)]  # such a test is made by hand
-        found = travel_recorded(read[0])
+        result = travel_recorded(read[0])
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.grade import graded_test
 
         with naming(loop):
-            found = graded_test(load_loop(loop))
-    _confirmed(found, picture, as_json)
+            result = graded_test(load_loop(loop))
+    _confirmed(result, picture, as_json)
     say_assumed(read, as_json)
 
 
@@ -122,4 +122,4 @@ def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
         from simbench.figures._style import write_picture
 
         write_picture(result.plot(), picture)
-    show_found(result, as_json)
+    show_result(result, as_json)

@@ -81,7 +81,7 @@ def detect(
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     asked = method or ["all"]
-    # single methods are asked for their own verdicts, and answer at once
+    # single methods are asked for their verdicts alone, and answer at once
     weighed = not as_json and {"all", "full", "likelihood"} & {
         one.strip() for text in asked for one in text.split(",")
     }
@@ -159,7 +159,9 @@ def diagnose(
         "The chapter's procedure, one method among others:",
     ]
     whole = diagnosis.as_json()
-    own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
+    procedure_json = {
+        key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")
+    }
     more = {
         "verdict": concluded.verdict,
         "reason": concluded.reason,
@@ -167,7 +169,7 @@ def diagnose(
         "conclusion": concluded.as_json(),
         PROBABILITY: concluded.probability,
         "causes": causes.as_json(),
-        "procedure": own,
+        "procedure": procedure_json,
         "notes": [*record.notes],
     }
     show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
@@ -185,7 +187,7 @@ def _conclude(record: Any) -> Any:
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
     from simbench.plant.command import power_lines
 
-    # beside JSON nothing else may stand on stdout
+    # nothing but JSON may be on stdout
     print(
         "\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout
     )

@@ -8,7 +8,18 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Full, GridName, Jobs, Json, Plugin, Report, exam_app, examples, show
+from simbench.cli.common import (
+    Full,
+    GridName,
+    Jobs,
+    Json,
+    Plugin,
+    Report,
+    Resume,
+    exam_app,
+    examples,
+    show,
+)
 
 Folder = Annotated[Path, Argument(metavar="EXAM", help="Read the exam in this folder.")]
 Key = Annotated[
@@ -69,9 +80,7 @@ def answer(
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
-    resume: Annotated[
-        bool, Option("--resume", help="Continue a call that was interrupted.")
-    ] = False,
+    resume: Resume = False,
 ) -> None:
     """Ask detectors about every record of an exam."""
     from simbench.bench.exam.answering import answer_exam
@@ -113,7 +122,7 @@ def open_(
     )
     with opened_exam(folder, key, answers, jobs) as opened:
         scores, missing = score_run(opened.run), opened.missing
-        told = {
+        content = {
             **scores.as_json(),
             "failed": read_failures(opened.run).as_json(),
             "missing": missing,
@@ -130,7 +139,7 @@ def open_(
             write_report(opened.run, report)
         show(
             (
-                told
+                content
                 if as_json
                 else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)])
             ),

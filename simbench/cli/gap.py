@@ -21,7 +21,7 @@ from simbench.cli.common import (
     pairs,
     reads,
     show,
-    show_found,
+    show_result,
     withheld_app,
 )
 
@@ -107,7 +107,7 @@ def gap_diagnose(
         effect_plugins=effect_plugin or (),
         **about,
     )
-    show_found(report, as_json)
+    show_result(report, as_json)
 
 
 @gap_app.command(
@@ -142,8 +142,8 @@ def gap_plan(
     """Recommend the next test on the plant: its size, its duration and what it would tell."""
     from simbench.gap.command import plan_files
 
-    found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
-    show_found(found, as_json)
+    plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show_result(plan, as_json)
 
 
 @gap_app.command(
@@ -174,10 +174,10 @@ def gap_predict(
     """Predict PV and OP under other settings, with 90 % intervals."""
     from simbench.gap.command import predict_file
 
-    found = predict_file(
+    prediction = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )
-    show_found(found, as_json)
+    show_result(prediction, as_json)
 
 
 @gap_app.command(
@@ -204,8 +204,8 @@ def gap_discover(
     """Fit an empirical model to a missing effect that the library does not contain."""
     from simbench.gap.command import discover_file
 
-    found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
-    show_found(found, as_json)
+    discovery = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
+    show_result(discovery, as_json)
 
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
@@ -251,10 +251,7 @@ def gap_study(
         ),
     ] = None,
     write_grid: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.toml", help="Write the grid extended by the effects that were identified."
-        ),
+        Path | None, Option(metavar="FILE.toml", help="The grid, with these effects.")
     ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,
@@ -262,8 +259,8 @@ def gap_study(
     """Report how a set of records differs from a grid, and what each missing effect costs."""
     from simbench.plant.command import study_folder
 
-    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
-    show_found(found, as_json)
+    study = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
+    show_result(study, as_json)
 
 
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
@@ -322,8 +319,8 @@ def open_sealed(
     """Score the diagnoses against the sealed answers."""
     from simbench.blind.opening import open_ as score_answers
 
-    found = score_answers(out, key, scores, world)
+    scored = score_answers(out, key, scores, world)
     show(
-        {k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"],
+        {k: v for k, v in scored.items() if k != "markdown"} if as_json else scored["markdown"],
         as_json,
     )

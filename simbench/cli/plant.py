@@ -16,7 +16,7 @@ from simbench.cli.common import (
     reads,
     say_assumed,
     show,
-    show_found,
+    show_result,
 )
 
 
@@ -48,9 +48,9 @@ def trust_(
     """Report which detector to trust on this loop, and which stiction the record could show."""
     from simbench.plant.command import trust_file
 
-    found = trust_file(path, loop, method or ["all"], html=html, **about)
-    show_found(found, as_json)
-    say_assumed([found.record], as_json)
+    trust = trust_file(path, loop, method or ["all"], html=html, **about)
+    show_result(trust, as_json)
+    say_assumed([trust.record], as_json)
 
 
 @app.command(
@@ -101,9 +101,9 @@ def report_(
     """Rank the loops of a plant by what their cause costs, and list what to do next."""
     from simbench.plant.command import report_folder
 
-    fleet, beside = report_folder(
+    fleet, table = report_folder(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
     show(fleet.as_text(), as_json=False)
     say_assumed([m.found.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}\ntable: {beside.resolve()}")
+    print(f"page: {out.resolve()}; table: {table.resolve()}")

@@ -78,8 +78,8 @@ def simulate(
 
             if scenario is None:
                 raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
-            found = read_scenario(from_run, scenario)
-            result = simulated(found.loop, found.seed, kick)
+            repeated = read_scenario(from_run, scenario)
+            result = simulated(repeated.loop, repeated.seed, kick)
         else:
             from scenarios.spec import load_loop
 
@@ -146,5 +146,5 @@ def predict(
     from simbench.theory.predict import predict as theory
 
     with naming(loop):
-        found = theory(load_loop(loop))
-    show(found if as_json else as_text(found), as_json)
+        prediction = theory(load_loop(loop))
+    show(prediction if as_json else as_text(prediction), as_json)
