@@ -275,30 +275,30 @@ def _registers():
 
 def names_used(function: FunctionType) -> dict[str, Any]:
     """What a function takes from its module, by name."""
-    found = {
+    used = {
         n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__
     }
-    return {n: v for n, v in found.items() if v is not function}
+    return {n: v for n, v in used.items() if v is not function}
 
 
 def reached(functions: list[FunctionType]) -> set[FunctionType]:
     """Return the functions and all plain functions that they call."""
-    found: set[FunctionType] = set()
+    functions_reached: set[FunctionType] = set()
     while functions:
         function = functions.pop()
-        if function not in found:
-            found.add(function)
+        if function not in functions_reached:
+            functions_reached.add(function)
             functions = functions + [
                 f for f in names_used(function).values() if isinstance(f, FunctionType)
             ]
-    return found
+    return functions_reached
 
 
 def _described(parts: dict[str, Any]) -> list[str]:
     """One line per part; the constants of functions count too, which may come from a file that is
     not hashed.
     """
-    told = []
+    lines = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
             used = {
@@ -307,12 +307,12 @@ def _described(parts: dict[str, Any]) -> list[str]:
                 for n, v in names_used(f).items()
                 if not isinstance(v, FunctionType)
             }
-            told.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
+            lines.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
         elif isinstance(part, (type, ModuleType)):
-            told.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")
+            lines.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")
         else:
-            told.append(f"{name} {part.tolist() if isinstance(part, np.ndarray) else part!r}")
-    return sorted(told)
+            lines.append(f"{name} {part.tolist() if isinstance(part, np.ndarray) else part!r}")
+    return sorted(lines)
 
 
 @lru_cache(maxsize=1024)

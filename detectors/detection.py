@@ -124,9 +124,9 @@ def detect(
     >>> detect(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0, methods=half).to_frame().method.tolist()
     ['half']
     """
-    asked, own = named_methods(methods)
+    asked, custom = named_methods(methods)
     settings = _JudgeSettings(raw, front_end, thresholds or {})
-    with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
+    with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}

@@ -109,9 +109,9 @@ def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
         inspect.signature(function).bind(None, **method.defaults())
     except TypeError:
         form = ", ".join([first, *(["*"] * bool(method.thresholds)), *method.thresholds])
-        own = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
+        signature = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
         raise AnswerError(
-            f"{own} cannot be called with one record; the right form is: def detect({form})"
+            f"{signature} cannot be called with one record; the right form is: def detect({form})"
         ) from None
     except ValueError:  # a function of C, which does not tell
         pass

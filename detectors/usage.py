@@ -116,10 +116,10 @@ def cured(command: Sequence[str], cure: str) -> str:
 
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
-    said = printable(masked(" ".join(sentence.split())))
+    text = printable(masked(" ".join(sentence.split())))
     print(
         "error:"
-        f" {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}",
+        f" {text if len(text) <= _LONGEST else f'{text[: _LONGEST - 300]} [...] {text[-290:]}'}",
         file=sys.stderr,
     )
     return 2
@@ -131,7 +131,7 @@ def _fault(error: Exception) -> str:
     """
     if os.environ.get(RAISED):
         raise error
-    said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    message = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
         handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
         with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
@@ -140,7 +140,7 @@ def _fault(error: Exception) -> str:
     except OSError:
         log = "no log file, as none could be written"
     return (
-        f"this input met a fault of the program itself ({said}); nothing it printed holds; the"
+        f"this input met a fault of the program itself ({message}); nothing it printed holds; the"
         f" traceback is in {log}"
     )
 

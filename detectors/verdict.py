@@ -96,8 +96,8 @@ class Verdict:
             Every field, and the probability of stiction where the method gives one; NaN and
             infinities become null.
         """
-        own = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
-        return _plain(asdict(self) | own)
+        probability = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
+        return _plain(asdict(self) | probability)
 
 
 def _plain(value: Any) -> Any:

@@ -63,18 +63,16 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     """
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
-    found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
-    if found is None:
+    test = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
+    if test is None:
         return Verdict(
             "bicoherence",
             NO_DECISION,
             reason="too short: fewer than twelve cycles of the oscillation",
         )
-    nonlinear = found.nonlinear(ngi_low, nli_low)
-    numbers = (
-        f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
-    )
-    said = (
+    nonlinear = test.nonlinear(ngi_low, nli_low)
+    numbers = f"NGI = {test.ngi:.3f}, NLI = {test.nli:.3f}, peak {test.height:.2f} times its bound"
+    conclusion = (
         "nonlinear"
         if nonlinear
         else "no nonlinearity seen, which a symmetric cycle would not show either"
@@ -82,7 +80,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     return Verdict(
         "bicoherence",
         STICTION if nonlinear else NO_STICTION,
-        found.height,
-        {"ngi": found.ngi, "nli": found.nli, "height": found.height},
-        reason=f"{said}: {numbers}",
+        test.height,
+        {"ngi": test.ngi, "nli": test.nli, "height": test.height},
+        reason=f"{conclusion}: {numbers}",
     )

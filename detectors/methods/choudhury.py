@@ -87,11 +87,13 @@ def _most_regular(op: np.ndarray) -> tuple[int, int]:
     length = min(1000, op.size)
     for again in (True, False):
         stretches = op[: op.size // length * length].reshape(-1, length)
-        best, found = max(enumerate(oscillations_of(stretches)), key=lambda f: f[1].regularity)
+        best, oscillation = max(
+            enumerate(oscillations_of(stretches)), key=lambda f: f[1].regularity
+        )
         start = best * length
-        if not (again and length > 4.0 * found.period_s):
+        if not (again and length > 4.0 * oscillation.period_s):
             break
-        length = round(4.0 * found.period_s)
+        length = round(4.0 * oscillation.period_s)
     return start, start + length
 
 
@@ -156,10 +158,10 @@ def detect(
                 "choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples"
             )
         npi = nonlinearity_index(record.e - drift(record.e, period), period).npi
-        bent, clear, indices, told = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
+        bent, clear, indices, numbers = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
     else:
         bent, clear = higher.nonlinear(ngi_low, nli_low), higher.height
-        indices, told = (
+        indices, numbers = (
             {"ngi": higher.ngi, "nli": higher.nli},
             f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}",
         )
@@ -170,26 +172,26 @@ def detect(
     op, pv = (means(x, step) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
     low, high = (
-        given or found for given, found in zip((low, high), boundaries(around), strict=True)
+        given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)
     )
     op, pv = band_pass(op, low, high), band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
-    found = fit_ellipse(op[cut], pv[cut])
+    ellipse = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
-    if found is not None:
-        fitness, S = found.fitness(op[cut], pv[cut]), found.apparent_stiction
+    if ellipse is not None:
+        fitness, S = ellipse.fitness(op[cut], pv[cut]), ellipse.apparent_stiction
         indices |= {"fitness": fitness, "S_apparent": S}
     score = fitness * min(max(clear, 0.0), 1.0)
     if not bent:
-        reason = f"no nonlinearity seen ({told}): tuning or an outside oscillation"
+        reason = f"no nonlinearity seen ({numbers}): tuning or an outside oscillation"
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     if fitness < fitness_low:
         reason = (
-            f"nonlinear ({told}), but no ellipse ({fitness:.0%} of the points): another valve"
+            f"nonlinear ({numbers}), but no ellipse ({fitness:.0%} of the points): another valve"
             " problem"
         )
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
-    reason = f"nonlinear ({told}) and {fitness:.0%} of the points on an ellipse"
+    reason = f"nonlinear ({numbers}) and {fitness:.0%} of the points on an ellipse"
     if record.op_percent is not None and np.ptp(record.op_percent) > _WIDE:
         reason += (
             f"; OP moves over {np.ptp(record.op_percent):.0f} %, so look at the valve's"

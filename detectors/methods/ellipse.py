@@ -95,13 +95,13 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name))
         for name, x in (("op", op), ("pv", pv))
     )
-    found = fit_ellipse(op[cut], pv[cut]) if moves else None
-    if found is None:
+    ellipse = fit_ellipse(op[cut], pv[cut]) if moves else None
+    if ellipse is None:
         return Verdict(
             "ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse"
         )
-    fitness = found.fitness(op[cut], pv[cut])
-    S = found.apparent_stiction
+    fitness = ellipse.fitness(op[cut], pv[cut])
+    S = ellipse.apparent_stiction
     indices = {"fitness": fitness, "S_apparent": S}
     if fitness >= fitness_low:
         reason = (

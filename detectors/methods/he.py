@@ -109,10 +109,10 @@ def detect(
     free_apex, lines = triangle_indices(humps)
     eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:
-        verdict, said = STICTION, "triangular"
+        verdict, shape = STICTION, "triangular"
     elif eta <= eta_low:
-        verdict, said = NO_STICTION, "sinusoidal"
+        verdict, shape = NO_STICTION, "sinusoidal"
     else:
-        verdict, said = NO_DECISION, "between triangle and sine"
-    reason = f"{name} is {said}: eta = {eta:.2f} over {len(humps)} half cycles"
+        verdict, shape = NO_DECISION, "between triangle and sine"
+    reason = f"{name} is {shape}: eta = {eta:.2f} over {len(humps)} half cycles"
     return Verdict("he", verdict, eta, {"eta": free_apex, "eta_two_line": lines}, reason=reason)

@@ -50,10 +50,10 @@ def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     `d`, in units of its std.
     """
     z = (d - d.mean()) / d.std()
-    found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
+    density = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities(least_A)
     camel, gauss = (
-        float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
+        float(((family - density) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
     )
     return camel, gauss
 
@@ -100,8 +100,8 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
         )
     camel, gauss = density_errors(d, least_A)
     score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
-    verdict, said = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
-    reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
+    verdict, form = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
+    reason = f"differences of PV have {form}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict(
         "horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason
     )

@@ -107,18 +107,18 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     indices = {"width": width, "still": flat}
     S = None
     if width > width_min and flat > still_min:
-        verdict, said = STICTION, "a parallelogram"
+        verdict, shape = STICTION, "a parallelogram"
         S = (
             distance
             if record.op_span is None
             else distance * 100.0 / (record.op_span[1] - record.op_span[0])
         )
     elif flat > still_min:
-        verdict, said = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
+        verdict, shape = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
     else:
-        verdict, said = NO_STICTION, "no flat sides"
+        verdict, shape = NO_STICTION, "no flat sides"
     reason = (
-        f"valve position over OP has {said}: width {width:.2f} of the swing, still in {flat:.0%}"
+        f"valve position over OP has {shape}: width {width:.2f} of the swing, still in {flat:.0%}"
         f" ({note})"
     )
     return Verdict("kano_b", verdict, score, indices, S=S, reason=reason)

@@ -89,15 +89,15 @@ def detect(
     >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
     'no_stiction'
     """
-    found = walk(
+    diagnosis = walk(
         prepared, ProcedureRules(odds_low, odds_high, follow_min, weighted > 0.5, veto > 0.5)
     )
     return Verdict(
         "procedure",
-        found.verdict,
-        found.score,
-        found.indices,
-        S=found.S,
-        J=found.J,
-        reason=found.reason,
+        diagnosis.verdict,
+        diagnosis.score,
+        diagnosis.indices,
+        S=diagnosis.S,
+        J=diagnosis.J,
+        reason=diagnosis.reason,
     )

@@ -97,10 +97,10 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
         )
     index = relay_index(humps, left_out)
     if index > bound:
-        verdict, said = STICTION, "like a relay's answer"
+        verdict, shape = STICTION, "like a relay's answer"
     elif index < -bound:
-        verdict, said = NO_STICTION, "like a sine"
+        verdict, shape = NO_STICTION, "like a sine"
     else:
-        verdict, said = NO_DECISION, "between sine and relay's answer"
-    reason = f"PV is {said}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
+        verdict, shape = NO_DECISION, "between sine and relay's answer"
+    reason = f"PV is {shape}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
     return Verdict("rossi_scali", verdict, 0.5 + 0.5 * index, {"eta_rossi": index}, reason=reason)

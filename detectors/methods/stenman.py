@@ -157,8 +157,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y / y.std()
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
-    found = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
-    cost, x = found
+    best = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
+    cost, x = best
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)
     stuck = 1.0 - jumps / (n - 1)

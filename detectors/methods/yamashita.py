@@ -104,8 +104,8 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
     if not np.isfinite(rho3):
         return Verdict("yamashita", NO_DECISION, reason="OP or valve position does not move")
     verdict = STICTION if rho3 > rho3_min else NO_STICTION
-    said = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
-    reason = f"the valve {said}: rho3 = {rho3:.2f} ({note})"
+    behaviour = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
+    reason = f"the valve {behaviour}: rho3 = {rho3:.2f} ({note})"
     return Verdict(
         "yamashita", verdict, rho3, {"rho1": rho1, "rho2": rho2, "rho3": rho3}, reason=reason
     )

@@ -57,16 +57,16 @@ def _answer(question: bytes, most: int) -> bytes:
     try:
         function, arguments = pickle.loads(question)
         answer = pickle.dumps(("", function(*arguments)))
-        said = ("failed", f"answers with {len(answer)} bytes; at most {most} are allowed")
+        failure = ("failed", f"answers with {len(answer)} bytes; at most {most} are allowed")
         if len(answer) <= most:
             return answer
     except MemoryError:
-        said = ("failed", "takes more memory than it may")
+        failure = ("failed", "takes more memory than it may")
     except UserError as error:
-        said = ("form" if isinstance(error, AnswerError) else "refused", str(error))
+        failure = ("form" if isinstance(error, AnswerError) else "refused", str(error))
     except BaseException as error:  # whatever the code of others does, sys.exit too
-        said = ("failed", _sentence(error))
-    return pickle.dumps(said)
+        failure = ("failed", _sentence(error))
+    return pickle.dumps(failure)
 
 
 def _sentence(error: BaseException) -> str:

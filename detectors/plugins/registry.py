@@ -84,9 +84,9 @@ class PluginFolder:
         if name not in self._loaded:
             if name not in self._above and name not in self.names():
                 raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
-            own = self._above.get(name, f"{self.package}.{name}")
+            module = self._above.get(name, f"{self.package}.{name}")
             self._loaded[name] = self._checked(
-                self._outside(name) or importlib.import_module(own), name
+                self._outside(name) or importlib.import_module(module), name
             )
         return self._loaded[name]
 

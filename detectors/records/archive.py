@@ -63,13 +63,13 @@ def hold(
     if Ts is None:
         known = [s for s in steps.values() if s is not None]
         if len(known) < 2 or abs(known[0] - known[1]) > _TOLERANCE * max(known):
-            told = ", ".join(
+            intervals = ", ".join(
                 f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}"
                 for r, s in steps.items()
             )
             raise RecordError(
-                f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts"
-                " is needed"
+                f"{where}: OP and PV have times of their own ({intervals}); say which sampling"
+                " period Ts is needed"
             )
         Ts = min(known)
     begin, end = (

@@ -184,12 +184,12 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         for n, c in sheet.columns.items()
         if n.startswith(BLANK)
     }
-    said = {
+    renamed = {
         n: f"Status.{i}"
         for i, (n, cells) in enumerate(nameless.items(), 1)
         if cells and cells <= words
     }
-    sheet.columns = {said.get(n, n): c for n, c in sheet.columns.items()}
+    sheet.columns = {renamed.get(n, n): c for n, c in sheet.columns.items()}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name != time and written and _numeric(written[1]):
@@ -211,14 +211,14 @@ def op_span(
         notes.append(f"unit: OP is in {name}, {lo:g} to {hi:g} {name} taken as 0 to 100 %")
         return lo, hi
     if unit_of_op in _OTHER_SPANS:
-        said = (
+        sentence = (
             f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
         )
         counts = next(
             (span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top),
             "0 100",
         )
-        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
+        raise RecordError(sentence, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
     return None
 
 
@@ -231,11 +231,11 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
     lo, hi = float(record.op.min()), float(record.op.max())
     runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
     if record.op_share:
-        said = (
+        sentence = (
             f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0"
             " and 100 % is needed"
         )
-        raise RecordError(said, "--op-span 0 1")
+        raise RecordError(sentence, "--op-span 0 1")
     if record.op_percent is None:
         likely = next(
             (span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}"
@@ -350,11 +350,11 @@ def apply_quality(
     for name, words in about.items():
         if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
-        beside = _beside(name, list(sheet.columns), about, roles)
+        neighbour = _beside(name, list(sheet.columns), about, roles)
         mine = [
             r
             for r in signals
-            if (roles[r] == beside if beside else not words or _about(words, roles[r], r))
+            if (roles[r] == neighbour if neighbour else not words or _about(words, roles[r], r))
         ]
         if not mine:
             continue
@@ -404,11 +404,11 @@ def _about(words: Sequence[str], column: str, role: str) -> bool:
     """Whether a quality's name speaks of a signal: of its column, its loop, or the signal
     itself.
     """
-    said = parse(".".join(words))
+    named = parse(".".join(words))
     mine = parse(column)
     return (
-        said.role == role and said.loop in ((), mine.loop)
-        if said.role
+        named.role == role and named.loop in ((), mine.loop)
+        if named.role
         else tuple(words) == mine.loop
     )
 
@@ -459,18 +459,18 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
     """Decide whether the comma is the decimal sign, by every number of the table together."""
     if not any("," in t and _numeric(t) for t in texts):
         return False
-    found = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
-    point, comma = (all(rule.fullmatch(t) for t in found) for rule in (_POINT, _COMMA))
+    signed = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
+    point, comma = (all(rule.fullmatch(t) for t in signed) for rule in (_POINT, _COMMA))
     if point and comma:
-        if sheet.delimiter == ";" and not any("." in t for t in found):
+        if sheet.delimiter == ";" and not any("." in t for t in signed):
             return True  # such files exist because the comma is taken
-        example = next(t for t in found if "," in t)
+        example = next(t for t in signed if "," in t)
         raise RecordError(
             f"{where}: {example!r} may be {example.replace(',', '.')} or"
             f" {example.replace(',', '')}; write points"
         )
     if not point and not comma:
-        one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
+        one, other = (next(t for t in signed if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
         raise RecordError(
             f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is"
             " needed"
@@ -558,17 +558,17 @@ def _judged(
         if inverted and not _sure(name) and last != "detail" and "detail" not in last:
             return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
         if max(kinds) < 192 and max(kinds) != 128:  # which PCS 7 writes for good
-            said = (
+            sentence = (
                 f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known,"
                 " or words"
             )
-            raise RecordError(said, "--columns quality=none")
+            raise RecordError(sentence, "--columns quality=none")
         codes &= 255  # OPC UA and historians keep more above the lowest byte
         return codes < 64, int(((codes >= 64) & (codes < 192)).sum()), True
     odd = sorted(t for t, k in words.items() if t and k not in _GOOD | _BAD | _UNSURE)
     if odd and len(odd) < len(set(texts) - {""}):
-        said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
-        raise RecordError(said, "--columns quality=none")
+        sentence = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
+        raise RecordError(sentence, "--columns quality=none")
     # a flag named Bad is true where the sample is bad
     flagged = _GOOD if plain(name).endswith("bad") else _BAD
     bad = np.array([words[t] in flagged for t in texts], dtype=bool)

@@ -26,9 +26,9 @@ def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
     one.
     """
     names = list(sheet.columns)
-    found = long_columns(names)
-    if found is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
-        return _long(sheet, *found)
+    columns = long_columns(names)
+    if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
+        return _long(sheet, *columns)
     return _paired(sheet) or _interleaved(sheet)
 
 
@@ -86,11 +86,11 @@ def read_series(
 
 def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, Sheet]:
     cells = [sheet.columns[name] for name in tags]
-    own = [str(v).strip() for v in cells[0]]
-    if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(own)}:
-        own = [f"{a}.{str(b).strip()}" for a, b in zip(own, cells[1], strict=True)]
+    tag_of_row = [str(v).strip() for v in cells[0]]
+    if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(tag_of_row)}:
+        tag_of_row = [f"{a}.{str(b).strip()}" for a, b in zip(tag_of_row, cells[1], strict=True)]
     rows: dict[str, list[int]] = {}
-    for i, name in enumerate(own):
+    for i, name in enumerate(tag_of_row):
         rows.setdefault(name, []).append(i)
     others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
     also = {n: n for n in others}

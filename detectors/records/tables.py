@@ -110,9 +110,9 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
-        said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
+        message = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(
-            f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed"
+            f"file {path} cannot be read as {suffix[1:]}: {message}; a whole file is needed"
         ) from error
     collecting = gc.isenabled()
     gc.disable()  # a million rows, none of them garbage, would be looked through again and again
@@ -125,13 +125,13 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
 
 def range_of(cells: Sequence[object]) -> str:
     """Return the range of a column's numbers, or that it holds none."""
-    found = []
+    numbers = []
     for cell in cells:
         try:
-            found.append(float(str(cell).replace(",", ".")))
+            numbers.append(float(str(cell).replace(",", ".")))
         except ValueError:
             continue
-    kept = [x for x in found if np.isfinite(x)]
+    kept = [x for x in numbers if np.isfinite(x)]
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
@@ -217,11 +217,11 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         chinese = data.decode("gb18030", errors="replace")
         if re.search("时间|日期|位号|测量值|设定值|输出", chinese[:4096]):
             return chinese, [f"file: byte {error.start} is not UTF-8, read as GB 18030"]
-        said = (
+        note = (
             f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in"
             " both"
         )
-        return data.decode("cp1252", errors="replace"), [said]
+        return data.decode("cp1252", errors="replace"), [note]
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
@@ -260,13 +260,13 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
         if cells and cells != [""]:
             rows.append(cells)
             numbers.append(start + line)
-    found = _table(path, rows, numbers, lambda cells: True, above)
+    sheet = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    found.notes = (
-        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
+    sheet.notes = (
+        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + sheet.notes
     )
-    found.delimiter = delimiter
-    return found
+    sheet.delimiter = delimiter
+    return sheet
 
 
 def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[str], int]]:
@@ -340,12 +340,12 @@ def _table(
         )
     )
     skipped = sum(any(c.strip() for c in row) for row in rows[:start])
-    said = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    note = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
     return Sheet(
         columns,
         kept,
         "",
-        said + [f"file: {again} repetitions of the header left out"] * (again > 0),
+        note + [f"file: {again} repetitions of the header left out"] * (again > 0),
     )
 
 

@@ -111,8 +111,8 @@ def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
     x = means(e, step)
     if x.size < _FEWEST * _OF_CYCLES:
         return None
-    found = bicoherence(x, _OF_CYCLES)
-    return replace(found, f1=found.f1 / step, f2=found.f2 / step)
+    result = bicoherence(x, _OF_CYCLES)
+    return replace(result, f1=result.f1 / step, f2=result.f2 / step)
 
 
 def resampling_step(period: float) -> float:
