@@ -54,7 +54,7 @@ def compiled(function: FunctionType):
 
     Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's
     pairwise sums; division by zero gives inf or NaN. numba's disk cache only watches the file a
-    function stands in. So each kernel is written to a module of its own whose name carries the hash
+    function stands in. So each kernel is written to a separate module whose name carries the hash
     of every source that takes part: an edited helper never meets an old kernel. Not for closures.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
@@ -86,7 +86,7 @@ def quick(function: FunctionType):
 
 
 def njit_cached(function: FunctionType):
-    """Return a function compiled by numba and cached beside it or for its user; where neither can
+    """Return a function compiled by numba and cached next to it or for its user; where neither can
     be written, not cached.
     """
     from numba import njit
@@ -99,7 +99,7 @@ def njit_cached(function: FunctionType):
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out
+    """Keep linear algebra to one thread where its libraries are known: with more, sums come out
     in another order.
     """
     from threadpoolctl import threadpool_limits
@@ -117,7 +117,7 @@ def one_thread() -> Iterator[None]:
 def cached_module(
     kind: str, parts: dict[str, Any], text: str, error_model: str = "python"
 ) -> ModuleType:
-    """Write `text` to a module, found again on disk, in which the names of `parts` are known,
+    """Write `text` to a module, reused from disk, in which the names of `parts` are known,
     functions compiled; import it.
 
     A division by zero in one of the parts raises under the `error_model` "python", and gives inf or
@@ -175,7 +175,7 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
-            # numba's own version stands before what carries the checksum
+            # numba writes its version in front of what carries the checksum
             mark = pickle.dumps(self._version, protocol=-1)
             try:
                 stamp, overloads = pickle.loads(
@@ -334,7 +334,7 @@ def cache_folder() -> Path:
             Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
         )
         base.mkdir(parents=True, exist_ok=True)
-        if os.name == "posix":  # elsewhere a user's own folders are closed to others
+        if os.name == "posix":  # elsewhere a user's folders are closed to others
             if base.stat().st_uid != os.getuid():
                 raise PermissionError
             base.chmod(0o700)

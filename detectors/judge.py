@@ -22,7 +22,7 @@ from detectors.quality import resolution
 from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, wrong_types
 
-# A record with one of these flags says nothing about its valve, whatever the method.
+# A record with one of these flags gives no information about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 

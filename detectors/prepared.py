@@ -74,7 +74,7 @@ class Prepared:
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal that stands for MV, turned to rise with the valve's opening, or None;
+        """Return the signal used as MV, turned to rise with the valve's opening, or None;
         whether it may; and why.
 
         MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown
@@ -149,7 +149,7 @@ class Prepared:
         )
 
     def clear_harmonics(self, name: str) -> float:
-        """Return up to which harmonic a signal stands above its noise, see
+        """Return up to which harmonic a signal exceeds its noise, see
         `detectors.signal.conditioning`.
         """
         return self.share(
@@ -188,7 +188,7 @@ class Prepared:
         )
 
     def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
+        """Return the stand-stills of the signal used as MV, see `detectors.signal.standstill`."""
         return self.share(
             f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period)
         )
@@ -211,7 +211,7 @@ class Prepared:
         )
 
     def with_mv(self, record: LoopRecord) -> Prepared:
-        """Return the same for the same record, all of it, with MV; what was found without MV is
+        """Return the same for the same record, all of it, with MV; what was computed without MV is
         kept.
         """
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
@@ -223,7 +223,7 @@ class Prepared:
         """Return what a method is given: `record` is the one that was prepared, with MV where the
         method may see it.
 
-        What the front end says of the oscillation holds for every view of a record.
+        The front end's result holds for every view of a record.
         """
         whole = method.whole and (self.part is not None or self.step > 1)
         key = (whole, record.mv is None)

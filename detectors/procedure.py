@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # the loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and
 # .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
-# own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
+# set here: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 FOLLOW_MIN = 0.2
 # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
 _QUIET = -3.0
@@ -103,13 +103,13 @@ class _Step:
     step: str
     question: str
     answer: str
-    evidence: str  # the numbers behind the answer
+    evidence: str  # the numbers that led to the answer
     reason: str  # what follows from it
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the procedure found and how it came to it."""
+    """The conclusion of the procedure and the path to it."""
 
     verdict: str  # {"stiction", "no_stiction", "no_decision"}: the answer
     score: float  # log-odds of stiction; NaN where the record is unfit
@@ -405,7 +405,7 @@ class _Course:
 
 
 def _travel(record: LoopRecord) -> tuple[np.ndarray, tuple[float, float]]:
-    """OP in % with its limits, or in its own unit without."""
+    """OP in % with its limits, or in its unit without."""
     if record.op_percent is None:
         return record.op, (-np.inf, np.inf)
     return record.op_percent, (0.0, 100.0)

@@ -62,7 +62,7 @@ Methods = Detector | Iterable[Detector]
 
 
 class About(TypedDict, total=False):
-    """What is known of a record beside its signals; `columns` is for tables and files."""
+    """What is known of a record in addition to its signals; `columns` is for tables and files."""
 
     process: Literal["self-regulating", "integrating"] | None
     kind: Literal["flow", "level", "pressure", "temperature", "analyser"] | None
@@ -81,7 +81,7 @@ class AboutFile(About, total=False):
 
 class RecordSignals(About, total=False):
     """The signals of a record in place of a source, and what is known of it; Ts (s) is also a
-    source's, in place of its own.
+    source's, in place of the recorded one.
     """
 
     op: ArrayLike
@@ -207,7 +207,7 @@ def _name_of(detector: Any) -> str:
 
 
 def as_plugin(name: str, detector: Any) -> ModuleType:
-    """Return what stands among the detectors for a function or an object of the caller."""
+    """Return the detector module of a function or an object of the caller."""
     title = (inspect.getdoc(detector) or name).strip().splitlines()[0]
     given = getattr(detector, "METHOD", None)
     method = given if isinstance(given, Method) else Method(title=title, source="the caller's own")

@@ -26,7 +26,7 @@ RAISED = "SIMBENCH_RAISE"
 LOGS = 20  # kept there, the newest
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
-_LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
+_LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
 def exit_code(
@@ -72,7 +72,7 @@ def exit_code(
         print(masked(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
-        # argparse has printed its help or its complaint by then, click found its reader gone (1)
+        # argparse has printed its help or its complaint by then, click lost its reader (1)
         return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
         return complain(_fault(error))
@@ -97,7 +97,7 @@ def _terminable() -> Iterator[None]:
 
 
 def cured(command: Sequence[str], cure: str) -> str:
-    """Return a command with further options, in place of its own of the same names."""
+    """Return a command with further options, in place of those with the same names."""
     option, *values = shlex.split(cure)
     words, old, at = [], [], 0
     while at < len(command):

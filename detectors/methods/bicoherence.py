@@ -1,7 +1,7 @@
 """Bicoherence test: in a loop with a nonlinear element pairs of frequencies drive their sum; in a
 linear one they do not.
 
-Needs: the control error (mean PV stands in for a set point that was not recorded), either process
+Needs: the control error (mean PV replaces a set point that was not recorded), either process
 type, 256 samples.
 Parameters: `ngi_low` (-), `nli_low` (-), published.
 Indices: ngi (mean squared bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2

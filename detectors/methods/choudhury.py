@@ -14,7 +14,7 @@ Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation
 zero-phase band-pass around the bicoherence peak; step 3, the most regular of the stretches of 1000
 samples gives the period, the most regular one of four periods is taken; step 4, an ellipse with
 fitness >= 0.6: stiction, and the chord along OP is the apparent stiction; else another valve
-problem. OP moving over more than 25 % of its span is said: the valve's characteristic may then be
+problem. OP moving over more than 25 % of its span is noted: the valve's characteristic may then be
 the nonlinearity.
 Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering
@@ -165,7 +165,7 @@ def detect(
             {"ngi": higher.ngi, "nli": higher.nli},
             f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}",
         )
-    # the surrogates name no frequencies: the oscillation's stands in
+    # the surrogates name no frequencies: the oscillation's is used
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)

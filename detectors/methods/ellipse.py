@@ -1,9 +1,9 @@
-"""Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points
-scatter or lie on a line.
+"""Ellipse fit: downstream of a sticky valve PV drawn over OP runs round an ellipse; without it the
+points scatter or lie on a line.
 
 Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise
 removed.
-Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in the
+Parameters: `fitness_low` (-), published; `harmonics` (-), set here: kept of OP and PV; 0, as in the
 source: the filter of Procedure 11.3, step 2, about the peak of the bicoherence.
 Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the
 centre along OP).
@@ -27,7 +27,7 @@ from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-_DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
+_DEAD = 1e-9  # of a signal's range over the record: what moves by less is at rest
 
 METHOD = Method(
     title="ellipse fitted to PV over OP",

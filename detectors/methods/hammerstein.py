@@ -3,11 +3,11 @@ straight valve does as well.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S
 and J in % of travel.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the source: there S alone
-decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the
-source, a linear part fitted by one-step errors.
+Parameters: `score_low`, `score_high` (-), set here from simulated loops, 0 in the source: there S
+alone decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0), set here: 0, as
+in the source, a linear part fitted by one-step errors.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the
-swing of OP: a cycle of the valve's own swings by no more than about S + J), error (unexplained
+swing of OP: a cycle of the valve alone swings by no more than about S + J), error (unexplained
 share of the variance of PV), S_hat, J_hat, T_s, Td_s.
 Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an interval
 around what both maps say, which holds in nine loops of ten; J a number where the record fixes it,

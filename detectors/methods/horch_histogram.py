@@ -1,10 +1,10 @@
-"""Horch 2006: behind a sticky valve the slope of a level jumps and rests, behind a sine it swings
-as a sine does; its histogram tells.
+"""Horch 2006: downstream of a sticky valve the slope of a level jumps and rests; under a sine it
+swings as a sine does; its histogram tells.
 
 Needs: PV, three periods of a sustained oscillation; made for integrating processes (second
-difference of PV), works on self-regulating ones (first difference) in the author's own extension.
+difference of PV), works on self-regulating ones (first difference) in the author's extension.
 Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of
-the data), own, 0 in the source: the smallest A of a camel.
+the data), set here, 0 in the source: the smallest A of a camel.
 Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
 Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central
 peak: stiction) and by the density of A cos(phi) plus Gaussian noise (a camel: no stiction); score =

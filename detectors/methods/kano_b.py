@@ -5,15 +5,15 @@ Needs: OP with the valve position, or with PV of a flow loop; three periods of a
 oscillation.
 Parameters: `width_min` (-), least distance of the sides as a share of OP's swing; `still_min` (-),
 least share of time on the flat sides. The paper has process-specific values and gives no universal
-ones; these are own.
+ones; these are set here.
 Indices: width, distance of the two sides along OP over the swing of OP, 0..1; still, share of time
 in which the valve does not move, 0..1.
 Rule: lines through the samples in which the valve moves up and those in which it moves down, with
 one slope; their distance along OP is S - J. Stiction when width > width_min and still > still_min:
 a lag alone draws an ellipse, which is wide but has no flat sides.
-Not for: J near S, whose parallelogram has no width (no decision when the valve stands still all the
+Not for: J near S, whose parallelogram has no width (no decision when the valve rests all the
 same); noisy valve positions; PV of a slow process in their place.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds own.
+Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds set here.
 """
 
 from __future__ import annotations

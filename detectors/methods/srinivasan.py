@@ -2,11 +2,11 @@
 sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2
-counts. The label that most cycles carry wins.
+Parameters: `by_kind` (0 or 1), set here to 0: where the kind of loop is known only its column of
+Table 11.2 counts. The label that most cycles carry wins.
 Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1),
 under the keys op_square, op_triangle, op_sawtooth, op_sine, pv_...
-Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision.
+Rule: (OP, PV) listed in Table 11.2: stiction; sine and sine: none; any other pair: no decision.
 Shapes of the chapter's table: triangle-square and square-square (flow), triangle-sine (pressure,
 temperature), triangle-triangle and parabola-triangle (level; a parabola is labelled sine).
 Saw-teeth count as triangles: J > 0 tilts them.

@@ -24,7 +24,7 @@ def main() -> None:
     null = os.open(os.devnull, os.O_RDWR)
     for handle in (0, 1, 2):  # what the plug-in prints mixes with no answer
         os.dup2(null, handle)
-    # a process that a plug-in leaves behind must not hold the pipes open
+    # a process that a plug-in leaves running must not hold the pipes open
     if hasattr(os, "register_at_fork"):
         os.register_at_fork(
             after_in_child=lambda: os.closerange(source.fileno(), sink.fileno() + 1)

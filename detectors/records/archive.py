@@ -58,7 +58,7 @@ def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np
 def hold(
     series: Mapping[str, Series], Ts: float | None, where: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float, list[str]]:
-    """Put signals with times of their own on one even grid, every value held until the next."""
+    """Put signals with separate times on one even grid, every value held until the next."""
     steps = {role: base_step(series[role][0]) for role in ("op", "pv")}
     if Ts is None:
         known = [s for s in steps.values() if s is not None]

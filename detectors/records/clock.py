@@ -116,7 +116,7 @@ def seconds(
     notes: list[str] | None = None,
     again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest comes
     first.
     """
     remarks = notes if notes is not None else []

@@ -30,7 +30,7 @@ from detectors.records.tables import BLANK, Sheet
 
 _LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
-# what stands in place of a number when there is none
+# words written in place of a missing number
 _NO_VALUE = set(
     entries("""
     bad, no data, nodata, no good data, bad input, bad quality, bad data, i/o timeout, io timeout,
@@ -84,10 +84,10 @@ _COUNTS = (
 )
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
-_APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
-# a cell that says its unit: 12,3 m3/h
+_APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
+# a cell with its unit: 12,3 m3/h
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
-# a historian's mark behind a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
+# a historian's mark after a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
 _MARKED, _MARK_ENDS = (
     re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
     ("?", "*", ")"),
@@ -202,7 +202,7 @@ def op_span(
     unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]
 ) -> tuple[float, float] | None:
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others
-    need to be told.
+    must be given.
     """
     if known is not None:
         return None
@@ -223,7 +223,7 @@ def op_span(
 
 
 def open_span(record: LoopRecord, where: str) -> list[str]:
-    """Return what must be said of an OP whose unit nothing tells; a share of 1 is asked for, as %
+    """Return the notes on an OP of unknown unit; a share of 1 is asked for, as %
     is 100 times as large.
     """
     if record.op_span is not None:
@@ -252,7 +252,7 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
-    """Return columns as numbers; states such as "Bad" count as missing, and that is said."""
+    """Return columns as numbers; states such as "Bad" count as missing, with a note."""
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
@@ -350,7 +350,7 @@ def apply_quality(
     for name, words in about.items():
         if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
-        neighbour = _beside(name, list(sheet.columns), about, roles)
+        neighbour = _neighbour(name, list(sheet.columns), about, roles)
         mine = [
             r
             for r in signals
@@ -373,10 +373,10 @@ def apply_quality(
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
 
 
-def _beside(
+def _neighbour(
     name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]
 ) -> str | None:
-    """Return the column that one of several qualities of one name stands behind, or before; None of
+    """Return the column that one of several qualities of one name follows, or precedes; None of
     the only one.
     """
     alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
@@ -481,16 +481,18 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
 
 
 def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
-    """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
+    """Refuse 987 in one column with 1.012, which a program that separates thousands writes for
+    1012.
+    """
     marked = [t for t in column if "," in t or "." in t]
-    # most columns are told by their first number
+    # the first number decides most columns
     if any(not _GROUPS.fullmatch(t) and _numeric(t) for t in marked):
         return
     plain = [abs(float(t)) for t in column if len(t) < 5 and re.fullmatch(r"[+-]?[1-9]\d\d", t)]
     signed = [t for t in marked if _numeric(t)] if plain else []
     if signed:
         read = [abs(float(t.replace(",", "."))) for t in signed if len(re.findall("[.,]", t)) == 1]
-        # 514.503 beside 515 is a decimal point: as 514503 it would be another signal
+        # 514.503 next to 515 has a decimal point: as 514503 it would be another signal
         if read and min(read) > 0.1 * min(plain):
             return
         raise RecordError(

@@ -51,7 +51,7 @@ from detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_t
 from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
-# what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
+# what a loop without stiction may have instead; more words may follow ("tuning problem")
 _CAUSES = entries("""
     tuning, disturbance, load, interaction, sensor, nonlinearity, quantisation, healthy, other
 """)
@@ -88,11 +88,11 @@ def read_record(
     Ts : float, optional
         Sampling period (s), in place of the time column.
     loops : str or Path, optional
-        A table of loops (TOML) that says of the tag what the caller does not, see
+        A table of loops (TOML) that states what the caller does not, see
         `detectors.records.loop_table`.
     automatic : bool
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
-        `meta["manual"]` says where OP was the operator's.
+        `meta["manual"]` marks where OP was the operator's.
     **about
         Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a
         record of which more than 20 % is missing is not refused, and its longest segment without a
@@ -103,7 +103,7 @@ def read_record(
     LoopRecord
         Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the
         longest whole segment is returned; of an archive that stores changes only, values hold until
-        the next. `notes` says all of it, and everything else that had to be assumed: lines left
+        the next. `notes` lists all of it, and everything else that had to be assumed: lines left
         out, states such as "Bad", units, the order of day and month.
 
     Raises
@@ -128,7 +128,7 @@ def read_record(
     for row in read_loop_table(loops) if loops is not None else []:
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
             return _of_row(path, row, given, named=wanted is not None)
-    return _only(_of_file(path, wanted, single=True, **_told({}, given)))
+    return _only(_of_file(path, wanted, single=True, **_merged({}, given)))
 
 
 def read_records(
@@ -155,12 +155,12 @@ def read_records(
 def _of_row(
     path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False
 ) -> LoopRecord:
-    """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its
+    """Return the loop of a table's row; where neither row nor caller (`named`) names the file, its
     columns must name the tag.
     """
     tag = None if "columns" in row else row["tag"]
     loops = _of_file(
-        path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given)
+        path, tag, single=True, in_columns=not named and "file" not in row, **_merged(row, given)
     )
     return replace(_only(loops), tag=row["tag"])
 
@@ -188,7 +188,7 @@ def read_folder(
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
-        # a tag told of many files picks a loop that their columns name, and names none
+        # a tag given for many files picks a loop that their columns name, and names none
         sources = {
             printable(f.stem): (f, None)
             for f in sorted(path.iterdir())
@@ -237,8 +237,8 @@ def read_folder(
     return records, refused
 
 
-def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a table of loops says of one, under what the caller says."""
+def _merged(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a table of loops states about one, overridden by the caller."""
     both = {**row, **{k: v for k, v in given.items() if v is not None}}
     return {
         k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")
@@ -303,7 +303,9 @@ def _of_file(
     for label, (table, roles) in mine.items():
         try:
             known = {"tag": printable(label or path.stem), **about}
-            records[label] = _record(table.own(), roles, chosen, Ts, known, where, automatic)
+            records[label] = _record(
+                table.with_separate_notes(), roles, chosen, Ts, known, where, automatic
+            )
         except RecordError as error:
             refused[label] = (
                 error
@@ -352,7 +354,7 @@ def _label(text: str, where: str) -> str:
 
 @dataclass
 class _Opened:
-    """A file's table with the units of its columns and, where signals have times of their own, a
+    """A file's table with the units of its columns and, where signals have separate times, a
     part per tag.
     """
 
@@ -361,8 +363,8 @@ class _Opened:
     parts: dict[str, Sheet] | None
     where: str
 
-    def own(self) -> _Opened:
-        """Return the same with notes of its own, for one of several loops."""
+    def with_separate_notes(self) -> _Opened:
+        """Return the same with separate notes, for one of several loops."""
         parts = (
             None
             if self.parts is None
@@ -512,7 +514,9 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
 
 
 def _outside(record: LoopRecord, where: str) -> list[str]:
-    """Refuse a span that is another signal's; say of how many samples a signal leaves its own."""
+    """Refuse a span that is another signal's; note how many samples of a signal lie outside its
+    span.
+    """
     notes = []
     for name in ("op", "pv"):
         lo, hi = getattr(record, f"{name}_span") or (0.0, 0.0)

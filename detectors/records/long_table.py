@@ -1,5 +1,5 @@
-"""Tables whose signals have times of their own: one row per time, tag and value, or a column of
-times beside every signal.
+"""Tables whose signals have separate times: one row per time, tag and value, or a column of
+times next to every signal.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from detectors.records.roles import ends_with, is_quality, is_time, parse
 from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
-_LOOKED = 60  # rows by which a table is told to hold one value each
+_LOOKED = 60  # rows by which a table is recognised to hold one value each
 _TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 _TIME = "t"  # the column of times in a part
 
 
 def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
-    """Take a table apart whose signals have times of their own, tag by tag; None where they share
+    """Take a table apart whose signals have separate times, tag by tag; None where they share
     one.
     """
     names = list(sheet.columns)

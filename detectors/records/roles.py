@@ -23,7 +23,7 @@ def entries(table: str) -> tuple[str, ...]:
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
-ASKED = "NAME"  # stands in a hint for the column that the user alone can name
+ASKED = "NAME"  # used in a hint for the column that the user alone can name
 TIME_NAMES = entries("""
     t s, t, time, timestamp, ts, datetime, date time, date, time stamp, t stamp, time string,
     date and time, elapsed, elapsed time, zeitstempel, zeit, zeitpunkt, datum, datum uhrzeit,
@@ -34,7 +34,7 @@ DATES, CLOCKS = (
     entries("date, datum, fecha, 日期"),
     entries("time, uhrzeit, zeit, heure, hora, ora, 时间"),
 )
-# other words for a signal, its own first; CV and MV mean different things in different plants.
+# words for a signal, its standard name first; CV and MV mean different things in different plants.
 # Accents are left out
 SIGNAL_WORDS = {
     "pv": entries("""
@@ -74,18 +74,18 @@ PARAMETER_COLUMNS = entries("""
     field, parameter, attribute, property, signal, merkmal, parametre, parametro, 参数
 """)
 VALUES = entries("value, val, var value, varvalue, wert, messwert, valeur, valor, 值, 数值")
-# behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
+# after a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
 _VALUE_SUFFIX = entries("cv, value, val, f, actual, current, raw, avg, mean, last, average, wert")
 _UNITS = entries("""
     pct, percent, prozent, %, kpa, mpa, hpa, pa, bar, barg, mbar, psi, psig, degc, degf, m3h, m3hr,
     kgh, kghr, nm3h, lpm, gpm, lmin, mm, cm, ma, v, volt, counts, cnt, ppm, rpm, celsius, hz, mmhg,
     scfm, kgs, tph, th, c, m
 """)
-_DIN = {"w": "sp", "x": "pv", "y": "op"}  # behind a tag, as DIN 19226 calls them: TIC5.X
+_DIN = {"w": "sp", "x": "pv", "y": "op"}  # after a tag, as DIN 19226 calls them: TIC5.X
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
 # what may stand before the name of what is measured: Consigne débit; an output or a position may be
-# the process's own
+# the process's
 _FIRST = entries("""
     setpoint, sollwert, istwert, stellgrosse, stellgroesse, stellwert, mesure, consigne, sortie,
     commande, medida, medicion, consigna, salida, misura, uscita
@@ -101,7 +101,7 @@ class Name:
     loop: tuple[str, ...]
     role: str | None
     unit: str
-    rank: int  # 0 the signal's own word, 1 another word for it
+    rank: int  # 0 the signal's standard name, 1 another word for it
     loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
 
 
@@ -146,7 +146,7 @@ def parse(name: str) -> Name:
 
 
 def _parts(name: object) -> list[str]:
-    """Return the words of a name, whatever separates them, without what stands in brackets behind
+    """Return the words of a name, whatever separates them, without what follows in brackets
     them.
     """
     text = str(name).strip()
@@ -166,8 +166,8 @@ def _parts(name: object) -> list[str]:
 
 
 def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
-    """Return which signal some words end with, in how many of them, and whether by its own word (0)
-    or another (1).
+    """Return which signal some words end with, in how many of them, and whether by its standard
+    name (0) or another (1).
     """
     for cut in range(len(parts), 0, -1):
         best: tuple[str | None, int, int] = (None, 0, 1)
@@ -194,19 +194,19 @@ def find_loops(
         if parsed.role is not None and name not in fixed.values():
             groups.setdefault(parsed.loop, {}).setdefault(parsed.role, []).append(name)
     for loop, signals in groups.items():
-        # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may
+        # MV with SV, and no OP, is the controller's output as Yokogawa names it; untagged it may
         # be a valve's position
         if (
             loop
             and "op" not in signals
             and len(signals.get("mv", [])) == 1
-            and any(_says_sv(n) for n in signals.get("sp", []))
+            and any(_ends_with_sv(n) for n in signals.get("sp", []))
         ):
             signals["op"] = signals.pop("mv")
     if {"pv", "op"} & set(fixed):
         return {"": _one(names, groups, fixed, where, tag)}
     whole = {loop: signals for loop, signals in groups.items() if {"pv", "op"} <= set(signals)}
-    if len(whole) > 1:  # Mesure débit beside FIC101.PV is something else
+    if len(whole) > 1:  # Mesure débit next to FIC101.PV is something else
         whole = {
             k: v for k, v in whole.items() if min(parse(n).rank for n in (*v["pv"], *v["op"])) < 2
         } or whole
@@ -275,14 +275,14 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
     return roles
 
 
-def _says_sv(name: str) -> bool:
+def _ends_with_sv(name: str) -> bool:
     return any(p == "sv" for p in _parts(name)[-2:])
 
 
 def _picked(
     signals: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
 ) -> dict[str, str]:
-    """Return one column per signal of one loop: of the signal's own word, else of another."""
+    """Return one column per signal of one loop: of the standard name, else of another."""
     roles = dict(fixed)
     for role in (*SIGNALS, MODE):
         among = signals.get(role, [])
@@ -308,7 +308,7 @@ def _one(
     tag: str | None,
     loop: tuple[str, ...] | None = None,
 ) -> dict[str, str]:
-    """Return the signals of the only loop: its own columns, then such as name no other loop."""
+    """Return the signals of the only loop: its columns, then such as name no other loop."""
     if loop is None and "pv" in fixed:
         loop = parse(fixed["pv"]).loop
     mine = {
@@ -375,7 +375,7 @@ def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> st
 
 
 def is_time(name: str) -> bool:
-    """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
+    """Whether a name is that of a time, with its unit after an underscore or a tag before it."""
     parts = _parts(name)
     ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
     return (
@@ -391,14 +391,14 @@ def is_quality(name: str) -> bool:
 
 
 def quality_of(name: str) -> list[str] | None:
-    """Return the words of which the name of a quality says it is one, or None; of several alike the
+    """Return the words of the signal whose quality a name is, or None; of several alike the
     later are numbered.
     """
     return ends_with(re.sub(r"\.\d+$", "", name), QUALITY)
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
-    """Return what a command line says of columns."""
+    """Return the columns that a command line names."""
     pairs = {}
     for text in (
         part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)
@@ -439,7 +439,7 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
 
 
 def unit(name: str) -> str:
-    """Return the unit in a name: in brackets at its end, behind a signal, or behind the last
+    """Return the unit in a name: in brackets at its end, after a signal, or after the last
     underscore of a time.
     """
     tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", plain(name))

@@ -48,16 +48,16 @@ _OFTEN = {
 
 @dataclass
 class Sheet:
-    """A table as it stands in its file."""
+    """A table as its file holds it."""
 
     columns: Columns  # cells by name
-    # of the file on which each row stands; empty where a file has none
+    # of the file of each row; empty where a file has none
     lines: list[int] = field(default_factory=list)
     delimiter: str = ""  # between the cells of a CSV
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
 
     def place(self, row: int) -> str:
-        """Say where a row stands."""
+        """Return the line of a row in its file."""
         return f"line {self.lines[row] if self.lines else row + 2}"
 
     def part(self, names: Mapping[str, str], rows: Sequence[int]) -> Sheet:
@@ -136,7 +136,7 @@ def range_of(cells: Sequence[object]) -> str:
 
 
 def _refuse_large_parquet(path: Path) -> None:
-    """Refuse a parquet file by what its footer says of it, before anything is unpacked."""
+    """Refuse a parquet file by its footer, before anything is unpacked."""
     from pyarrow.parquet import read_metadata
 
     about = read_metadata(path)
@@ -226,7 +226,7 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and
-    says nothing of it.
+    gives no note.
     """
     text, notes = _decoded(path)
     lines = text.splitlines()
@@ -303,7 +303,7 @@ def _table(
     names = _distinct(merged)
     several_times = "" in names or names != merged
     again = rows.count(rows[start]) - 1 if rows else 0
-    if again > 0:  # exports written one behind the other
+    if again > 0:  # exports written one after the other
         lines = [line for i, line in enumerate(lines) if i <= start or rows[i] != rows[start]]
         rows = [row for i, row in enumerate(rows) if i <= start or row != rows[start]]
     body, kept = rows[start + 1 :], lines[start + 1 :]

@@ -26,7 +26,7 @@ _SETS = ("all", "fast", "full", PUBLISHED)
 
 
 class ShownConclusion(Protocol):
-    """What all evidence says of one valve; whoever weighs it gives
+    """The conclusion of all evidence about one valve; whoever weighs it gives
     `detectors.detection.judge_files` the function."""
 
     def as_lines(self) -> list[str]:
@@ -46,7 +46,7 @@ class Report:
     scores: list[dict[str, Any]] = field(default_factory=list)
     # what was judged, by name
     records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
-    # what all evidence says of each record, by name; the methods alone conclude nothing
+    # the conclusion of all evidence about each record, by name; the methods alone conclude nothing
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:

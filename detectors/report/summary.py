@@ -41,7 +41,7 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
-    """Return what is true of the record and not of one method: said by most of several, or by the
+    """Return what is true of the record and not of one method: stated by most of several, or by the
     loader.
     """
     clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))

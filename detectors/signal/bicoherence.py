@@ -66,7 +66,7 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 /
     (E|X1 X2|^2 E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of
     freedom: mean 1/K, std 1/K, the largest of m values about ln(m)/K. Bounds that 5 % of such
-    signals exceed whatever their length found fewer sticky loops than the published limits, and
+    signals exceed whatever their length detected fewer sticky loops than the published limits, and
     were right less often.
     Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and
     nothing shows.

@@ -22,9 +22,9 @@ def oscillation_by_loads(
 
     Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50
     integral times). The integral time is read off OP and e, as below; where they show none, the
-    oscillation's own period stands in. That a period must be found is our own: many detectors need
-    it, and in a large noise every few samples are a load. Not for a P controller or a slow
-    oscillation, of more than about ten integral times: too few loads are in memory at once.
+    oscillation's period is used. That a period is required is an addition of this package: many
+    detectors need it, and in a large noise every few samples are a load. Not for a P controller or
+    a slow oscillation, of more than about ten integral times: too few loads are in memory at once.
     """
     oscillation = find_oscillation(op, pv, Ts)
     period = integral_time(op, e, Ts) or oscillation.period_s

@@ -14,7 +14,7 @@ _ALONE = 2.0  # times the spread of its neighbours about their line; a corner ha
 def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return isolated one-sample spikes.
 
-    A spike stands off the line through its four neighbours by far more than they stand off it
+    A spike lies off the line through its four neighbours by far more than they lie off it
     themselves (a corner, a step and a bend do not), and by far more than samples do at this time
     (those of a burst of noise do not). The largest are taken out first, so that one does not hide
     the next; where three are sure, smaller ones are believed as well.

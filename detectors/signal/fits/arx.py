@@ -44,8 +44,8 @@ def fit_plant_by_columns(
 
 
 def _plant(x, y, least, most, estimate):
-    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were
-    well conditioned.
+    """Fill `estimate` with (a, b, c, delay, error) by the normal equations; return whether these
+    were well conditioned.
     """
     first, n = most, y.size
     m = n - first

@@ -1,5 +1,5 @@
-"""Hammerstein identification: the (S, J) valve and the linear plant behind it that best turn OP
-into PV.
+"""Hammerstein identification: the (S, J) valve and the linear plant downstream of it that best turn
+OP into PV.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def fit_hammerstein(
     limits=(0.0, 100.0),
     Ts: float = 1.0,
 ) -> _Hammerstein:
-    """Find the valve's S and J and the plant behind it from OP and PV.
+    """Find the valve's S and J and the downstream plant from OP and PV.
 
     Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728,
     and Jelali (2008), J.
@@ -307,7 +307,9 @@ def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> n
 
 
 def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
-    """Improve the plants behind the valves: time constants around the present ones, any delay."""
+    """Improve the plants downstream of the valves: time constants around the present ones, any
+    delay.
+    """
     fine = ends.pole[..., None]
     if not integrating:
         fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)
