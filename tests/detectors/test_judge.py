@@ -94,10 +94,10 @@ def test_unit_of_S_is_said_for_every_record():
 
 def test_every_answer_of_the_front_end_carries_regularity_and_period():
     for record in (LoopRecord(**SINE), LoopRecord(**NOISE)):
-        found = Prepared(record).oscillation
+        oscillation = Prepared(record).oscillation
         indices = judge(record, ["he"])[0].indices
-        assert indices["regularity"] == found.regularity
-        assert indices["period_s"] == pytest.approx(found.period_s, nan_ok=True)
+        assert indices["regularity"] == oscillation.regularity
+        assert indices["period_s"] == pytest.approx(oscillation.period_s, nan_ok=True)
 
 
 def test_unknown_process_is_said_even_where_the_record_is_unfit():

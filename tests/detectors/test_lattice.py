@@ -107,20 +107,20 @@ def test_rounding_is_weighed_against_the_moves_it_hides():
 
 
 @pytest.mark.parametrize(
-    ("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
+    ("levels", "samples", "expected"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
 )
 def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(
-    levels, samples, found
+    levels, samples, expected
 ):
     x = 42.2 + 0.7 * (np.arange(samples) % levels)
-    assert lattice(x) == (pytest.approx(0.7) if found else 0.0)
+    assert lattice(x) == (pytest.approx(0.7) if expected else 0.0)
 
 
-@pytest.mark.parametrize(("off", "found"), [(0.1, True), (0.2, False)])
-def test_a_level_may_be_a_little_off(off, found):
+@pytest.mark.parametrize(("off", "expected"), [(0.1, True), (0.2, False)])
+def test_a_level_may_be_a_little_off(off, expected):
     x = 0.5 * np.arange(40.0).repeat(25)
     x[200:225] += 0.5 * off
-    assert (lattice(x) > 0.0) == found
+    assert (lattice(x) > 0.0) == expected
 
 
 @pytest.mark.parametrize(("step", "digits", "coarse"), [(0.3, 0.3, 0.0), (0.4, 0.001, 0.4)])
@@ -129,9 +129,9 @@ def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the
 ):
     # white noise moves by a variance of 2, of which 0.005 are those of rounding by 0.35
     x = np.round(step * np.round(np.random.default_rng(5).standard_normal(5000) / step), 3)
-    found = written(x, np.array([1.234, 5.678]))
-    assert (found.digits, found.coarse) == pytest.approx((digits, coarse))
-    assert found.step == pytest.approx(step)
+    result = written(x, np.array([1.234, 5.678]))
+    assert (result.digits, result.coarse) == pytest.approx((digits, coarse))
+    assert result.step == pytest.approx(step)
 
 
 def test_decimals_are_digits_however_much_they_hide_and_full_precision_has_none():

@@ -87,10 +87,10 @@ def test_a_function_stands_beside_the_methods_and_is_gone_afterwards():
     ],
 )
 def test_a_word_is_a_verdict(answer, verdict):
-    def said(record):
+    def constant(record):
         return answer
 
-    assert sb.detect(FRAME, said, raw=True)["said"].verdict == verdict
+    assert sb.detect(FRAME, constant, raw=True)["constant"].verdict == verdict
 
 
 def test_what_a_function_does_wrong_is_its_own_answer():

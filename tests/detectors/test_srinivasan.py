@@ -36,12 +36,12 @@ def naive_dtw(a, b, window):
 
 def test_labels_are_those_of_plain_time_warping():
     rng = np.random.default_rng(0)
-    found = np.vstack(
+    pieces = np.vstack(
         [cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in SHAPES]
     )
     shapes, label = templates()
-    slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in found]
-    assert np.array_equal(label_shares(found), np.bincount(slow, minlength=4) / len(slow))
+    slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in pieces]
+    assert np.array_equal(label_shares(pieces), np.bincount(slow, minlength=4) / len(slow))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -60,8 +60,10 @@ def ask(tmp_path):
 
 def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
     named = "[os.environ[k] for k in ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]"
-    found = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
-    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({found}))")[0]
+    folders = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
+    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({folders}))")[
+        0
+    ]
     here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
     assert here == temporary == home != os.environ.get("HOME")
     assert Path(here).is_dir()
@@ -246,8 +248,8 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
     assert compiled
     vandal = ("--method", "vandal", "--plugin", str(tmp_path / "vandal.py"))
     for _ in range(2):  # the second time it finds kernels that the first has compiled
-        said = json.loads(detected(*vandal))
-    assert "done" in json.dumps(said)
+        answer = json.loads(detected(*vandal))
+    assert "done" in json.dumps(answer)
     assert list((tmp_path / "cache" / "stiction-simbench" / "plugins").rglob("left_here"))
     assert kernels() == compiled
     assert detected(*asked) == before

@@ -64,12 +64,12 @@ COMPRESSED = {"PV": kept(PV, BAND_PV), "OP": kept(OP, BAND_OP), "SP": [0, N - 1]
 
 def rows(form, line, tags=LOOP, name="FIC101.{}", keep=None, newest=False):
     """Return a row per time and tag, as `line` writes it of time, tag and value."""
-    found = [(k, tag, x[k]) for k in range(N) for tag, x in tags if keep is None or k in keep[tag]]
-    found = sorted(found, key=lambda r: r[0] * (-1 if newest else 1))
-    return "\n".join(line(T[k].strftime(form), name.format(tag), v) for k, tag, v in found) + "\n"
+    cells = [(k, tag, x[k]) for k in range(N) for tag, x in tags if keep is None or k in keep[tag]]
+    cells = sorted(cells, key=lambda r: r[0] * (-1 if newest else 1))
+    return "\n".join(line(T[k].strftime(form), name.format(tag), v) for k, tag, v in cells) + "\n"
 
 
-def beside(heads, when, form, second=None):
+def paired(heads, when, form, second=None):
     """Return a column of times before every signal, each series as long as it is."""
     series = [[(T[k].strftime(form), x[k]) for k in when[tag]] for tag, x in LOOP]
     lines = [",".join(heads), *([",".join(second)] if second else [])]
@@ -131,12 +131,12 @@ GERMAN = "%d.%m.%Y %H:%M:%S"
 READ = {
     # AVEVA PI: DataLink, Vision, PI Web API
     "pi: compressed, time per tag": (
-        beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS),
+        paired(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS),
         "csv",
         {},
     ),
     "pi: compressed, two heads": (
-        beside(
+        paired(
             ("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""),
             COMPRESSED,
             WORDS,
@@ -146,7 +146,7 @@ READ = {
         {},
     ),
     "pi: compressed, time named each": (
-        beside(
+        paired(
             ("Timestamp", "FIC101.PV", "Timestamp", "FIC101.OP", "Timestamp", "FIC101.SP"),
             COMPRESSED,
             WORDS,
@@ -155,7 +155,7 @@ READ = {
         {},
     ),
     "pi: sampled, time per tag": (
-        beside(
+        paired(
             ("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"),
             ALL,
             "%Y-%m-%d %H:%M:%S",

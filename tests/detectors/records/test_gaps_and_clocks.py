@@ -39,15 +39,17 @@ AUTUMN = stamps(datetime(2024, 10, 27, 0, 55, tzinfo=UTC), BERLIN)
 
 
 @pytest.mark.parametrize(
-    ("times", "said"),
+    ("times", "message"),
     [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")],
 )
-def test_the_command_proposed_for_a_clock_change_reads_every_sample(tmp_path, capsys, times, said):
+def test_the_command_proposed_for_a_clock_change_reads_every_sample(
+    tmp_path, capsys, times, message
+):
     file = write(tmp_path / "rec.csv", times)
     words = [str(file), "--method", "horch"]
     assert main(words) == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert message in error
     typed = error.strip().rpartition("; try: ")[2].split()
     assert typed[:3] == ["python", "-m", "detectors"]
     assert main(typed[3:]) == 0

@@ -225,7 +225,7 @@ def written(folder, content, suffix):
 
 @pytest.mark.parametrize("name", READ)
 def test_variant_is_read_right_and_what_was_done_is_said(tmp_path, name):
-    content, suffix, said = READ[name]
+    content, suffix, note = READ[name]
     record = read_record(written(tmp_path, content, suffix))
     assert record.Ts == pytest.approx(TS, abs=1e-3)
     assert record.n == N
@@ -237,7 +237,7 @@ def test_variant_is_read_right_and_what_was_done_is_said(tmp_path, name):
     if record.sp is not None:
         assert np.array_equal(record.sp, SP)
     notes = " | ".join(record.notes)
-    assert (said in notes) if said else notes == ""
+    assert (note in notes) if note else notes == ""
 
 
 MORE = {

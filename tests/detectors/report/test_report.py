@@ -137,14 +137,14 @@ def test_units_count_once_and_undecided_records_do_not_vote():
 
 
 def test_units_are_ranked_by_cost_beside_what_always_no_and_always_yes_cost():
-    said = {
+    answers = {
         "m": ("stiction", "no_decision"),
         "n": ("no_stiction", "no_stiction"),
         "o": ("stiction", "no_stiction"),
     }
     verdicts = [
         (f"r{k}", Verdict(m, word, 0.0, reason="-"))
-        for m, words in said.items()
+        for m, words in answers.items()
         for k, word in enumerate(words)
     ]
     labels = {
@@ -262,8 +262,8 @@ def test_cells_stand_in_equal_columns():
 
 
 def test_what_the_methods_say_together_counts_each():
-    said = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
-    assert sentence(said) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
+    verdicts = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
+    assert sentence(verdicts) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
 
 
 def test_what_is_said_of_the_whole_record_is_not_said_again():
