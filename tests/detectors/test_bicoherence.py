@@ -91,7 +91,7 @@ def test_short_record_is_no_decision():
     assert "too short" in verdict.reason
 
 
-def test_linear_answer_says_that_it_rules_nothing_out(loop):
+def test_linear_answer_notes_that_it_rules_nothing_out(loop):
     verdict = judge(loop(n=3000, noise=0.05), ["bicoherence"])[0]
     assert verdict.verdict == "no_stiction"
     assert "symmetric cycle would not show" in verdict.reason

@@ -47,7 +47,7 @@ def test_band_does_not_shift_the_oscillation_in_time():
 
 
 @pytest.mark.parametrize("std", [0.01, 0.1, 0.5])
-def test_noise_variance_is_that_of_the_noise_even_beside_jumps(std):
+def test_noise_variance_is_that_of_the_noise_even_next_to_jumps(std):
     signal = np.where(np.arange(5000) % 100 < 50, 1.0, -1.0)
     noise = std * np.random.default_rng(1).standard_normal(5000)
     assert c.noise_variance(signal + noise) == pytest.approx(std**2, rel=0.25)

@@ -99,7 +99,7 @@ def test_split_finds_every_whole_half_cycle_of_a_sine_upright():
     assert np.abs(humps - SINE).max() < 0.01
 
 
-def test_noise_at_the_crossings_makes_no_half_cycles_of_its_own():
+def test_noise_at_the_crossings_makes_no_further_half_cycles():
     x = np.sin(2 * np.pi * np.arange(4000) / 200) + 0.05 * RNG.standard_normal(4000)
     assert abs(len(h.split(x, 200.0)) - 39) <= 1
 

@@ -201,14 +201,14 @@ LOOPS = {
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_S_is_found_within_half_a_percent_of_span(name, loop):
+def test_S_is_identified_within_half_a_percent_of_span(name, loop):
     S = LOOPS[name].get("S", 5.0)
     model = fitted(loop(**LOOPS[name]))
     # a delay-dominant loop toggles its valve between two positions: S and dead time trade off there
     assert abs(model.S - S) <= (1.5 if name == "delay" else 0.5)
 
 
-def test_S_is_found_in_nine_of_ten_noisy_loops(loop):
+def test_S_is_identified_in_nine_of_ten_noisy_loops(loop):
     rng = np.random.default_rng(0)
     right = []
     while len(right) < 30:
@@ -245,7 +245,7 @@ def test_J_that_the_record_fixes_is_a_number_and_another_an_interval(loop):
         assert loose.J[0] <= 2.0 <= loose.J[1]
 
 
-def test_plant_is_found_as_well(loop):
+def test_plant_is_identified_as_well(loop):
     model = fitted(loop(n=3000))
     assert model.T_s == pytest.approx(10.0, rel=0.15)
     assert model.Td_s == pytest.approx(2.0, abs=2.0)  # two samples are averaged into one here
@@ -273,7 +273,7 @@ def test_a_sine_from_outside_is_no_stiction(loop):
     assert verdict.S is None
 
 
-def test_negligible_stiction_is_said(loop):
+def test_negligible_stiction_is_noted(loop):
     verdict = judge(loop(S=0.3, J=0.12, kick=0.21, n=3000), ["hammerstein"])[0]
     assert verdict.verdict == "no_stiction"
     assert "negligible" in verdict.reason
@@ -288,7 +288,7 @@ def test_op_in_unknown_units_gives_S_in_those(loop):
     assert verdict.S_unit == "OP units"
 
 
-def test_op_that_stands_still_in_most_cycles_is_no_decision(loop):
+def test_op_that_rests_in_most_cycles_is_no_decision(loop):
     record = loop(n=3000)
     op = np.where(np.arange(3000) < 300, record.op, 50.0)
     verdict = judge(replace(record, op=op), ["hammerstein"], raw=True)[0]

@@ -54,7 +54,7 @@ def test_templates_between_those_tried_turn_no_verdict():
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
-def test_level_behind_a_sticky_valve_has_a_central_peak(loop, J, noise):
+def test_level_after_a_sticky_valve_has_a_central_peak(loop, J, noise):
     plant = {
         "process": "integrating",
         "K": 0.1,

@@ -25,7 +25,7 @@ def naive_intervals(op, still, period, least_op):
     return intervals
 
 
-def test_intervals_equal_those_found_sample_by_sample():
+def test_intervals_equal_those_computed_sample_by_sample():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         op, still = np.cumsum(rng.standard_normal(200)), rng.random(200) < 0.8

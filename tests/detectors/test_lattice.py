@@ -17,7 +17,7 @@ from detectors.signal.lattice import (
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
 @pytest.mark.parametrize("step", [0.0321, 0.5, 3.3])
-def test_a_lattice_is_found_wherever_it_begins(offset, step):
+def test_a_lattice_is_identified_wherever_it_begins(offset, step):
     x = offset + step * np.round(np.random.default_rng(0).standard_normal(500) * 20)
     assert lattice(x) == pytest.approx(step, rel=1e-6)
 
@@ -41,12 +41,12 @@ def test_values_that_lie_anywhere_stand_on_none(seed):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.017])
-def test_a_lattice_survives_the_file_s_own_rounding(offset):
+def test_a_lattice_survives_the_file_s_rounding(offset):
     x = np.round(offset + 1 / 32 * np.round(np.random.default_rng(0).standard_normal(800) * 40), 3)
     assert lattice(x, written_unit(x)) == pytest.approx(1 / 32, rel=1e-3)
 
 
-def test_a_lattice_in_differential_pressure_is_found_in_its_root_alone():
+def test_a_lattice_in_differential_pressure_is_identified_in_its_root_alone():
     flow = np.sqrt(0.004 * np.round(np.random.default_rng(0).normal(2000.0, 200.0, 800)))
     assert lattice(flow) == 0.0
     assert root_lattice(flow) == pytest.approx(0.004 / (2 * np.sqrt(8.0)), rel=0.02)
@@ -63,7 +63,7 @@ def test_decimals_of_a_file_are_no_lattice(digits):
         assert lattice(y, written_unit(y)) == root_lattice(y) == 0.0
 
 
-def test_a_unit_far_coarser_than_the_other_column_s_digits_is_the_signal_s_own_step():
+def test_a_unit_far_coarser_than_the_other_column_s_digits_is_the_signal_s_step():
     rng = np.random.default_rng(0)
     op, pv = rng.normal(50.0, 5.0, 300), np.round(rng.normal(40.0, 5.0, 300))
     assert written_unit(pv, np.round(op, 1)) == 1.0
@@ -80,7 +80,7 @@ def test_no_unit_of_the_signal_changes_the_answer():
 
 @pytest.mark.parametrize("start", [0.0, 0.11, 7.003])
 @pytest.mark.parametrize("archive", [0.0, 0.006])
-def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(
+def test_a_lattice_is_identified_wherever_it_begins_and_on_whatever_finer_one_it_was_written(
     start, archive
 ):
     x = start + 0.17 * np.round(np.random.default_rng(3).normal(300, 20, 1500))

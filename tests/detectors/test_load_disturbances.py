@@ -63,7 +63,7 @@ def test_an_oscillation_is_more_than_ten_loads_in_fifty_integral_times(period, s
     assert oscillation.sustained == (size * period > 20.0 and period < 200.0 * 1.2)
 
 
-def test_without_a_span_the_range_of_pv_stands_in():
+def test_without_a_span_the_range_of_pv_is_used():
     e = np.sin(2 * np.pi * T / 100)
     for pv in (-e, -1e-3 * e + 4.0):
         assert oscillation_by_loads(controlled(e), pv, np.ptp(pv) / 2 * e, 1.0).sustained

@@ -108,7 +108,7 @@ def test_sine_is_sustained_with_its_period(period):
     assert oscillation.decay_ratio == pytest.approx(1.0, abs=0.15)
 
 
-def test_noise_as_large_as_the_sine_leaves_it_found():
+def test_noise_as_large_as_the_sine_does_not_hide_it():
     period = 40.0
     hits = [
         o.oscillation_of(

@@ -71,7 +71,7 @@ def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged)
     ) == judged
 
 
-def test_what_is_judged_is_the_half_alone_and_the_reason_says_so():
+def test_the_half_alone_is_judged_and_the_reason_names_it():
     whole = record(K >= 600, process="self-regulating", op_span=(0.0, 100.0))
     half = whole.window(600, 1200)
     for one, other in zip(

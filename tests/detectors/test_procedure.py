@@ -97,7 +97,7 @@ def roaming(S):
 
 
 @pytest.mark.parametrize(("S", "expected"), [(2.4, "stiction"), (0.0, "no_stiction")])
-def test_flow_that_stands_still_shows_the_valve_without_an_oscillation(S, expected):
+def test_flow_that_rests_shows_the_valve_without_an_oscillation(S, expected):
     record = roaming(S)
     diagnosis = diagnose(record)
     assert ("oscillation", "no") in path(diagnosis)
@@ -164,7 +164,7 @@ def test_method_gives_the_same_verdict_as_the_procedure(loop):
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"real records are not here ({REAL})")
-def test_real_loops_no_false_alarm_and_most_credible_stiction_found():
+def test_real_loops_no_false_alarm_and_most_credible_stiction_detected():
     labels = read_labels(REAL / "records.csv")
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in labels.items()}
     records, _ = read_folder(REAL, names=labels, each=each)

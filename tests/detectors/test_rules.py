@@ -34,7 +34,7 @@ def test_published_numbers(name):
 
 
 @pytest.mark.parametrize("name", methods.names())
-def test_a_threshold_lies_within_its_range_and_says_where_it_comes_from(name):
+def test_a_threshold_lies_within_its_range_and_states_where_it_comes_from(name):
     for key, rule in methods.load(name).METHOD.thresholds.items():
         assert rule.low <= rule.default <= rule.high, key
         assert rule.low < rule.high, key
@@ -94,7 +94,7 @@ def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
         ("procedure", "score", "odds_low", {"odds_high": 99.0}),
     ],
 )
-def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(
+def test_between_two_bounds_nothing_is_decided_and_below_the_lower_one_it_is_no_stiction(
     sticky, name, index, threshold, others
 ):
     module = methods.load(name)
@@ -139,7 +139,7 @@ def fit(**more):
         ({"error": 1e-9, "error_linear": 1e-7}, "no_stiction", 0.0),  # both explain everything
     ],
 )
-def test_what_a_hammerstein_fit_says(sticky, monkeypatch, changes, verdict, score):
+def test_what_a_hammerstein_fit_reports(sticky, monkeypatch, changes, verdict, score):
     monkeypatch.setattr(hammerstein, "fit_hammerstein", lambda *a: fit(**changes))
     answer = hammerstein.detect(Prepared(sticky.record), **hammerstein.METHOD.defaults())
     assert answer.verdict == verdict

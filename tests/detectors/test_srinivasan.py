@@ -80,7 +80,7 @@ def test_pair_of_shapes_decides(process, op, pv, expected):
 @pytest.mark.parametrize(
     ("kind", "expected"), [("temperature", "stiction"), ("flow", "no_decision"), (None, "stiction")]
 )
-def test_as_published_a_known_kind_of_loop_has_its_own_column_of_the_table(kind, expected):
+def test_as_published_a_known_kind_of_loop_has_its_column_of_the_table(kind, expected):
     rng = np.random.default_rng(2)
     op, pv = (
         wave(s, shift) + 0.02 * rng.standard_normal(T.size)

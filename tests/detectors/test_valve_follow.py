@@ -29,7 +29,7 @@ def play(u, S):
 
 
 @pytest.mark.parametrize("S", [2.2, 3.0])
-def test_dead_band_is_found_with_its_size(S):
+def test_dead_band_is_identified_with_its_size(S):
     follow = valve_follow(ROAM, lagged(play(ROAM, S), 0.3))
     assert follow.score > FOLLOW_MIN
     assert follow.S == pytest.approx(S, abs=0.3)

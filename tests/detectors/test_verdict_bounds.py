@@ -1,4 +1,4 @@
-"""How little a method just accepts, what lies outside its own numbers, and scores and levels that
+"""How little a method just accepts, what lies outside its numbers, and scores and levels that
 are known beforehand.
 """
 
@@ -118,7 +118,7 @@ def test_every_pair_of_shapes(monkeypatch, integrating, op, pv):
     monkeypatch.setattr(
         srinivasan,
         "label_shares",
-        lambda found: np.where([w == found[0] for w in srinivasan.SHAPES], 0.7, 0.1),
+        lambda shapes: np.where([w == shapes[0] for w in srinivasan.SHAPES], 0.7, 0.1),
     )
     answer = srinivasan.detect(
         Seen(

@@ -155,7 +155,7 @@ def test_every_detector_keeps_its_contract(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_docstring_says_needs_rule_limits_and_source(name):
+def test_docstring_states_needs_rule_limits_and_source(name):
     module = methods.load(name)
     # whichever words a line ends between
     text = " ".join(((module.__doc__ or "") + (module.detect.__doc__ or "")).split())
@@ -175,7 +175,7 @@ def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
     assert not any("\n" in sentence for sentence in contract.broken)
 
 
-def test_a_memory_of_the_last_set_point_is_found(contract_of):
+def test_a_memory_of_the_last_set_point_is_detected(contract_of):
     remembers = """
     CALLS.append(None if prepared.record.sp is None else float(prepared.record.sp[0]))
     if CALLS[-1] is not None and CALLS[-2:-1] == CALLS[-1:]:
@@ -187,7 +187,7 @@ def test_a_memory_of_the_last_set_point_is_found(contract_of):
     )
 
 
-def test_a_verdict_that_knows_a_record_by_its_last_digits_is_found(contract_of):
+def test_a_verdict_that_knows_a_record_by_its_last_digits_is_detected(contract_of):
     text = SOUND.replace("CALLS = []", "CALLS, MORE = [], []")
     contract = contract_of(
         text.replace("more > least", "(MORE.append(more) or abs(more - MORE[0]) < 1e-12)")

@@ -292,7 +292,7 @@ READ = {
         "csv",
         {"columns": {"op": "FIC101.MV"}},
     ),
-    "yokogawa: MV beside SV": (
+    "yokogawa: MV and SV": (
         three("Time", "FIC101.PV", "FIC101.MV", "FIC101.SV", "%Y/%m/%d %H:%M:%S"),
         "csv",
         {},
@@ -435,7 +435,7 @@ READ = {
         "xlsx",
         {},
     ),
-    "excel: separator said": (
+    "excel: separator named": (
         "sep=;\n" + wide("Time;PV;OP;SP", stamps(), comma(PV), comma(OP), comma(SP), sep=";"),
         "csv",
         {},
@@ -454,7 +454,7 @@ READ = {
         "csv",
         {},
     ),
-    "german, in its own code": (
+    "german, in its code page": (
         wide(
             "Zeit;FIC101 Istwert;FIC101 Stellgröße;FIC101 Sollwert",
             stamps(GERMAN),
@@ -492,7 +492,7 @@ READ = {
         "csv",
         {},
     ),
-    "french: words of its own": (
+    "french: longer words": (
         wide(
             "Horodatage;Mesure débit;Sortie régulateur;Consigne débit",
             stamps("%d/%m/%Y %H:%M:%S"),
@@ -504,7 +504,7 @@ READ = {
         "csv",
         {},
     ),
-    "chinese, in its own code": (
+    "chinese, in its code page": (
         three("时间", "测量值", "输出", "设定值").encode("gb18030"),
         "csv",
         {},
@@ -560,7 +560,7 @@ READ = {
         {},
     ),
     # names
-    "unit behind": (
+    "unit at the end": (
         three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"),
         "csv",
         {},
@@ -613,7 +613,7 @@ READ = {
         "txt",
         {},
     ),
-    "workbook: record behind a sheet of notes": (
+    "workbook: record after a sheet of notes": (
         book(Info=[["Report", "Value"], ["Unit", "FCC"]], Trend=TABLE),
         "xlsx",
         {},
@@ -714,7 +714,7 @@ READ = {
         {},
     ),
     # written before the reader was looked at, a second time: states in place of numbers, a quality
-    # beside every signal
+    # next to every signal
     "pi: words in place of values": (
         wide(
             "Timestamp,FIC101.PV,FIC101.OP,FIC101.SP",
@@ -750,7 +750,7 @@ READ = {
         "csv",
         {},
     ),
-    "siemens: quality code beside every signal": (
+    "siemens: quality code per signal": (
         wide(
             "Zeitstempel;FIC101/PID.PV_IN;Quality Code;FIC101/PID.LMN;Quality Code",
             stamps(GERMAN),
@@ -816,7 +816,7 @@ READ = {
         "csv",
         {},
     ),
-    "abb: quality beside every signal": (
+    "abb: quality per signal": (
         wide(
             "Time Stamp;FIC101:PV;Quality;FIC101:OUT;Quality",
             stamps("%Y-%m-%d %H:%M:%S.000"),
@@ -892,12 +892,12 @@ READ = {
         {},
     ),
     "digits of a date": (three("Time", "PV", "OP", "SP", "%Y%m%d%H%M%S"), "csv", {}),
-    "milliseconds behind a colon": (
+    "milliseconds after a colon": (
         three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S:000"),
         "csv",
         {},
     ),
-    "clock with milliseconds beside a date": (
+    "clock with milliseconds and a date": (
         wide("Date,Time,PV,OP,SP", stamps("%Y-%m-%d"), stamps("%H:%M:%S.000"), PV, OP, SP),
         "csv",
         {},
@@ -1072,7 +1072,7 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
 
 
 @pytest.mark.parametrize("mark", [" ?", " (Q)", "*"])
-def test_a_mark_behind_a_value_is_the_quality_of_the_sample(tmp_path, mark):
+def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark):
     marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
     assert np.allclose(record.pv, PV)
@@ -1113,7 +1113,7 @@ def test_a_hint_names_no_column_whose_header_does_not_say_what_it_is(tmp_path):
     )
 
 
-def test_of_qualities_beside_every_signal_each_blanks_its_own(tmp_path):
+def test_of_qualities_next_to_every_signal_each_blanks_one(tmp_path):
     op = [0.0 if k in (40, 41) else v for k, v in enumerate(OP)]
     orders = (
         ("Time,PV,Quality,OP,Quality", PV, FINE, op, FLAG),
@@ -1125,7 +1125,7 @@ def test_of_qualities_beside_every_signal_each_blanks_its_own(tmp_path):
         assert np.abs(record.op - OP).max() < BAND_OP
 
 
-def test_who_writes_am_and_pm_writes_the_month_first_and_what_else_is_open_is_said(tmp_path):
+def test_who_writes_am_and_pm_writes_the_month_first_and_what_else_is_open_is_noted(tmp_path):
     american = read_record(
         written(tmp_path, three("Time", "PV", "OP", "SP", "%m/%d/%Y %I:%M:%S %p"), "csv")
     )
@@ -1208,7 +1208,7 @@ def test_every_loop_of_a_file_is_a_record(tmp_path):
     assert [right(r) for r in records.values()] == [True, True]
 
 
-def test_only_the_longest_stretch_in_automatic_is_read_and_the_shares_are_said(tmp_path):
+def test_only_the_longest_stretch_in_automatic_is_read_and_the_shares_are_noted(tmp_path):
     modes = ["MAN"] * 60 + ["AUTO"] * 200 + ["MAN"] * 10 + ["CAS"] * 30
     file = written(tmp_path, wide("Time,PV,OP,Mode", stamps(), PV, OP, modes), "csv")
     record = read_record(file)
@@ -1229,7 +1229,7 @@ def test_a_mode_stored_on_change_holds_until_the_next(tmp_path):
     assert np.array_equal(record.op, OP[100:])
 
 
-def test_an_output_that_may_be_in_milliamperes_or_counts_is_said(tmp_path):
+def test_an_output_that_may_be_in_milliamperes_or_counts_is_noted(tmp_path):
     low = written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(4 + 0.16 * OP, 3)), "csv")
     assert "add --op-span 4 20" in read_record(low).notes[-1]
     assert read_record(low, op_span=(4, 20)).op_percent == pytest.approx(OP, abs=0.01)
@@ -1240,7 +1240,7 @@ def test_an_output_that_may_be_in_milliamperes_or_counts_is_said(tmp_path):
     assert counts.S_unit == "OP units"
 
 
-def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
+def test_a_table_of_loops_states_what_the_file_does_not(tmp_path):
     file = written(tmp_path, wide("Time,A,B,C,D", *TWO), "csv")
     table = tmp_path / "plant.toml"
     table.write_text(

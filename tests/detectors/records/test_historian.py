@@ -224,7 +224,7 @@ def written(folder, content, suffix):
 
 
 @pytest.mark.parametrize("name", READ)
-def test_variant_is_read_right_and_what_was_done_is_said(tmp_path, name):
+def test_variant_is_read_right_and_what_was_done_is_noted(tmp_path, name):
     content, suffix, note = READ[name]
     record = read_record(written(tmp_path, content, suffix))
     assert record.Ts == pytest.approx(TS, abs=1e-3)
@@ -313,7 +313,7 @@ def test_the_loop_of_a_table_with_several_is_named(tmp_path):
         read_record(file, loop="C3")
 
 
-def test_milliamperes_are_a_standard_and_said(tmp_path):
+def test_milliamperes_are_a_standard_and_noted(tmp_path):
     record = read_record(
         written(tmp_path, text("Time,OP [mA],PV", stamps(), 4 + 0.16 * OP, PV), "csv")
     )
@@ -321,7 +321,7 @@ def test_milliamperes_are_a_standard_and_said(tmp_path):
     assert "4 to 20 mA" in record.notes[0]
 
 
-def test_days_of_a_spreadsheet_and_a_time_that_counts_seconds_are_told_apart(tmp_path):
+def test_days_of_a_spreadsheet_and_a_time_that_counts_seconds_are_distinguished(tmp_path):
     days = [f"{45000 + k * TS / 86400:.9f}" for k in K]
     assert read_record(
         written(tmp_path, text("time,OP,PV", days, OP, PV), "csv")
@@ -344,7 +344,7 @@ def test_a_sampled_signal_is_not_taken_for_one_stored_on_change():
     assert base_step(np.array([0.0, 2.0, 5.0])) is None
 
 
-def test_times_of_their_own_are_joined_when_the_period_is_given_and_refused_otherwise(tmp_path):
+def test_separate_times_are_joined_when_the_period_is_given_and_refused_otherwise(tmp_path):
     rows = [(t, "X.OP", v) for t, v in zip(T, OP)] + [
         (t + timedelta(seconds=2), "X.PV", v) for t, v in zip(T, PV)
     ]
@@ -360,7 +360,7 @@ def test_times_of_their_own_are_joined_when_the_period_is_given_and_refused_othe
         read_record(written(tmp_path, long_text(sorted(uneven)), "txt"))
 
 
-def test_three_decimals_beside_whole_numbers_of_their_size_are_decimals(tmp_path):
+def test_three_decimals_next_to_whole_numbers_of_their_size_are_decimals(tmp_path):
     rows = [
         f"{k},{50 + k % 7},{500 + 3 * (k % 9)},{'514.503' if k > 60 else '512'}" for k in range(120)
     ]
