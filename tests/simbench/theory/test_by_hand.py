@@ -417,13 +417,6 @@ def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
     assert (every_other.loops, every_other.exist) == (2, 1)
 
 
-@pytest.mark.parametrize(("Kc", "cycles"), [(2.49, False), (2.51, True)])
-def test_a_p_loop_cycles_where_its_gain_times_the_jump_is_above_the_band(loop, Kc, cycles):
-    """S = 5, J = 2: at a gain of 2.5 there is no room between the two positions."""
-    made = sampled_loop(loop(Kc=Kc, Ti=None, Ts=0.5))
-    assert refined(made, None) is cycles
-
-
 def test_the_checked_loops_have_the_integral_times_they_promise():
     for process, times in (
         ("integrating", {10.0, 20.0, 40.0}),

@@ -34,20 +34,6 @@ def test_stiction_equals_the_published_equation(S, ratio, above):
     assert abs(stiction(S, ratio * S).N(A) - printed(A, S, ratio * S)) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("A", "S", "J", "re", "im"),
-    [
-        (2.525, 5, 0, 0.001667525926306042, -0.012481516956525478),
-        (3.75, 5, 1, 0.45184763977441456, -0.3395305452627101),
-        (5.0, 5, 2.5, 0.8183098861837907, -0.3183098861837907),
-        (12.5, 5, 5, 1.061339837224979, -0.05092958178940651),
-        (50.0, 5, 7.5, 1.022931382063903, 0.025464790894703253),
-    ],
-)
-def test_stiction_gives_the_golden_numbers(A, S, J, re, im):
-    assert stiction(S, J).N(A) == pytest.approx(re + 1j * im, abs=1e-12)
-
-
 @given(D=sizes, above=st.floats(1.01, 30))
 def test_deadzone_equals_its_fourier_integral(D, above):
     A = above * D / 2
