@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from detectors.procedure import CONCLUSIONS, FLOW
-from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, write_picture
+from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
@@ -151,11 +151,8 @@ def _box(
     style = "round,pad=0,rounding_size=0.06"
     face = "#FBE9DF" if marked else "white"
     ink = RED if marked else edge
-    axes.add_patch(
-        FancyBboxPatch(
-            (x, y - height / 2), width, height, style, facecolor=face, edgecolor=ink, linewidth=1.1
-        )
-    )
+    look = {"facecolor": face, "edgecolor": ink, "linewidth": 1.1}
+    axes.add_patch(FancyBboxPatch((x, y - height / 2), width, height, style, **look))
     if not bold:
         axes.text(x + width / 2, y, text, ha="center", va="center", fontsize=8.5)
         return
@@ -167,12 +164,4 @@ def _box(
 
 def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
     axes.plot(*zip(*points[:-1]), color=colour, linewidth=1.0, solid_joinstyle="miter")
-    arrow = {
-        "arrowstyle": "-|>",
-        "color": colour,
-        "linewidth": 1.0,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 9,
-    }
-    axes.annotate("", points[-1], points[-2], arrowprops=arrow)
+    arrow(axes, points[-2], points[-1], "-|>", color=colour, linewidth=1.0, mutation_scale=9)

@@ -2,8 +2,6 @@
 in five rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

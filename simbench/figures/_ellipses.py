@@ -1,13 +1,11 @@
 """PV-OP plots with the ellipse fitted to them, its 10 % limits and its width along OP."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from detectors.signal.ellipse import TOLERANCE, Ellipse
-from simbench.figures._style import BLUE, GREY, ORANGE, RED, label
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, arrow, label
 
 
 def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -46,6 +44,5 @@ def draw_ellipse(
         axes.plot(curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=says)
     half = float(data["S_apparent"].iloc[0]) / 2
     x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
-    arrow = {"arrowstyle": "<->", "color": ORANGE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", (x0 + half, y0), (x0 - half, y0), arrowprops=arrow)
+    arrow(axes, (x0 - half, y0), (x0 + half, y0), "<->", color=ORANGE, linewidth=1.6)
     label(axes, op_label, pv_label, title)

@@ -1,7 +1,5 @@
 """A controller gain change as table and picture: OP and PV around the change, with both periods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

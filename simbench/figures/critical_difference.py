@@ -5,8 +5,6 @@ Detectors that see the valve position MV are left out, and so are those made for
 scenarios. Behind a name: * fitted on this grid, + on its siblings.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

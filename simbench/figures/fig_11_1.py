@@ -3,8 +3,6 @@
 The valve stands between controller output OP and its position MV; friction makes the two differ.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch, words

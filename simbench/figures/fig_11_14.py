@@ -2,8 +2,6 @@
 neither even nor odd.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

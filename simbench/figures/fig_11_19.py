@@ -5,8 +5,6 @@ First a nonlinearity in the control error, by bicoherence or by surrogates, then
 filtered PV over filtered OP.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from detectors.methods.choudhury import METHOD

@@ -4,24 +4,21 @@ apparent stiction along OP.
 The loop is simulated, with S = 5 %: the apparent stiction is a mark of the loop, not the valve's S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.signal.conditioning import band
 from detectors.signal.ellipse import fit_ellipse
-from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, note, panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
 )
-LOOP = pi_table(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
+LOOP = pi_loop(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:
@@ -30,7 +27,7 @@ def data() -> pd.DataFrame:
     Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and
     alpha (rad).
     """
-    cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
+    cycle = sustained_cycle(LOOP, periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
     op, pv = (

@@ -5,19 +5,16 @@ In the same direction, as the procedure prints it, the sum of the steps is the s
 it, the whole band S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.confirm.travel import travel_test
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import GREY, SIGNAL, label, note, panels, room, styled
 
 SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"
-LOOP = pi_table(
+LOOP = pi_loop(
     T=5.0, Td=1.0, Kc=0.5, Ti=5.0, Ts=1.0, valve=choudhury(3.0, 1.1), noise={"std": 0.02}
 )
 
@@ -28,7 +25,7 @@ def data() -> pd.DataFrame:
     Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
     measured (%), J measured (%).
     """
-    found = travel_test(Loop.from_table(LOOP))
+    found = travel_test(LOOP)
     trace = found.trace
     t = np.arange(trace.op.size) * found.Ts
     table = pd.DataFrame(

@@ -6,8 +6,6 @@ cycles hide from the bicoherence), and a loop that does not oscillate is still j
 valve can be seen.
 """
 
-from __future__ import annotations
-
 from simbench.figures._chart import draw_flow, flow_table
 
 SOURCE = "Jelali (2013), Fig. 11.27 and Sect. 11.9; detectors/procedure.py"

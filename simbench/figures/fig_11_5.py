@@ -5,8 +5,6 @@ OP rises, pauses at D, rises on to G and falls back: after the pause only the st
 overcome, after a reversal the whole width S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

@@ -4,8 +4,6 @@ Unlike Fig. 11.5 the plots are distorted by process, controller and disturbances
 not name its four loops; the first four of ours that are there are drawn.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

@@ -2,8 +2,6 @@
 it follows w Ti.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

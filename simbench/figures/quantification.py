@@ -6,8 +6,6 @@ that hold the truth, with its 95 % interval, for methods that say nine in ten (b
 + as in the tables: fitted on this grid, on its siblings.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -6,8 +6,6 @@ cycling loops that are called sticky; right, the share of the loops that do not 
 sticky all the same. Behind a name: * fitted on this grid, + on its siblings.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

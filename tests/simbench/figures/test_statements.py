@@ -308,7 +308,7 @@ def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
 
 def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
     figure = FIGURES.load("fig_11_17")
-    record = simulate(figure.Loop.from_table(figure.LOOP), seed=1).record
+    record = simulate(figure.LOOP, seed=1).record
     assert judge(record, ["he"])[0].verdict == "stiction"
 
 
@@ -331,7 +331,7 @@ def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
     from simbench.figures import draw_path
 
     figure = FIGURES.load("fig_11_17")
-    found = diagnose(simulate(figure.Loop.from_table(figure.LOOP), seed=1).record)
+    found = diagnose(simulate(figure.LOOP, seed=1).record)
     draw_path(found, tmp_path / "path.svg")
     assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
@@ -362,7 +362,7 @@ def test_periods_told_beside_the_gain_change_are_those_drawn(drawn, name):
 
 def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
     d = drawn("fig_11_26")
-    valve = FIGURES.load("fig_11_26").LOOP["valve"]
+    valve = FIGURES.load("fig_11_26").LOOP.valve.parameters
     assert valve["J"] <= d["J measured (%)"].iloc[0] <= valve["J"] + 0.2
     assert valve["S"] <= d["S measured (%)"].iloc[0] + 1e-9 <= valve["S"] + 0.2
     # the sums are those of the drawn steps
