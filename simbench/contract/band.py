@@ -1,7 +1,5 @@
 """A valve's stick band and slip jump measured: what it does, to be held against what it maps on."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import ModuleType
 from typing import Any

@@ -2,8 +2,6 @@
 where it says it acts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from types import ModuleType

@@ -2,9 +2,8 @@
 step, and that it is a law.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -86,50 +85,45 @@ def _description(kind: str, module: ModuleType) -> Iterator[str]:
 
 
 def _walked(
-    what: str, start: Callable[[], Any], step: Callable[[Any], Any], count: int
+    what: str, start: Callable[[], Any], step: Callable[[float, Any], Any], size: float, count: int
 ) -> tuple[np.ndarray, list[str]]:
-    """Return the first number of every state from `start` over some steps, and what is wrong with
-    them.
+    """Return the first number of every state from `start` over some steps under a constant input,
+    and what is wrong with them.
     """
+    what = what.format(size)
 
     def walk() -> list[tuple]:
         states = [start()]
-        for _ in range(count):
-            if (
-                not isinstance(states[-1], tuple)
-                or not states[-1]
-                or len(states[-1]) != len(states[0])
-            ):
-                break
-            states.append(step(states[-1]))
+        while len(states) <= count and _is_state(states[-1], states[0]):
+            states.append(step(size, states[-1]))
         return states
 
     found = call_guarded(walk)
     if found.faults or found.refusal:
         return np.empty(0), [f"{fault}, {what}" for fault in found.unanswered()]
     last = found.value[-1]
-    if not isinstance(last, tuple) or not last or len(last) != len(found.value[0]):
-        return np.empty(0), [
-            f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
-        ]
-    first = [s[0] for s in found.value]
-    if not np.isfinite(first).all():
-        return np.empty(0), [f"gives values that are not finite, {what}"]
-    return np.array(first, dtype=float), []
+    if not _is_state(last, found.value[0]):
+        fault = f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
+        return np.empty(0), [fault]
+    first = np.array([s[0] for s in found.value], dtype=float)
+    faults = [] if np.isfinite(first).all() else [f"gives values that are not finite, {what}"]
+    return first, faults
+
+
+def _is_state(state: Any, first: Any) -> bool:
+    return isinstance(state, tuple) and 0 < len(state) == len(first)
 
 
 def _plant_faults(setup: Setup) -> Iterator[str]:
     assert setup.plant_plugin is not None
     module, p = setup.plant_plugin
 
-    def under(w: float, count: int) -> tuple[np.ndarray, list[str]]:
-        return _walked(
-            f"with MV {w:g} % off rest",
-            lambda: module.start(p),
-            lambda s: module.step(w, w, s, p),
-            count,
-        )
-
+    under = partial(
+        _walked,
+        "with MV {:g} % off rest",
+        lambda: module.start(p),
+        lambda w, s: module.step(w, w, s, p),
+    )
     rest, faults = under(0.0, 100)
     up, more = under(1.0, 400)
     yield from (*faults, *more)
@@ -161,24 +155,20 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
     assert setup.control_plugin is not None
     module, p = setup.control_plugin
 
-    def under(e: float, count: int) -> tuple[np.ndarray, list[str]]:
-        return _walked(
-            f"under an error of {e:g}",
-            lambda: module.start(p),
-            lambda s: module.step(e, setup.pv0, s, p),
-            count,
-        )
-
+    under = partial(
+        _walked,
+        "under an error of {:g}",
+        lambda: module.start(p),
+        lambda e, s: module.step(e, setup.pv0, s, p),
+    )
     rest, faults = under(0.0, 100)
     pushed, more = under(1.0, _LONG)
     yield from (*faults, *more)
     if faults or more:
         return
     if np.abs(rest - setup.op0).max() > _AT_REST:
-        yield (
-            f"does not stay at rest: OP moves by {np.abs(rest - setup.op0).max():.3g} % without an"
-            " error"
-        )
+        moved = np.abs(rest - setup.op0).max()
+        yield f"does not stay at rest: OP moves by {moved:.3g} % without an error"
     if pushed.min() < p.lo or pushed.max() > p.hi:
         yield (
             f"leaves its limits: OP from {pushed.min():.4g} to {pushed.max():.4g}, within"

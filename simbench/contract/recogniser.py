@@ -2,8 +2,6 @@
 effect's ranges allow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any

@@ -2,8 +2,6 @@
 says it has.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

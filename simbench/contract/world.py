@@ -2,8 +2,6 @@
 load, loops that run again.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from types import ModuleType
