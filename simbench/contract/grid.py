@@ -82,5 +82,5 @@ def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
 
 def _answer(work: Callable[[], Any]) -> tuple[list[str], Any]:
     """Return why a call gives no answer, and the answer."""
-    found = call_guarded(work)
-    return found.faults or ([str(found.refusal)] if found.refusal else []), found.value
+    answer = call_guarded(work)
+    return answer.faults or ([str(answer.refusal)] if answer.refusal else []), answer.value

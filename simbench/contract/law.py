@@ -1,4 +1,4 @@
-"""The contract every plant and controller plug-in keeps: what it says of itself, its rest, its
+"""The contract every plant and controller plug-in keeps: its description, its rest, its
 step, and that it is a law.
 """
 
@@ -35,7 +35,7 @@ _KEPT = {
     "controller": ("type", "direction", "sign", "Ts", "op0", "pv0", "lo", "hi"),
 }
 _AT_REST = 1e-9  # PV units or % by which what is at rest may move
-_SAME = 1e-6  # share of its answer by which a plant may miss the transfer function it says it has
+_SAME = 1e-6  # share of its answer by which a plant may miss its claimed transfer function
 _LONG = 20_000  # samples under a constant error
 
 
@@ -98,14 +98,14 @@ def _walked(
             states.append(step(size, states[-1]))
         return states
 
-    found = call_guarded(walk)
-    if found.faults or found.refusal:
-        return np.empty(0), [f"{fault}, {what}" for fault in found.unanswered()]
-    last = found.value[-1]
-    if not _is_state(last, found.value[0]):
+    answer = call_guarded(walk)
+    if answer.faults or answer.refusal:
+        return np.empty(0), [f"{fault}, {what}" for fault in answer.unanswered()]
+    last = answer.value[-1]
+    if not _is_state(last, answer.value[0]):
         fault = f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
         return np.empty(0), [fault]
-    first = np.array([s[0] for s in found.value], dtype=float)
+    first = np.array([s[0] for s in answer.value], dtype=float)
     faults = [] if np.isfinite(first).all() else [f"gives values that are not finite, {what}"]
     return first, faults
 
@@ -130,24 +130,21 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
     if faults or more:
         return
     if np.abs(rest).max() > _AT_REST:
-        yield (
-            f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under an MV that stands"
-            " still"
-        )
+        yield (f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under a constant MV")
     if np.ptp(up) <= _AT_REST:
         yield "does not answer: PV stays under an MV of 1 % off rest"
     if not np.array_equal(up, under(1.0, 400)[0]):
         yield "is not deterministic: the same MV gives another PV the second time"
     if hasattr(module, "linear"):
         g = sample(setup.num, setup.den, 0.0, setup.Ts)
-        x, told = np.zeros(g.order), [0.0]
+        x, expected = np.zeros(g.order), [0.0]
         for _ in range(400):
             x = g.A @ x + g.B_old + g.B_new
-            told.append(float(g.C @ x))
-        if np.abs(up - told).max() > _SAME * np.abs(told).max():
+            expected.append(float(g.C @ x))
+        if np.abs(up - expected).max() > _SAME * np.abs(expected).max():
             yield (
                 "says linear(p), but its step response differs from it by up to"
-                f" {np.abs(up - told).max():.3g}"
+                f" {np.abs(up - expected).max():.3g}"
             )
 
 

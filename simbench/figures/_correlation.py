@@ -64,13 +64,13 @@ def marks(table: pd.DataFrame) -> _Marks:
 
 def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> _Marks:
     """Draw a cross-correlation with its zero crossings and its values at lag 0 and at the peak."""
-    found = marks(table)
+    points = marks(table)
     axes.axhline(0, color=GREY, linewidth=0.6)
     axes.axvline(0, color=GREY, linewidth=0.6)
     axes.plot(table["lag (s)"], table["Phi (-)"], color=BLUE)
     axes.plot(
-        [-found.tau_l, found.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4
+        [-points.tau_l, points.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4
     )
-    axes.plot([0], [found.phi_0], "ko", zorder=4)
+    axes.plot([0], [points.phi_0], "ko", zorder=4)
     label(axes, "lag τ (s)", "cross-correlation Φ (-)", title)
-    return found
+    return points

@@ -21,7 +21,7 @@ def box(x: float, y: float, text: str) -> list[list]:
 
 
 def arrow(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
-    """Return a line with a head at its last point, and a text beside its first stretch or at a
+    """Return a line with a head at its last point, and a text next to its first stretch or at a
     place.
     """
     return _path("arrow", points, text, at)

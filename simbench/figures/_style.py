@@ -98,7 +98,7 @@ def parts(
         yield place, value, rows
 
 
-def beside(
+def text_near(
     axes: Axes, text: str, at: Sequence[float], gap: tuple[float, float], **look: Any
 ) -> None:
     """Write a text around the place `gap` points away from a point."""
@@ -154,12 +154,12 @@ def span(
     text: str,
     gap: tuple[float, float],
 ) -> None:
-    """Draw a two-headed arrow between two points and its name beside the middle, `gap` points
+    """Draw a two-headed arrow between two points and its name near the middle, `gap` points
     away.
     """
     arrow(axes, start, end, "<->", linewidth=0.9)
     middle = (np.add(start, end) / 2.0).tolist()
-    beside(axes, text, middle, gap, fontsize=8, bbox=_LABEL_BOX)
+    text_near(axes, text, middle, gap, fontsize=8, bbox=_LABEL_BOX)
 
 
 def table(

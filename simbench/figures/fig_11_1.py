@@ -1,6 +1,6 @@
 """Figure 11.1: a control loop with a control valve, and the names that signals have here.
 
-The valve stands between controller output OP and its position MV; friction makes the two differ.
+The valve translates controller output OP into its position MV; friction makes the two differ.
 """
 
 import pandas as pd

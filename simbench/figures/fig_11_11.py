@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.methods.yamashita import movement_indices
-from simbench.figures._style import BLUE, RED, arrow, beside, label, note, panels, parts, styled
+from simbench.figures._style import BLUE, RED, arrow, label, note, panels, parts, styled, text_near
 
 SOURCE = "Jelali (2013), Fig. 11.11a to c, after Yamashita (2006) and Manum & Scali (2006)"
 # corners (OP, MV) of each loop and the symbol of the side that leaves it
@@ -22,7 +22,7 @@ SHAPES = {
     "(c) IS DI, DS ID": [((2, 1), "IS"), ((5, 1), "DI"), ((3, 3), "DS"), ((0, 3), "ID")],
 }
 
-# where each side's name stands, in points from its middle
+# place of each side's name, in points from its middle
 ASIDE = {
     "IS": (0, -9),
     "DS": (0, 8),
@@ -82,7 +82,7 @@ def draw(data: pd.DataFrame) -> Figure:
             start, end = corners[i], corners[(i + 1) % len(corners)]
             colour = RED if symbol in ("IS", "DS") else BLUE
             arrow(place, start, end, "->", color=colour, linewidth=2)
-            beside(place, symbol, (start + end) / 2, ASIDE[symbol])
+            text_near(place, symbol, (start + end) / 2, ASIDE[symbol])
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
         rho1, rho3 = part["rho1 (-)"].iloc[0], part["rho3 (-)"].iloc[0]

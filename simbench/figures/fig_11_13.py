@@ -15,7 +15,7 @@ from simbench.figures._style import SIGNAL, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
-PERIOD = 100.0  # s, of the sine; about that of the sticky loop's own cycle
+PERIOD = 100.0  # s, of the sine; about that of the sticky loop's cycle
 HEALTHY = pi_loop(T=10.0, Td=2.0, Kc=0.5, Ti=160.0, Ts=0.5, n=4000, disturbance=sine(3.0, PERIOD))
 STICKY = pi_loop(T=3.0, Td=2.0, Kc=0.3, Ti=3.0, Ts=0.5, n=4000, valve=choudhury(5.0, 2.0))
 
@@ -53,8 +53,8 @@ def draw(data: pd.DataFrame) -> Figure:
                 {"OP": "OP (%)", "PV": "PV - SP (PV units)"}[signal],
                 str(panel) if i == 0 else "",
             )
-        found = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
-        note(axes[2, j], str(found))
+        marks = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
+        note(axes[2, j], str(marks))
         axes[2, j].set_ylim(-1.15, 1.5)
     figure.align_ylabels()
     return figure

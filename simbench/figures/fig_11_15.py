@@ -29,11 +29,11 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw both functions with their indices and the printed ones."""
     figure, axes = panels(1, 2, 7.2, 3.2)
     for place, name, part in parts(axes, data, "loop"):
-        found = draw_correlation(place, part, str(name))
+        marks = draw_correlation(place, part, str(name))
         printed = PRINTED[str(name)]
         note(
             place,
-            f"{found}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})",
+            f"{marks}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})",
         )
         place.set_ylim(-1.15, 1.7)
     return figure

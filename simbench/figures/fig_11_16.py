@@ -2,7 +2,7 @@
 cross-correlation (Example 11.3).
 
 In a linear PI loop OP answers PV alone, so the phase is fixed by w Ti. The chapter prints the three
-verdicts in the order opposite to its own Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
+verdicts in the order opposite to its Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
 """
 
 import numpy as np
@@ -56,12 +56,12 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw the three cross-correlations with their verdicts."""
     figure, axes = panels(1, 3, 8.4, 3.1, sharey=True)
     for place, w_Ti, part in parts(axes, data, "w_Ti"):
-        found = draw_correlation(
+        marks = draw_correlation(
             place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})"
         )
         note(
             place,
-            f"{found}\nHorch: {VERDICT[part.verdict.iloc[0]]}",
+            f"{marks}\nHorch: {VERDICT[part.verdict.iloc[0]]}",
         )
         place.set_ylim(-1.15, 1.7)
         place.label_outer()

@@ -18,7 +18,7 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out the procedure from the method's own bounds.
+    """Lay out the procedure from the bounds of the method.
 
     Columns: shape, part, x, y, text.
     """

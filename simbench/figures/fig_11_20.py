@@ -34,10 +34,10 @@ def data() -> pd.DataFrame:
         band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)]
         for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
     )
-    found = fit_ellipse(op, pv)
-    assert found is not None
-    a, b, alpha = found.axes
-    return ellipse_table(op, pv, found).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
+    ellipse = fit_ellipse(op, pv)
+    assert ellipse is not None
+    a, b, alpha = ellipse.axes
+    return ellipse_table(op, pv, ellipse).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
 
 
 @styled
@@ -63,7 +63,7 @@ def draw(data: pd.DataFrame) -> Figure:
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)
     S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
-    said = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
-    said += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
-    note(place, said, 0.02, 0.02, va="bottom")
+    remark = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
+    remark += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
+    note(place, remark, 0.02, 0.02, va="bottom")
     return figure

@@ -21,10 +21,10 @@ def data(isdb: str) -> pd.DataFrame:
     record = real_loop(isdb, "POW2", kind="level")
     record = record.window(0, min(1000, record.n))
     op, pv, _ = filtered(record)
-    found = fit_ellipse(op, pv)
-    if found is None:
+    ellipse = fit_ellipse(op, pv)
+    if ellipse is None:
         raise NeedsRecord("needs ISDB loop POW2; no ellipse can be fitted to the one given")
-    return ellipse_table(op, pv, found)
+    return ellipse_table(op, pv, ellipse)
 
 
 @styled

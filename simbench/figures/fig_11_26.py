@@ -25,19 +25,19 @@ def data() -> pd.DataFrame:
     Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
     measured (%), J measured (%).
     """
-    found = travel_test(LOOP)
-    trace = found.trace
-    t = np.arange(trace.op.size) * found.Ts
+    result = travel_test(LOOP)
+    trace = result.trace
+    t = np.arange(trace.op.size) * result.Ts
     table = pd.DataFrame(
         {
             "t (s)": t,
             "OP (%)": trace.op,
             "MV (%)": trace.mv,
             "PV (%)": trace.pv,
-            "phase": found.phase,
+            "phase": result.phase,
         }
     )
-    return table.assign(**{"S measured (%)": found.S, "J measured (%)": found.J})
+    return table.assign(**{"S measured (%)": result.S, "J measured (%)": result.J})
 
 
 @styled
@@ -54,12 +54,12 @@ def draw(data: pd.DataFrame) -> Figure:
             place.axvline(
                 t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9
             )
-    says = (
+    remarks = (
         "big steps",
         f"same direction:\nJ = {data['J measured (%)'].iloc[0]:.1f} %",
         f"reversed:\nS = {data['S measured (%)'].iloc[0]:.1f} %",
     )
-    for phase, text in enumerate(says):
+    for phase, text in enumerate(remarks):
         part = t[data["phase"] == phase]
         x = (part.mean() - axes[0, 0].get_xlim()[0]) / np.ptp(axes[0, 0].get_xlim())
         note(axes[0, 0], text, float(x), 0.99, "center")

@@ -1,4 +1,4 @@
-"""Figure 11.27: the stiction diagnosis procedure, drawn from the program's own steps.
+"""Figure 11.27: the stiction diagnosis procedure, drawn from the program's steps.
 
 Questions run downwards, each answer leads to the next question or to a conclusion with its next
 test. Unlike in the chapter a nonlinearity that is not seen does not end the search (symmetric

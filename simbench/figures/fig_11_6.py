@@ -20,7 +20,7 @@ LOOPS = (
 def data(isdb: str) -> pd.DataFrame:
     """Read four sticky flow loops.
 
-    Columns: loop, t (s), OP, PV (both in the record's own units).
+    Columns: loop, t (s), OP, PV (both in the record's units).
     """
     rows = []
     for name in LOOPS:

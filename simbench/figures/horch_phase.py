@@ -19,7 +19,7 @@ from simbench.loop.simulate import simulate
 SOURCE = "He et al. (2007), analysis of Horch (1999); Jelali (2013), Sect. 11.5"
 Td, PERIODS = 20.0, 20
 # healthy loops: w Ti of the outside sine; sticky loops: T = Ti over Td, which sets w Ti of their
-# own cycle
+# cycle
 W_TI = np.geomspace(0.08, 12.0, 30)
 T_OVER_TD = np.geomspace(0.2, 40.0, 30)
 
@@ -58,8 +58,10 @@ def data() -> pd.DataFrame:
     for valve, make, values in (("healthy", healthy, W_TI), ("sticky", sticky, T_OVER_TD)):
         for value in values:
             record, w_Ti = make(float(value))
-            found = judge(record, ["horch"])[0]
-            rows.append([valve, w_Ti, found.indices["dtau"], found.indices["drho"], found.verdict])
+            verdict = judge(record, ["horch"])[0]
+            rows.append(
+                [valve, w_Ti, verdict.indices["dtau"], verdict.indices["drho"], verdict.verdict]
+            )
     return pd.DataFrame(rows, columns=["valve", "w_Ti (-)", "dtau (-)", "drho (-)", "verdict"])
 
 

@@ -55,11 +55,13 @@ def cells(book: RunArrays) -> pd.DataFrame:
             for shape in np.unique(shapes[here]):
                 cell = here & (ratios == ratio) & (shapes == shape)
                 for a in everyone if cell.any() else ():
-                    said, wanted = a.said[cell & a.applies], positive[cell & a.applies]
-                    right, undecided = said == wanted, said == CODES["no_decision"]
-                    shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
-                    ends = map(float, wilson(int(right.sum()), said.size))
-                    place = a.method, plant, ratio, shape, int(cell.sum()), said.size
+                    answers, wanted = a.said[cell & a.applies], positive[cell & a.applies]
+                    right, undecided = answers == wanted, answers == CODES["no_decision"]
+                    shares = [
+                        float(x.mean()) if answers.size else np.nan for x in (right, undecided)
+                    ]
+                    ends = map(float, wilson(int(right.sum()), answers.size))
+                    place = a.method, plant, ratio, shape, int(cell.sum()), answers.size
                     rows.append((*place, *shares, *ends, a.home))
     columns = "method plant ratio S_over_2J n applicable right no_decision lo hi home"
     return pd.DataFrame(rows, columns=columns.split()).sort_values(
@@ -68,8 +70,8 @@ def cells(book: RunArrays) -> pd.DataFrame:
 
 
 def levels(values: np.ndarray) -> np.ndarray:
-    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a
-    level of their own.
+    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep
+    their level.
     """
     if np.unique(values).size <= MOST_LEVELS:
         return values

@@ -61,11 +61,11 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
         for process, name in PROCESSES.items():
             for loops, part in zip(LOOP_KINDS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
-                said = a.said[here & a.applies]
+                given = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
-                share = float((said == wanted).mean()) if said.size else np.nan
+                share = float((given == wanted).mean()) if given.size else np.nan
                 place = r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable
-                rows.append((*place, process, loops, int(here.sum()), said.size, share))
+                rows.append((*place, process, loops, int(here.sum()), given.size, share))
     columns = "method home kind rank accuracy process loops n applicable right"
     return pd.DataFrame(rows, columns=columns.split())
 
@@ -124,7 +124,7 @@ def draw(data: pd.DataFrame) -> Figure:
                 place.axhline(k - 0.5, color="white", linewidth=3)
     bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
     about = (
-        "number beside a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
+        "number after a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
         " apply"
     )
     bar.set_label(f"share right where it applies (no decision is not right)\n{about}")

@@ -62,7 +62,7 @@ def made(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
 def data() -> pd.DataFrame:
     """Return the index of oscillations that are linear and that are not, over the noise.
 
-    Columns: kind, noise ratio (-), seed, npi (-); loops in which no period was found are left out.
+    Columns: kind, noise ratio (-), seed, npi (-); loops without a period are left out.
     """
     rows = []
     for kind in COLOURS:

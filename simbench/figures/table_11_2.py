@@ -1,4 +1,4 @@
-"""Table 11.2: typical shapes of OP and PV behind a sticky valve, checked by the shape classifier on
+"""Table 11.2: typical shapes of OP and PV under a sticky valve, checked by the shape classifier on
 simulated cycles.
 
 Four loops per cell, J/S from 0.2 to 1; every cycle gets one of four labels (square, triangle,
@@ -49,18 +49,18 @@ def data() -> pd.DataFrame:
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
         settings, jumps = LOOPS[process, action]
-        found = {"OP": [], "PV": []}
+        waves = {"OP": [], "PV": []}
         wave = {}
         for J in jumps:
             cycle = sustained_cycle(pi_loop(**settings, valve=choudhury(S, J)), periods=12)
             period = cycle["period (s)"].iloc[0] / settings["Ts"]
             for signal, column in (("OP", "OP (%)"), ("PV", "PV")):
                 x = cycle[column].to_numpy() - cycle[column].mean()
-                found[signal].append(cycles(x, period))
+                waves[signal].append(cycles(x, period))
                 if J == jumps[1]:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
         for signal, shape in zip(("OP", "PV"), shapes):
-            every = np.concatenate(found[signal])
+            every = np.concatenate(waves[signal])
             agreement = sum(
                 share
                 for name, share in zip(SHAPES, label_shares(every))

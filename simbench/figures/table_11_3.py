@@ -48,7 +48,7 @@ def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> flo
 
 def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     """Return the grid of one cell."""
-    found = []
+    grid_of_cell = []
     ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
     for Td, share, integral, ratio in product(
         DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios
@@ -58,7 +58,7 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
         Ti = None if integral is None else integral * (plant["T"] or 10 * Td)
         Kc = share * ultimate_gain(**plant, Td=Td, Ti=Ti)
         if np.isfinite(Kc):
-            found.append(
+            grid_of_cell.append(
                 pi_loop(
                     **plant,
                     Td=Td,
@@ -69,7 +69,7 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
                     valve=choudhury(S, ratio * S),
                 )
             )
-    return found
+    return grid_of_cell
 
 
 def cycles(loop: Loop) -> bool:
@@ -102,17 +102,17 @@ def data() -> pd.DataFrame:
 
     Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the
     grid of the theory: loops, exist, reached (by any of 25 random load steps), disagreements
-    (against the table, each with its condition); on this figure's own grid of simulations: cycled,
+    (against the table, each with its condition); on this figure's grid of simulations: cycled,
     simulated.
     """
     rows = []
     for check in check_table_11_3():
         key = check.process, check.controller, check.nonlinearity
         grid = loops(*key)
-        said = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
+        printed = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
         why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
         counts = check.loops, check.exist, check.reached, why
-        rows.append([*key, said, *counts, sum(map(cycles, grid)), len(grid)])
+        rows.append([*key, printed, *counts, sum(map(cycles, grid)), len(grid)])
     names = (
         "process controller nonlinearity table loops exist reached disagreements cycled simulated"
     )

@@ -15,7 +15,7 @@ import pytest
 from simbench.bench.execute import run as run_module
 from simbench.cli import main
 
-# a word of the program's own where a sentence about the input is due
+# a word of the program's inside where a sentence about the input is due
 LEAKS = re.compile(
     r"Traceback|fault of the program|object has no"
     r" attribute|pydantic|NoneType|errors\.|site-packages"
@@ -104,7 +104,7 @@ def _memory() -> int:
 
 
 def check_sentence(sentence: str, values: Iterable[str] | None = None) -> None:
-    """Check that a sentence quotes what was wrong and says what is allowed; about what is not there
+    """Check that a sentence quotes what was wrong and names what is allowed; about what is absent
     it need not.
     """
     if not ABSENT.search(sentence):

@@ -85,7 +85,7 @@ def stranger(folder, *words):
 
 @pytest.fixture
 def open_folder():
-    """A folder that every user reaches; pytest's own are closed to others."""
+    """A folder that every user reaches; those of pytest are closed to others."""
     folder = Path("/tmp") / f"simbench-stranger-{os.getpid()}"
     folder.mkdir()
     yield folder

@@ -1,5 +1,5 @@
-"""Every file operation of a run failed once, in four ways: nothing is lost, nothing stands half,
-going on gives the same.
+"""Every file operation of a run failed once, in four ways: nothing is lost or half-written, going
+on gives the same.
 """
 
 from __future__ import annotations

@@ -275,8 +275,8 @@ def test_one_fault_anywhere_in_a_manifest(finished, baseline, here, every):
             (run / "manifest.json").write_text(json.dumps(content))
             values = [str(value)[:60]] if last == "format" and value != "gone" else None
             refuses(
-                lambda run=run, own=folder is finished: (
-                    score_run(run) if own else check_run(finished, run)
+                lambda run=run, is_run=folder is finished: (
+                    score_run(run) if is_run else check_run(finished, run)
                 ),
                 values,
             )

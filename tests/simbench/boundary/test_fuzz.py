@@ -1,5 +1,5 @@
-"""Loop files, grids and records at random: never a traceback, a hang or a sentence that says
-nothing.
+"""Loop files, grids and records at random: never a traceback, a hang or a sentence without
+content.
 
 `FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without
 it they stay the same.

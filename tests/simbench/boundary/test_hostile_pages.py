@@ -29,7 +29,7 @@ def detect(prepared):
         raise ValueError({" ".join(TEXTS)!r})
     return Verdict("hostile", STICTION, 1.0, reason={" ".join(TEXTS)!r})
 '''
-# whatever would run or load: an event handler, a script that is not the page's own, a link that is
+# whatever would run or load: an event handler, a script that is not of the page, a link that is
 # no place on the page
 FOREIGN = """[...document.querySelectorAll("*")].filter(e =>
   [...e.attributes].some(a => a.name.startsWith("on") ||

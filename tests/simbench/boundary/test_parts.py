@@ -50,7 +50,7 @@ MEMORY = "x = [np.ones(10_000_000) for _ in range(1000)]"
 # the line before which something is done, or which is replaced; what; a word of the sentence
 VALVE = {
     "raises": (REST, 'raise ValueError("on purpose")', "on purpose"),
-    "raises its own": (REST, "class E(BaseException): pass\n    raise E('mine')", "mine"),
+    "raises a class": (REST, "class E(BaseException): pass\n    raise E('mine')", "mine"),
     "exits": (REST, "sys.exit(0)", "SystemExit"),
     "exits hard": (REST, "os._exit(7)", "exit status 7"),
     "kills itself": (REST, "os.kill(os.getpid(), 9)", "signal 9"),

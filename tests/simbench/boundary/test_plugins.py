@@ -43,7 +43,7 @@ FINE = 'return Verdict("x", "stiction", score=1.0, reason="because")'
 HOSTILE = {
     "raises": ('raise ValueError("on purpose")', "on purpose"),
     "raises without text": ("raise KeyError", "KeyError"),
-    "raises its own": ("class E(BaseException): pass\n    raise E('mine')", "mine"),
+    "raises a class": ("class E(BaseException): pass\n    raise E('mine')", "mine"),
     "raises what raises": (
         "class E(Exception):\n        def __str__(self): raise E\n    raise E()",
         "E",
@@ -122,7 +122,7 @@ def forgotten():
 
 
 def answers(names=(), plugins=()) -> tuple[list[dict], dict]:
-    """What the built-in detectors answer beside others, as JSON, and the others' verdicts."""
+    """What the built-in detectors answer among others, as JSON, and the others' verdicts."""
     verdicts = {v.method: v for _, v in detect(RECORD, [*names, *OTHERS], plugins=plugins).verdicts}
     return [verdicts.pop(name).as_json() for name in OTHERS], verdicts
 
@@ -220,8 +220,8 @@ def test_missing_plug_ins_are_named(here):
 
 
 def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(here):
-    """Every verdict but its own equal, its failures counted, exit 1: it failed on more records than
-    allowed.
+    """The verdicts of the others equal, its failures counted, exit 1: it failed on more records
+    than allowed.
     """
     plugin(here, "np.mean = None; os.environ.clear()\n    raise ValueError('on purpose')")
     words = (
@@ -328,7 +328,7 @@ def test_a_contract_is_checked_apart(here, monkeypatch, name):
     assert any(part in fault for fault in contract["broken"]), contract["broken"]
 
 
-# what reaches out of its process: files elsewhere, processes and threads of its own
+# what reaches out of its process: files elsewhere, processes and threads
 REACHING = {
     "writes_elsewhere": "open({outside!r}, 'w').write('x'); " + FINE,
     "makes_a_folder": "os.mkdir({outside!r}); " + FINE,
@@ -367,11 +367,11 @@ member = [{ name = "sticky", valve = "choudhury" }, { name = "healthy", valve = 
 
 @pytest.mark.slow
 @pytest.mark.skipif(
-    not Path("/proc/self/environ").exists(), reason="processes are found by their environment"
+    not Path("/proc/self/environ").exists(), reason="processes are known by their environment"
 )
 def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_no_worker(tmp_path):
     bodies = {**{k: body for k, (body, _) in HOSTILE.items()}, **HARMLESS, **REACHING}
-    # each reaches for a path of its own: what one writes through the link of another would change
+    # each reaches for another path: what one writes through the link of another would change
     # that plug-in's file, and which of them is asked first is not for this test to say
     bodies = {
         "_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / f"of {k}")))
@@ -385,23 +385,25 @@ def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_n
     for folder in ("tmp", "work"):
         (tmp_path / folder).mkdir()
     (tmp_path / "work" / "tiny.toml").write_text(TINY)
-    told = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "OF_THIS_RUN": str(tmp_path)}
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "OF_THIS_RUN": str(tmp_path)}
     for where, more in (("without", []), ("with", files)):
         words = [sys.executable, "-c", RUN, tmp_path / where, *more]
-        done = subprocess.run(words, cwd=tmp_path / "work", env=told, capture_output=True)
+        done = subprocess.run(words, cwd=tmp_path / "work", env=environment, capture_output=True)
         assert done.returncode == 0, done.stderr.decode()[-2000:]
 
     def left() -> list[int]:
-        found = []
+        left_over = []
         for file in Path("/proc").glob("[0-9]*/environ"):
             try:
                 if f"OF_THIS_RUN={tmp_path}".encode() in file.read_bytes():
                     pid = int(file.parent.name)
-                    # what went into a session of its own is nobody's worker; it is ended here
-                    found += [pid] if os.getsid(pid) == pid else os.kill(pid, signal.SIGKILL) or []
+                    # what went into another session is nobody's worker; it is ended here
+                    left_over += (
+                        [pid] if os.getsid(pid) == pid else os.kill(pid, signal.SIGKILL) or []
+                    )
             except OSError:  # it has ended, or is another user's
                 continue
-        return found
+        return left_over
 
     until = time.monotonic() + 5.0
     while left() and time.monotonic() < until:
@@ -411,7 +413,7 @@ def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_n
         pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s")
         for d in ("without", "with")
     )
-    own = two[two.method.isin(OTHERS)].reset_index(drop=True)
-    pd.testing.assert_frame_equal(one, own, check_exact=True)
+    kept = two[two.method.isin(OTHERS)].reset_index(drop=True)
+    pd.testing.assert_frame_equal(one, kept, check_exact=True)
     assert two.method.nunique() == len(OTHERS) + len(bodies)
     assert not list((tmp_path / "tmp").glob("simbench-plugin-*"))

@@ -27,7 +27,7 @@ class Blocked:
 sys.meta_path.insert(0, Blocked())
 for name in ("fcntl", "resource"):
     sys.modules.pop(name, None)
-if WHOLE:  # multiprocessing's own processes are started by fork and exec alone on this system
+if WHOLE:  # the processes of multiprocessing are started by fork and exec alone on this system
     for module, name in ((os, "fork"), (signal, "SIGALRM"), (signal, "setitimer")):
         delattr(module, name)
 def no_proc(event, args):
@@ -94,12 +94,12 @@ def test_every_module_imports(blocked):
 
 def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
     names = "'fcntl', 'resource', 'detectors.plugins.process'"
-    said = blocked(
+    printed = blocked(
         f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in"
         " sys.modules])",
         False,
     )
-    assert "detectors.plugins.process" not in said
+    assert "detectors.plugins.process" not in printed
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_commands_answer_with_the_same_bits_as_without_the_blockade(blocked, tmp
 
 def test_a_plug_in_is_asked_in_a_process_of_its_own_and_says_what_is_lacking(blocked, tmp_path):
     (tmp_path / "mine.py").write_text(PLUGIN)
-    said = blocked(f"""
+    printed = blocked(f"""
 import os, sys
 from detectors.detection import detect
 from detectors.record import LoopRecord
@@ -131,9 +131,9 @@ record = LoopRecord(wave, wave[::-1], 1.0)
 for verdict in detect(record, ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
     print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
 """)
-    assert "mine process" in said
-    assert "the same process" not in said
-    assert "no limit on memory" in said
+    assert "mine process" in printed
+    assert "the same process" not in printed
+    assert "no limit on memory" in printed
 
 
 PLUGIN = """

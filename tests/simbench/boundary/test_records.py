@@ -69,7 +69,7 @@ WRONG_TEXTS = {
     "no time": b"op,pv\n0,1\n1,2\n2,3\n",
     "empty names": b",,\n0,1,2\n1,2,3\n2,3,4\n",
     "time back": b"t,op,pv\n0,1,2\n2,2,3\n1,3,4\n3,4,5\n",
-    "time stands": b"t,op,pv\n0,1,2\n0,2,3\n0,3,4\n",
+    "time repeats": b"t,op,pv\n0,1,2\n0,2,3\n0,3,4\n",
     "time empty": b"t,op,pv\n,1,2\n,2,3\n,3,4\n",
     "time infinite": b"t,op,pv\n0,1,2\n1,2,3\ninf,3,4\n",
     "time as words": b"t,op,pv\nmon,1,2\ntue,2,3\nwed,3,4\n",

@@ -1,4 +1,4 @@
-"""A grid's contract: every built-in keeps it, and what a run would stumble over is told
+"""A grid's contract: every built-in keeps it, and what would stop a run is reported
 beforehand.
 """
 

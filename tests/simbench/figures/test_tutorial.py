@@ -1,4 +1,4 @@
-"""The tutorial does what it says, block by block."""
+"""The tutorial holds what it promises, block by block."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BLOCKS = re.findall(
 
 @pytest.fixture(scope="module")
 def after(tmp_path_factory):
-    """Run every block in one namespace, in a folder of its own."""
+    """Run every block in one namespace, in a new folder."""
     folder = tmp_path_factory.mktemp("tutorial")
     space: dict = {}
     with pytest.MonkeyPatch.context() as patch:

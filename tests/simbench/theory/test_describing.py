@@ -85,9 +85,9 @@ def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minu
 )
 def test_intersections_give_the_golden_cycles(loop, settings, expected):
     sampled = sampled_loop(loop(**settings, Ts=0.5))
-    found = intersections(sampled, stiction(sampled.S, sampled.J))
-    assert [f.stable for f in found] == [True] * len(expected)
-    for f, (period, amplitude) in zip(found, expected, strict=True):
+    balances = intersections(sampled, stiction(sampled.S, sampled.J))
+    assert [f.stable for f in balances] == [True] * len(expected)
+    for f, (period, amplitude) in zip(balances, expected, strict=True):
         assert f.period == pytest.approx(period, rel=2e-4)
         assert f.amplitude == pytest.approx(amplitude, abs=1e-3)
 
@@ -95,9 +95,9 @@ def test_intersections_give_the_golden_cycles(loop, settings, expected):
 def test_every_intersection_solves_the_harmonic_balance(loop):
     sampled = sampled_loop(loop(kind="integrating", K=0.1, Td=2, Kc=2, Ti=15, J=0.5, Ts=0.5))
     valve = stiction(5.0, 0.5)
-    found = intersections(sampled, valve)
-    assert found
-    for f in found:
+    balances = intersections(sampled, valve)
+    assert balances
+    for f in balances:
         assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(
             -1, abs=1e-6
         )
@@ -106,8 +106,8 @@ def test_every_intersection_solves_the_harmonic_balance(loop):
 def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
     # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so
     # the cycle repels
-    [found] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
-    assert not found.stable
+    [balances] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
+    assert not balances.stable
     assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []
 
 
