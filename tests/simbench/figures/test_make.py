@@ -34,7 +34,12 @@ def needs(name: str) -> list[str]:
     return list(inspect.signature(FIGURES.load(name).data).parameters)
 
 
-FREE = [name for name in NAMES if not needs(name)]
+DEAR = ("surrogate_index", "valve_signatures", "fig_11_9_integrating")
+FREE = [
+    pytest.param(name, marks=pytest.mark.slow if name in DEAR else ())
+    for name in NAMES
+    if not needs(name)
+]
 OF_REAL_LOOPS = [name for name in NAMES if needs(name) == ["isdb"]]
 
 

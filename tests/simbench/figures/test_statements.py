@@ -409,6 +409,7 @@ def test_horchs_verdict_switches_at_the_same_w_Ti_with_and_without_stiction(draw
     assert np.abs(d["dtau (-)"] - law).max() < 0.03
 
 
+@pytest.mark.slow
 def test_no_bound_on_the_surrogate_index_finds_sticky_valves_alone(drawn):
     d = drawn("surrogate_index")
     npi = {kind: part["npi (-)"].to_numpy() for kind, part in d.groupby("kind")}

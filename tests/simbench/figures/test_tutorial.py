@@ -11,6 +11,7 @@ import pytest
 from detectors.judge import judge
 from detectors.signal.half_cycles import split
 
+pytestmark = pytest.mark.slow  # as the site is
 PAGE = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "chapter_figure.md"
 BLOCKS = re.findall(
     r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S

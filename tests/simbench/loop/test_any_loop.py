@@ -67,7 +67,9 @@ def test_an_integrator_written_as_tf_has_the_bits_of_integrating():
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("law", ["PI", "velocity, back-calculation"])
+@pytest.mark.parametrize(
+    "law", ["PI", pytest.param("velocity, back-calculation", marks=pytest.mark.slow)]
+)
 def test_compiled_plants_are_their_plain_twins(plant, law):
     _same_as_twin(loop(plant=PLANTS[plant], controller=CONTROLLERS[law]))
 
