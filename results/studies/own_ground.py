@@ -46,9 +46,9 @@ def sections(run: str | Path) -> pd.DataFrame:
             *((f"{x:g}", here & (noises == x)) for x in np.unique(noises[here])),
         ]
         for noise, use in levels:
-            said, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
-            decided = int((said != 2).sum())
-            right, undecided = int((said == positive).sum()), float((said == 2).mean())
+            verdicts, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
+            decided = int((verdicts != 2).sum())
+            right, undecided = int((verdicts == positive).sum()), float((verdicts == 2).mean())
             lo, hi = wilson(right, decided)
             bar = None if method == "horch" else BARS[kind]
             met = bar is None or (right >= bar * decided > 0 and undecided <= MOST_UNDECIDED)
@@ -74,9 +74,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is
     missed.
     """
-    found = sections((sys.argv[1:] if arguments is None else arguments)[0])
-    print(found.to_string(index=False, float_format="{:.3f}".format))
-    return int(not found[found.noise_ratio == "all"].met.all())
+    table = sections((sys.argv[1:] if arguments is None else arguments)[0])
+    print(table.to_string(index=False, float_format="{:.3f}".format))
+    return int(not table[table.noise_ratio == "all"].met.all())
 
 
 if __name__ == "__main__":

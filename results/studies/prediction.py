@@ -112,15 +112,15 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
         loop = load_loop(baseline)
         try:
             report = diagnose_files([record], baseline)
-            said = {
+            predicted = {
                 name: predict(report, read_settings(words, loop)).as_json()
                 for name, (words, _, _) in tried.items()
             }
         except UserError as error:  # a record that is refused has no valid prediction
-            said = {name: {"valid": False, "reason": str(error)} for name in tried}
+            predicted = {name: {"valid": False, "reason": str(error)} for name in tried}
     about = {"world": world, "kind": item.answer["kind"]}
     return [
-        {**about, "change": name, **said[name], "truth": truth(item, world, *tried[name][1:])}
+        {**about, "change": name, **predicted[name], "truth": truth(item, world, *tried[name][1:])}
         for name in tried
     ]
 

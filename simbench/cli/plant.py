@@ -75,5 +75,5 @@ def report_(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
     print(fleet.as_text())
-    say_assumed([m.found.record for m in fleet.members], as_json=False)
+    say_assumed([m.trust.record for m in fleet.members], as_json=False)
     print(f"page: {out.resolve()}; table: {beside.resolve()}")

@@ -25,16 +25,16 @@ def rows(isdb: Source = None) -> list[Row]:
     return [row for part in (theory, methods, confirmation, further) for row in part.rows(isdb)]
 
 
-def page(found: list[Row]) -> str:
+def page(table: list[Row]) -> str:
     """Return the page in Markdown."""
     word = {True: "yes", False: "**no**", None: "not tried"}
-    yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
+    yes, no, none = (sum(row.agrees is answer for row in table) for answer in (True, False, None))
     lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried.", ""]
     lines += [
         "| place | quantity | printed | ours | reproduced | why |",
         "|---|---|---|---|---|---|",
     ]
-    for row in found:
+    for row in table:
         cells = (row.place, row.what, row.printed, row.ours, word[row.agrees], row.why)
         lines.append("| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |")
     return "\n".join(lines) + "\n"

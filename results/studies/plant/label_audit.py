@@ -37,11 +37,11 @@ TURNED, FIRST, DRAWS = 3, 6, 100
 def measured(record: LoopRecord) -> dict[str, Any]:
     """Return the log-odds of one record and what was measured, None where it cannot be judged."""
     try:
-        found = friction(record)
+        rows = friction(record)
     except UserError as why:
         return {"odds": None, "why": str(why)}
-    e = found.evidence
-    return {"odds": found.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share}
+    e = rows.evidence
+    return {"odds": rows.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share}
 
 
 def windows(record: LoopRecord) -> list[LoopRecord]:
@@ -91,15 +91,15 @@ def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
     are suspected.
     """
     rng, truth = np.random.default_rng(seed), loops.sticky.to_numpy(bool)
-    found, false = [], []
+    detected, false = [], []
     for _ in range(DRAWS):
         which = rng.choice(truth.size, TURNED, replace=False)
         labels = truth.copy()
         labels[which] = ~labels[which]
         p = doubts(loops, labels)
-        found.append(np.isin(which, np.argsort(-p)[:FIRST]).mean())
+        detected.append(np.isin(which, np.argsort(-p)[:FIRST]).mean())
         false.append((np.delete(p, which) > SUSPECTED).mean())
-    return float(np.mean(found)), float(np.mean(false))
+    return float(np.mean(detected)), float(np.mean(false))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -165,11 +165,11 @@ def _speaks(parts: list[dict[str, Any]], sticky: bool) -> str:
         return "no half can be judged alone"
     odds, i, p = (min if sticky else max)(judged, key=lambda x: x[0])
     where = ("first", "middle", "last")[i]
-    said = (
+    halves = (
         f"friction {p['gain']:+.0f} nats, from outside {p['outside']:+.0f}, band {p['share']:.0%}"
         " of OP's range"
     )
-    return f"{where} half {probability(odds):.2f} ({said})"
+    return f"{where} half {probability(odds):.2f} ({halves})"
 
 
 if __name__ == "__main__":

@@ -104,17 +104,18 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
             loop = plant(s.loop, effect, strength, size)
             write_record(simulate(loop, s.seed).record.without_mv(), Path(place) / f"L{i}.csv")
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
-        found = against(read_fleet(place), simulated, GRID, methods, seed=seed)
+        result = against(read_fleet(place), simulated, GRID, methods, seed=seed)
     # friction is what is asked for: a sibling stays sound
     now = [
-        _with(s, effect, strength) if s.stands or effect != COMES_AND_GOES else s for s in simulated
+        _with(s, effect, strength) if s.representative or effect != COMES_AND_GOES else s
+        for s in simulated
     ]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
-    first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
+    first = next((e for e in result.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {
         "planted": effect,
-        "p": found.distance["p"],
-        "order": [e.effect for e in found.effects],
+        "p": result.distance["p"],
+        "order": [e.effect for e in result.effects],
         "predicted": {m: first.costs[m] if first else 0.0 for m in methods},
         "true": {m: after[m] - before[m] for m in methods},
     }
@@ -145,7 +146,7 @@ def sound(groups: int, seed: int) -> list[Simulated]:
     """
     out = []
     for s in islice((s for s in draw(GRID, MORE * groups, seed) if not s.sticky), groups):
-        out += [replace(s, stands=True), replace(s, stands=False)]
+        out += [replace(s, representative=True), replace(s, representative=False)]
     return out
 
 
@@ -155,7 +156,7 @@ def _with(s: Simulated, effect: str, strength: dict[str, float]) -> Simulated:
     return replace(s, loop=loop, record=simulate(loop, s.seed).record.without_mv(), sticky=sticky)
 
 
-def told(rows: list[dict[str, Any]]) -> list[str]:
+def summary_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return how often the planted effect stands first, and how well its cost was predicted.
 
     Parameters
@@ -210,15 +211,15 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
             classifier_test(ruler.measured(sim), ruler.measured(real), rng)[1],
         )
         small += np.array(p) <= LEVEL
-    said = []
+    shares = []
     for name, k in zip(("kernel distance", "classifier"), small):
         lo, hi = wilson(k, runs)
-        said.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
+        shares.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
     return [
         "",
         (
             f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <="
-            f" {LEVEL}: {', '.join(said)}"
+            f" {LEVEL}: {', '.join(shares)}"
         ),
     ]
 
@@ -253,10 +254,10 @@ def main(arguments: list[str] | None = None) -> int:
         f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of"
         f" grid {GRID}"
     )
-    said = [head, *told(rows)] if rows else []
+    results = [head, *summary_lines(rows)] if rows else []
     print(
         "\n".join(
-            said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])
+            results + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])
         )
     )
     return 0

@@ -163,10 +163,10 @@ def _rerun(
 
 def _period(record: LoopRecord) -> float:
     """Return the period (s) of the record, or where it does not oscillate a fifth of its length."""
-    found = find_oscillation(record.op, record.pv, record.Ts)
+    oscillation = find_oscillation(record.op, record.pv, record.Ts)
     return (
-        found.period_s
-        if np.isfinite(found.period_s) and found.period_s < record.duration
+        oscillation.period_s
+        if np.isfinite(oscillation.period_s) and oscillation.period_s < record.duration
         else 0.2 * record.duration
     )
 
@@ -207,10 +207,10 @@ def asked(simulator: str, number: int) -> dict[str, Any]:
         "n": record.n,
     }
     try:
-        found = friction(record)
+        evidence = friction(record)
     except UserError as why:
         return about | {"evidence": None, "why": str(why)}
-    e = found.evidence
+    e = evidence.evidence
     return about | {
         "evidence": [e.gain, e.outside, e.share],
         "cycles": record.duration / _period(record),

@@ -112,14 +112,14 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    said = [
+    claims_of_loops = [
         *_probability(weighed),
         "",
         *_claims([r for r in rows if r["best"]]),
         *_visible(rows),
         *who_is_right(rows),
     ]
-    print("\n".join(said))
+    print("\n".join(claims_of_loops))
     return 0
 
 
@@ -147,15 +147,15 @@ def checked(scenario: Scenario) -> dict[str, Any]:
 
 def claimed(record: LoopRecord) -> dict[str, Any]:
     """Return what trust says of a record: what `checked` returns, but what is true."""
-    found = trust(record, help_wanted=False)
-    answer = found.as_json()
+    trusted = trust(record, help_wanted=False)
+    answer = trusted.as_json()
     best = (
         None
-        if found.best is None
-        else {"method": found.best.verdict.method, "says": found.best.says}
+        if trusted.best is None
+        else {"method": trusted.best.verdict.method, "says": trusted.best.verdict_here}
     )
     shown = {k: answer[k] for k in ("probability", "methods", "smallest_visible")}
-    return {"said": found.conclusion.verdict, "best": best, **shown}
+    return {"said": trusted.conclusion.verdict, "best": best, **shown}
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
@@ -186,12 +186,12 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
-    found = [
+    diagnosis = [
         probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv())
         for i in range(FITTED)
     ]
-    said = [p > CLAIMED_FROM for p in found if p is not None]
-    return float(np.mean(said)) if said else 0.0
+    verdict = [p > CLAIMED_FROM for p in diagnosis if p is not None]
+    return float(np.mean(verdict)) if verdict else 0.0
 
 
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:

@@ -81,7 +81,7 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
     """Return the pairs of outer and inner loop: the set point of the inner is the output of the
     outer.
     """
-    found = []
+    pairs = []
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
             continue
@@ -91,8 +91,8 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
             else (0.0, "")
         )
         if best[1] != inner and best[0] > _FOLLOWS:
-            found.append((best[1], inner))
-    return found
+            pairs.append((best[1], inner))
+    return pairs
 
 
 def _follows(master: LoopRecord, slave: LoopRecord) -> float:

@@ -127,7 +127,7 @@ def _mmd(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None)
 
 
 def _squared(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None) -> float:
-    # a loop is no evidence beside itself; in a bootstrap neither is its copy
+    # a loop is not compared with itself, nor in a bootstrap with its copy
     k = np.where(np.eye(len(kernel), dtype=bool) if twins is None else twins, 0.0, kernel)
     apart = 1.0 - (np.eye(len(kernel)) if twins is None else twins)
     a, b = first.astype(float), (~first).astype(float)

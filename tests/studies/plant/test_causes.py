@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from results.studies.plant.causes import CAUSES, WEEK, archived, door, drawn, plant, told
+from results.studies.plant.causes import CAUSES, WEEK, archived, door, drawn, plant, summary_lines
 from simbench.gap.stiction.causes import Cause, Causes
 
 
@@ -28,7 +28,7 @@ def test_causes_are_counted_as_named(loops):
     named = {
         n: Causes(Cause(says.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
     }
-    lines = told(loops, named, [["4s", "4v"], ["0", "1"]])
+    lines = summary_lines(loops, named, [["4s", "4v"], ["0", "1"]])
     # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream,
     # sensor and saturation wrong
     assert "of 9 loops: right 4, wrong 4, cannot tell 1" in lines[-1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from results.studies.plant import planted
-from results.studies.plant.planted import COMES_AND_GOES, STRENGTHS, plant, told
+from results.studies.plant.planted import COMES_AND_GOES, STRENGTHS, plant, summary_lines
 from results.studies.plant.trust_claims import TESTING, loops
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
@@ -53,7 +53,7 @@ def test_first_is_first_and_not_among_others():
         answer("quantisation", ["quantisation"]),
         answer("quantisation", ["drift", "quantisation"]),
     ]
-    lines = told(rows)
+    lines = summary_lines(rows)
     words = lines[1].split()
     assert words[:2] == ["quantisation", "1/2"]
     assert words[3:6] == ["2", "2", "10.0"]
@@ -61,7 +61,7 @@ def test_first_is_first_and_not_among_others():
 
 
 def test_friction_is_the_right_name_of_a_valve_that_sticks_at_times():
-    lines = told(
+    lines = summary_lines(
         [answer(COMES_AND_GOES, [name]) for name in ("stiction", "deadband", "oscillation")]
     )
     assert lines[-1].split()[:2] == ["all", "2/3"]

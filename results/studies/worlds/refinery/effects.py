@@ -51,22 +51,22 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
 
 def stiction(setup: Setup, p: dict, case: dict) -> None:
     """Friction by the loop's own model; a jump beyond S exists in the data-driven models only."""
-    S, J, own = p["S"], p["J"], case["friction"]
+    S, J, friction = p["S"], p["J"], case["friction"]
     if S == 0.0 and J == 0.0:
         return
-    model = valves.FRICTION.index(own["model"])
+    model = valves.FRICTION.index(friction["model"])
     physical = model >= valves.KARNOPP
     if J > S or (physical and S - J < 0.04 * S):
         model, physical = valves.CHOUDHURY, False
-    time = own["travel_time"]
+    time = friction["travel_time"]
     setup.valve = setup.valve._replace(
         friction=model,
         fs=(S + J) / 2.0,
         fd=(S - J) / 2.0,
         travel_time=time,
-        stribeck_speed=own["stribeck"] * max(J, 0.05 * S) / time,
-        slip_end=own["slip_end"] * S,
-        bristle=own["bristle"] * S,
+        stribeck_speed=friction["stribeck"] * max(J, 0.05 * S) / time,
+        slip_end=friction["slip_end"] * S,
+        bristle=friction["bristle"] * S,
     )
 
 

@@ -212,7 +212,7 @@ def draw_case(
     true, base = _plants(rng, classes, span, exact)
     Kc, Ti = _tuning(rng, classes, base, time)
     n, Ts = classes["n"], classes["Ts"]
-    own = {
+    tuned = {
         "type": classes["controller"], "Kc": Kc, "Ti": Ti, "direction": classes["direction"],
         "form": pick(rng, controller.FORMS) if Ti else "positional",
         "rule": pick(rng, controller.RULES, (60, 20, 20)),
@@ -231,7 +231,7 @@ def draw_case(
         # ten closed-loop settling times of earlier life
         "warm": int(np.clip(10 * (time + true["Td"] + (Ti or 0.0)) / Ts, 150, 1500)),
         "plant": true,
-        "controller": own,
+        "controller": tuned,
         "mv": False,
         "known_play": 0.0,
         "setpoint": {"kind": "constant", "value": value},
@@ -254,7 +254,7 @@ def draw_case(
         "baseline": {
             "plant": base,
             "controller": {
-                k: own[k] for k in ("type", "Kc", "Ti", "direction") if own[k] is not None
+                k: tuned[k] for k in ("type", "Kc", "Ti", "direction") if tuned[k] is not None
             },
             "sampling": {"Ts": Ts, "n": n},
             "noise": {"std": 0.0},

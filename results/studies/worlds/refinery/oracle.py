@@ -117,12 +117,12 @@ class Cloud:
     def __init__(self, members: list[list[np.ndarray]]) -> None:
         self._groups = [np.array(group) for group in zip(*members)]
         count = len(members)
-        own = [
+        distances = [
             self._distance([g[i] for g in self._groups], np.arange(count) != i)
             for i in range(count)
         ]
         # mean distance of a record without the effect from the others
-        self.spread = float(np.mean(own))
+        self.spread = float(np.mean(distances))
 
     def _distance(self, record: list[np.ndarray], keep: np.ndarray) -> float:
         worst = 0.0

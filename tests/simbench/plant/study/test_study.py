@@ -163,7 +163,7 @@ def test_a_strength_is_that_of_a_loop_that_has_the_effect(grid_loops):
 
 
 def test_friction_stands_in_the_place_of_friction(grid_loops):
-    before = [s for s in grid_loops if s.stands]
+    before = [s for s in grid_loops if s.representative]
     after = joining._with(before, joining.Way("stiction", 1.0, ({"S": 0.9, "J": 0.5},), 0))
     assert all(s.sticky for s in after)
     assert any(not s.sticky for s in before)
@@ -242,6 +242,6 @@ def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, 
     said = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
     assert said.notes == (
         "one",
-        f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw",
+        f"no grid is written to {tmp_path}/mine.toml: the study has no effect that a grid can draw",
     )
     assert not (tmp_path / "mine.toml").exists()

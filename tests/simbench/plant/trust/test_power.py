@@ -61,8 +61,8 @@ def test_of_two_slip_jumps_the_one_that_shows_at_the_smaller_band_counts():
 def test_cells_count_only_their_own_twins():
     S, J = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0, 2.0])
     cells = cells_of(S, J, np.array([True, True, False, True]))
-    assert [(c.S, c.found) for c in cells] == [(1.0, 0.5), (2.0, 1.0)]
-    assert all(c.lo <= c.found <= c.hi for c in cells)
+    assert [(c.S, c.share) for c in cells] == [(1.0, 0.5), (2.0, 1.0)]
+    assert all(c.lo <= c.share <= c.hi for c in cells)
 
 
 def test_a_threshold_is_advised_only_where_the_published_rule_is_worse():
@@ -92,12 +92,12 @@ def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
 
 def test_a_threshold_reads_nothing_out_of_a_missing_score():
     said = {s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))}
-    assert [Rule("m", 0.5, 0.9).says(v) for v in said.values()] == [
+    assert [Rule("m", 0.5, 0.9).verdict_of(v) for v in said.values()] == [
         "no_stiction",
         "stiction",
         "no_decision",
     ]
-    assert {Rule("m", None, 0.9).says(v) for v in said.values()} == {"no_decision"}
+    assert {Rule("m", None, 0.9).verdict_of(v) for v in said.values()} == {"no_decision"}
 
 
 def test_a_score_without_meaning_gives_no_threshold():

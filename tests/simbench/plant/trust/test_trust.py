@@ -138,7 +138,7 @@ def test_of_methods_that_agree_with_the_probability_the_best_on_the_twins_is_tru
     found,
 ):
     made = [m for m in found.methods if m.verdict.applicable is not False]
-    agreeing = [m for m in made if m.says == STICTION]
+    agreeing = [m for m in made if m.verdict_here == STICTION]
     assert found.best.rule.right == max(m.rule.right for m in agreeing)
     assert found.best in agreeing
     assert "of those that agree with the probability" in found.as_text()
@@ -147,7 +147,7 @@ def test_of_methods_that_agree_with_the_probability_the_best_on_the_twins_is_tru
 def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
     monkeypatch.setattr(CandidateLoops, "probability", 0.1)
     found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
-    assert found.best.says == STICTION
+    assert found.best.verdict_here == STICTION
     assert "none agrees with the probability" in found.as_text()
 
 
@@ -177,8 +177,8 @@ def test_a_dead_record_is_no_error_and_no_verdict():
 def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
     loop = Loop.from_table(RESTING | STUCK)
     answer = trust(sticky, loop, **FEW)
-    assert answer.behind is not None
-    assert answer.behind.trusted
+    assert answer.candidates is not None
+    assert answer.candidates.trusted
     assert any("friction" in n for n in answer.notes)
     assert min(answer.twins) == (0.0, 0.0)
 
