@@ -3,19 +3,19 @@
 from results.studies.plant.trust_extremes import summary_lines
 
 
-def row(seen, said, S=1.0, visible=None, fitted=0.0):
+def row(seen, answer, S=1.0, visible=None, fitted=0.0):
     return {
         "S": S,
         "J": S,
         "seen": seen,
         "fitted": fitted,
-        "said": said,
+        "said": answer,
         "probability": 0.5,
         "smallest_visible": visible,
     }
 
 
-def test_what_is_said_counts_where_it_is_right():
+def test_an_answer_counts_where_it_is_right():
     rows = [
         {"buried": row(0.1, "no_stiction", visible=2.0), "plainly visible": row(0.9, "stiction")},
         {

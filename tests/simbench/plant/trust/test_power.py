@@ -17,8 +17,8 @@ from simbench.plant.trust.power import (
 )
 
 
-def line(found, ratio=1.0):
-    return [Cell(s, ratio * s, f, 0.0, 1.0) for s, f in zip((1.0, 2.0, 4.0, 8.0), found)]
+def line(shares, ratio=1.0):
+    return [Cell(s, ratio * s, f, 0.0, 1.0) for s, f in zip((1.0, 2.0, 4.0, 8.0), shares)]
 
 
 def test_the_smallest_visible_lies_between_the_cells_that_bracket_it():
@@ -41,7 +41,7 @@ def test_the_smallest_visible_is_counted_without_loading_scikit_learn():
     )
 
 
-def test_nothing_is_visible_where_nothing_is_found():
+def test_no_size_is_visible_where_the_shares_are_small():
     assert smallest_visible(line([0.0, 0.1, 0.3, 0.7])) is None
 
 
@@ -58,7 +58,7 @@ def test_of_two_slip_jumps_the_one_that_shows_at_the_smaller_band_counts():
     assert J == S
 
 
-def test_cells_count_only_their_own_twins():
+def test_cells_count_only_their_twins():
     S, J = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0, 2.0])
     cells = cells_of(S, J, np.array([True, True, False, True]))
     assert [(c.S, c.share) for c in cells] == [(1.0, 0.5), (2.0, 1.0)]
@@ -79,7 +79,7 @@ def test_a_threshold_is_advised_only_where_the_published_rule_is_worse():
     assert readings("m", fine, sticky)[0].cut is None
 
 
-def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
+def test_a_method_may_be_read_by_its_published_rule_or_by_a_threshold():
     sticky = np.arange(200) < 100
     scores = np.random.default_rng(0).standard_normal(200) + 4.0 * sticky
     verdicts = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
@@ -91,13 +91,15 @@ def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
 
 
 def test_a_threshold_reads_nothing_out_of_a_missing_score():
-    said = {s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))}
-    assert [Rule("m", 0.5, 0.9).verdict_of(v) for v in said.values()] == [
+    answers = {
+        s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))
+    }
+    assert [Rule("m", 0.5, 0.9).verdict_of(v) for v in answers.values()] == [
         "no_stiction",
         "stiction",
         "no_decision",
     ]
-    assert {Rule("m", None, 0.9).verdict_of(v) for v in said.values()} == {"no_decision"}
+    assert {Rule("m", None, 0.9).verdict_of(v) for v in answers.values()} == {"no_decision"}
 
 
 def test_a_score_without_meaning_gives_no_threshold():
