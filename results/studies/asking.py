@@ -4,8 +4,8 @@ pair and a random one.
 `python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and
 opens what is not there yet (a call that was cut off goes on where it was) and prints a table a
 world. `--contradictions 60` gives the diagnosis tests that contradict their records and as many
-sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits; `--claims
-100` compares claimed shrinkages with fresh records of the true loops.
+valid ones; `--plans 60` runs planned tests on the loops of the worlds against their limits;
+`--claims 100` compares claimed shrinkages with fresh records of the true loops.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> N
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
         report = one_file(record, record.with_suffix(".toml"), tests)
-    # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+    # where a test is refused the answer before it remains, as it does where the diagnosis chose it
     except UserError:
         report = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
@@ -314,7 +314,7 @@ def _share(x: pd.Series) -> str:
 
 
 def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
-    """Print the table of every world, what tests told, and whether claimed shrinkages hold."""
+    """Print the table of every world, the effect of tests, and whether claimed shrinkages hold."""
     print(
         "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record"
         " asks for none"
@@ -383,7 +383,7 @@ def main() -> None:
         type=int,
         default=0,
         metavar="N",
-        help="Contradictory tests, and sound ones.",
+        help="Contradictory tests, and valid ones.",
     )
     parser.add_argument(
         "--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run."

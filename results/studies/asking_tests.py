@@ -52,7 +52,7 @@ _KINDS = {
 
 
 def contradicted(seeds: Mapping[str, int], n: int, jobs: int = 1) -> pd.DataFrame:
-    """Return how many of `n` contradictory tests are found, and how many of as many sound ones
+    """Return how many of `n` contradictory tests are detected, and how many of as many valid ones
     refused, by kind.
     """
     bar = tqdm(range(n), desc="contradictions", file=sys.stderr, delay=1.0)
@@ -120,7 +120,7 @@ def _shifted(csv: str, item: Item, way: int) -> str:
 
 
 def _refused(item: Item, texts: Mapping[str, str]) -> str:
-    """Return what the diagnosis says against a test, "" where it counts it."""
+    """Return why the diagnosis rejects a test, "" where it counts it."""
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
         loop = load_loop(baseline)

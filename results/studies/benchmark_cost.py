@@ -182,7 +182,7 @@ def _run(
 ) -> subprocess.Popen:
     words = ["child", str(target), grid, methods, str(jobs), json.dumps(sets)]
     command = [sys.executable, "-m", "results.studies.benchmark_cost", *words]
-    # a group of its own lets a kill take the workers too; a busy machine shares itself out by
+    # a separate process group lets a kill take the workers too; a busy machine shares itself out by
     # group, so timing does without
     return subprocess.Popen(
         command, start_new_session=group, stdout=subprocess.PIPE if measure else subprocess.DEVNULL

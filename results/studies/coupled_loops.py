@@ -38,9 +38,9 @@ class Culprit:
 
     culprit: int | None  # index of the loop; None when no gain, or more than one, sets the period
     reason: str  # why, in one sentence
-    # per loop, its OP before and after the change of its own gain
+    # per loop, its OP before and after the change of its gain
     phases: tuple[tuple[Phase, Phase], ...]
-    # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    # per loop, |P2/P1 - 1| after the change of its gain; NaN without an oscillation
     shifts: tuple[float, ...]
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
@@ -70,7 +70,7 @@ class Culprit:
 def find_culprit(
     loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0
 ) -> Culprit:
-    """Change the gain of each coupled loop in a run of its own and name the loop that sets the
+    """Change the gain of each coupled loop in a separate run and name the loop that sets the
     period.
 
     `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its

@@ -67,12 +67,12 @@ _FLAT = (
 # share of the gap that the true effect leaves, up to which a law is asked to close it
 _SOLVED = 0.2
 _RUNS, _ANEW = 8, 5000  # runs of the true effect, and how far their seeds lie from the record's
-_PLAIN = 0.9  # probability of a block, from which it is said plainly
+_PLAIN = 0.9  # probability of a block, from which it is stated plainly
 _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
 
 
 def gap_left(gap: Shrinkage | None) -> float | None:
-    """Return the share of a gap above its floor that is left, None where nothing stands out of the
+    """Return the share of a gap above its floor that is left, None where nothing exceeds the
     floor.
     """
     return (
@@ -101,7 +101,7 @@ def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> flo
 def asked(
     world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED
 ) -> dict[str, Any]:
-    """Return what a discovery says of one drawn record, and what a file of its law keeps."""
+    """Return the discovery of one drawn record, and what a file of its law keeps."""
     drawn_by, began = WORLDS.load(world), time.process_time()
     drawn_as = {k: v for k, v in entry.items() if k != "asked"}
     item = drawn_by.draw(seed, index, drawn_as)
@@ -178,8 +178,8 @@ def entries(world: str, none: int, times: int = 3) -> list[dict[str, Any]]:
 
 
 def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
-    """Return F1 of the samples in which a law that comes and goes is said to act, None where no law
-    is named.
+    """Return F1 of the samples in which a law that comes and goes is active, None where no law is
+    named.
     """
     true: list[np.ndarray] = []
 
@@ -265,7 +265,7 @@ def _median(x: list[float]) -> str:
 
 
 def recorded(where: Path) -> list[str]:
-    """Return what is said of the first record of every loop on a baseline identified from it, then
+    """Return the answers on the first record of every loop on a baseline identified from it, then
     the counts.
     """
     lines, silent, closed = [], 0, {"answer": [], "law": []}

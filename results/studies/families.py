@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LIKE = "choudhury"  # the family every other is compared with, in the same cells
-# cells are told apart by their number: each part is judged with what was fitted on the others
+# cells are distinguished by their number: each part is judged with what was fitted on the others
 PARTS = 2
 
 
@@ -63,7 +63,7 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
-    """Yield how well S and J of each family are told over several draws of the grid.
+    """Yield how well S and J of each family are estimated over several draws of the grid.
 
     Keys: method, home (where its constants were fitted), parameter, family, n; median error and
     width in shares of the valve's S; held, of the intervals whose level is stated, and its 95 %

@@ -76,8 +76,8 @@ def exchanged(fit: Callable) -> Callable:
 
     >>> t = np.linspace(0, 6, 50)
     >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
-    >>> other, own = exchanged(ellipse.fit_ellipse)(x, y), ellipse.fit_ellipse(x, y)
-    >>> round(other.apparent_stiction / own.apparent_stiction, 9)
+    >>> other, plain = exchanged(ellipse.fit_ellipse)(x, y), ellipse.fit_ellipse(x, y)
+    >>> round(other.apparent_stiction / plain.apparent_stiction, 9)
     1.0
     """
 
@@ -186,7 +186,7 @@ def worsened(
     base: RunArrays, method: str, rng: np.random.Generator
 ) -> Iterator[tuple[str, RunArrays]]:
     """Yield a run in which one method has become a little worse on the loops that it covers, in
-    each way of its own.
+    each way separately.
     """
     i = base.methods.index(method)
     verdicts, score, truth, covered = (

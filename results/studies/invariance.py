@@ -101,8 +101,10 @@ def _verdicts(
 
 
 def _read(record: LoopRecord, oscillation: Oscillation, names: list[str]) -> list[str]:
-    """Return the verdicts of methods on a whole record, whose oscillation was found forwards: what
-    sets in is one, what dies out is none, and the front end tells both directions of time apart.
+    """Return the verdicts of methods on a whole record whose oscillation was detected forwards.
+
+    A motion that sets in is an oscillation, one that dies out is none: the detection of
+    oscillations depends on the direction of time.
     """
     blind = Prepared(record.without_mv())
     blind.__dict__["oscillation"] = oscillation

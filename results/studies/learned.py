@@ -53,7 +53,7 @@ def window_of(op: np.ndarray, pv: np.ndarray, period: float) -> np.ndarray | Non
     where it is too short.
 
     Both signals are standardised and have the same number of points in a period, so that the
-    classifier is told neither how far they swing, nor about what, nor how fast. The noise relative
+    classifier sees neither how far they swing, nor about what, nor how fast. The noise relative
     to the swing is left, and with it a trace of the sampling: a loop of more samples a period has
     less of it after the means.
     """
@@ -70,7 +70,7 @@ def window_of(op: np.ndarray, pv: np.ndarray, period: float) -> np.ndarray | Non
 
 
 def loops(grid: str, seed: int, count: int) -> Loops:
-    """Simulate a grid, its groups in random order, until so many loops are found."""
+    """Simulate a grid, its groups in random order, until there are so many loops."""
     content = load_grid(grid, {"seed": seed})
     windows, plain, cycling, records = [], [], [], []
     for index in np.random.default_rng(seed).permutation(content.group_count):

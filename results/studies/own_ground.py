@@ -1,6 +1,4 @@
-"""Each method on its own ground: the sections of grid own-ground, scored by the method they are
-named after.
-"""
+"""Each method on loops that it was made for: a section of grid own-ground per method."""
 
 from __future__ import annotations
 
@@ -18,13 +16,13 @@ from simbench.usage import exit_code
 if TYPE_CHECKING:
     import pandas as pd
 
-# right of decided that a paper's own conditions should allow, and the most that may stay undecided
+# right of decided that the conditions of a paper should allow, and the most that may stay undecided
 BARS = {"integrating": 0.85, "": 0.90}
 MOST_UNDECIDED = 0.25
 
 
 def sections(run: str | Path) -> pd.DataFrame:
-    """Score every section of a run of grid own-ground by its own method.
+    """Score every section of a run of grid own-ground by the method it belongs to.
 
     Columns: section, method, home (where its constants were fitted), noise_ratio (or "all"), n,
     right (of decided) with Wilson's interval, no_decision, bar, met. Sections of methods that the

@@ -1,5 +1,5 @@
-"""What is learned on simulated loops: the weights of the procedure, and the bounds of our own on
-scores and log-odds.
+"""What is learned on simulated loops: the weights of the procedure, and the bounds on scores and
+log-odds that have no source.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TRIED = 60  # quantiles of the scores that are tried as bounds
 def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
     """Judge the oscillating loops of a grid and keep the indices that the procedure weighs.
 
-    `seed`: in place of the grid's own, so that no loop of a benchmark is trained on.
+    `seed`: in place of the grid's seed, so that no loop of a benchmark is trained on.
 
     By integrating: x (loops, indices) as the procedure counts them before weighting, and y,
     cycling.

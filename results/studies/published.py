@@ -1,4 +1,4 @@
-"""Methods as published beside the same improved: what each rule of our own gains on simulated and
+"""Methods as published and improved: what each added rule gains on simulated and
 on real loops.
 """
 
@@ -30,16 +30,16 @@ from simbench.bench.statistics import mcnemar
 from simbench.usage import exit_code
 
 GRIDS = {"plant": 1, "chapter": 4}  # every so many-th group
-SEEDS = (20131, 771301)  # of no grid: no rule was found on these loops
+SEEDS = (20131, 771301)  # of no grid: no rule was developed on these loops
 IMPROVED, PUBLISHED, CHAPTER = "improved", "as published", "as in the chapter"
 NO_RULE = "as published: no rule of our own"
 
 
 def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
-    """Yield every method: improved, without one of its own rules, as published, and as in the
+    """Yield every method: improved, without one of the added rules, as published, and as in the
     chapter where that differs.
 
-    Yields (method, variant, thresholds). A method without a rule of its own is the published one on
+    Yields (method, variant, thresholds). A method without an added rule is the published one on
     the part that is judged.
     """
     for name in registry.names():

@@ -42,7 +42,7 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
     compare.
 
     Keys: scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the
-    second client found whole), equal (the tables are those of an undisturbed run on two processes,
+    second client read whole), equal (the tables are those of an undisturbed run on two processes,
     bit for bit), dask_us and processes_us: CPU time of the client per scenario, to start (imports,
     a run of the grid's first repeat), to hand out and collect, to score.
     """
@@ -138,8 +138,8 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
     Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making
     included).
 
-    The rows of a small run of grid `smoke`, again and again, with ids of their own and random
-    scores. The scoring is a run's own; of its time on the loops nothing is said.
+    The rows of a small run of grid `smoke`, again and again, with other ids and random
+    scores. The scoring is that of a run; its time on the loops is not measured.
     """
     with tempfile.TemporaryDirectory() as home:
         place = place_of(Path(home) / "run")

@@ -3,13 +3,13 @@ grids, worlds and real units.
 
 Every method that does without MV judges as many loops of each home, half of them sticky; its cost
 is that of the score table (an error 1, no decision .5), sticky and sound loops counting the same.
-Spearman's rank correlation of the costs between two homes says how far an order won on one holds on
-the other. Learned yardsticks stand beside the methods: gradient boosting on features of OP and PV,
-and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Slow
-methods judge the first loops only and are left out of the correlations. An order cannot agree with
-another home's better than with itself: the last table has how far two halves of a home agree, the
-whole home by Spearman and Brown, and how many loops an agreement of .9 would take. Answers are kept
-in the folder; it goes on where it stopped.
+Spearman's rank correlation of the costs between two homes measures how far an order of one holds
+on the other. Learned yardsticks are compared with the methods: gradient boosting on features of
+OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on
+all. Slow methods judge the first loops only and are left out of the correlations. An order cannot
+agree with another home's better than with itself: the last table has how far two halves of a home
+agree, the whole home by Spearman and Brown, and how many loops an agreement of .9 would take.
+Answers are kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {
 
 
 class Home:
-    """The loops of one grid, world or set of records, and what was said of them."""
+    """The loops of one grid, world or set of records, and the verdicts on them."""
 
     def __init__(self, rows: list[dict[str, Any]]) -> None:
         self.sticky = np.array([r["sticky"] for r in rows])
@@ -215,7 +215,7 @@ class Home:
         }
 
     def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
-        """Train a yardstick here and judge every home; its own by folds."""
+        """Train a yardstick here and judge every home; this one by folds."""
         kind, make = LEARNED[name]
         model = make().fit(self.x[kind], self.sticky)
         for where, home in homes.items():

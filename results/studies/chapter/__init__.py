@@ -1,4 +1,4 @@
-"""The page "chapter against code": every published number beside ours, and why they differ."""
+"""The page "chapter against code": published numbers, ours, and why they differ."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def rows(isdb: Source = None) -> list[Row]:
 
     `isdb`: ISDB file or folder of real records; without it their rows stay empty.
 
-    In the order of the chapter, what it says in passing last.
+    In the order of the chapter, its remarks in passing last.
     """
     return [row for part in (theory, methods, confirmation, further) for row in part.rows(isdb)]
 

@@ -1,4 +1,4 @@
-"""Rows on what the chapter says in passing: every sentence that a dozen simulated loops can bear
+"""Rows on remarks of the chapter in passing: every sentence that a dozen simulated loops can bear
 out or not.
 """
 

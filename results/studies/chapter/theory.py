@@ -151,7 +151,7 @@ def _best_wave(cycle: pd.DataFrame, column: str) -> tuple[str, float]:
 
 
 def _even_over_odd(x: np.ndarray) -> float:
-    power = np.abs(np.fft.rfft(x - x.mean())) ** 2  # three periods: harmonic k stands in bin 3 k
+    power = np.abs(np.fft.rfft(x - x.mean())) ** 2  # three periods: harmonic k is in bin 3 k
     return float(power[6:60:6].sum() / power[3:60:6].sum())
 
 

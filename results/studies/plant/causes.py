@@ -80,7 +80,7 @@ def tuned(rng: np.random.Generator, tightness: float) -> dict[str, Any]:
 
 
 def drawn(cause: str, rng: np.random.Generator, second: str = "") -> tuple[LoopRecord, Loop]:
-    """Return the record and the loop of one cause, or of two: `beside` is "tuning" or "outside"."""
+    """Return the record and the loop of one cause, or of two: `second` is "tuning" or "outside"."""
     table = tuned(rng, float(rng.uniform(2.5, 4.0)))
     T, kick = table["plant"]["T"], 0.0
     if cause in ("stiction", "dead-band"):
@@ -122,7 +122,7 @@ def drawn(cause: str, rng: np.random.Generator, second: str = "") -> tuple[LoopR
         )
     loop = Loop.from_table(table)
     record = simulate(loop, int(rng.integers(2**31)), kick=kick).record.without_mv()
-    # stuck: PV stands while the controller integrates on
+    # stuck: PV rests while the controller integrates on
     if cause == "sensor" and table["noise"]["std"] < 1.0:
         pv, at = np.array(record.pv), int(0.4 * record.n)
         size = int(rng.uniform(0.1, 0.25) * record.n)
@@ -159,7 +159,7 @@ def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
 
 def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
     """Return loops of every cause by name, each pair of source and victim in one week, every other
-    loop in its own.
+    loop in another.
     """
     rng, out = np.random.default_rng(seed), {}
     for i in range(n):
@@ -176,7 +176,7 @@ def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
 
 
 def sticky(n: int, seed: int, second: str = "") -> dict[str, tuple[str, LoopRecord, Loop]]:
-    """Return more loops whose valve sticks by name, and beside which something else is wrong."""
+    """Return more loops whose valve sticks by name, in which something else is wrong too."""
     rng = np.random.default_rng([seed, 1])
     return {f"more {i}": ("stiction", *drawn("stiction", rng, second)) for i in range(n)}
 
@@ -190,7 +190,7 @@ BLIND = {
 
 
 def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
-    """Return loops of an independent simulator by name, each in a week of its own."""
+    """Return loops of an independent simulator by name, each in a separate week."""
     out: dict[str, tuple[str, LoopRecord, Loop | None]] = {}
     with tempfile.TemporaryDirectory() as place:
         for i in range(n):
@@ -214,7 +214,7 @@ def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loo
 def identified(
     loops: dict[str, tuple[str, LoopRecord, Loop | None]],
 ) -> dict[str, CandidateLoops | None]:
-    """Return the loops that may stand behind every record, None where none can be identified."""
+    """Return the loops that may have made every record, None where none can be identified."""
     candidates: dict[str, CandidateLoops | None] = {}
     for name, (_, record, _) in tqdm(loops.items(), file=sys.stderr, desc="loops"):
         try:
@@ -225,7 +225,7 @@ def identified(
 
 
 def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
-    """Return the causes found, the events, and the identified loops."""
+    """Return the named causes, the events, and the identified loops."""
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
     candidates = identified(loops)
     events = shared_oscillations(prepared)

@@ -3,7 +3,7 @@ asks of every one.
 
 The log-odds of stiction of all records of a loop, calibrated on the loops of other units, against
 its label; then three labels at random are turned, again and again, to see whether those would be
-found.
+detected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from simbench.usage import exit_code
 
 WRONG = 0.1  # of labels, before looking
 SUSPECTED = 0.5  # probability of a wrong label, from which it is suspected
-PULL = 4.0  # loops that an uncalibrated reader is worth beside those labelled
+PULL = 4.0  # loops that an uncalibrated reader is worth in addition to those labelled
 WINDOWS = 3  # of half the record, overlapping by half
 TURNED, FIRST, DRAWS = 3, 6, 100
 
@@ -104,7 +104,7 @@ def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print every loop by how doubtful its label is, with what speaks and where, and how many
-    turned labels are found.
+    turned labels are detected.
     """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.label_audit", description=__doc__

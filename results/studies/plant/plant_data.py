@@ -45,8 +45,8 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
     DataFrame
         One row per record: id, unit_group, label, credible (no doubt about the label), effects,
         friction (named or not), error (the sentence of a record that was refused), type (of the
-        plant), and for each of `FLAGS` the flag and `named_` flag: whether an effect or a note says
-        so.
+        plant), and for each of `FLAGS` the flag and `named_` flag: whether an effect or a note
+        states so.
     """
     table = pd.read_csv(Path(folder) / "records.csv")
     table["sp_steps"] = table.sp_kind == "steps"

@@ -39,7 +39,7 @@ STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
     "oscillation": {"amplitude": (0.3, 0.8), "period": (0.5, 2.0)},
     COMES_AND_GOES: {"S": (0.5, 1.5), "slip": (0.2, 1.0), "period": (8.0, 16.0)},
 }
-# by which of a diagnosis's names an effect is called right, where that is not its own
+# by which of a diagnosis's names an effect is called right, where that is not its name
 CALLED = {COMES_AND_GOES: FRICTION_EFFECT}
 WIDEST = 25.0  # % of travel
 POOL = 400  # loops from which healthy fleets and grids are drawn
@@ -73,7 +73,7 @@ def plant(loop: Loop, effect: str, strength: dict[str, float], size: Size) -> Lo
 
 
 def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
-    """Return what a study says of one fleet, and what is true of it.
+    """Return the study of one fleet, and the truth.
 
     Parameters
     ----------
@@ -85,8 +85,8 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     Returns
     -------
     dict
-        planted; p (distance); order of the effects found; predicted and true change of every
-        method's accuracy on the grid's loops, 0 predicted where the effect was not found.
+        planted; p (distance); order of the named effects; predicted and true change of every
+        method's accuracy on the grid's loops, 0 predicted where the effect was not named.
 
     Notes
     -----
@@ -157,7 +157,7 @@ def _with(s: Simulated, effect: str, strength: dict[str, float]) -> Simulated:
 
 
 def summary_lines(rows: list[dict[str, Any]]) -> list[str]:
-    """Return how often the planted effect stands first, and how well its cost was predicted.
+    """Return how often the planted effect ranks first, and how well its cost was predicted.
 
     Parameters
     ----------
@@ -197,8 +197,9 @@ def _right(row: dict[str, Any], named: list[str]) -> bool:
 
 
 def healthy(runs: int, records: int, groups: int) -> list[str]:
-    """Return how often a fleet that hides nothing is told apart from its grid, both drawn from one
-    pool without return.
+    """Return how often a fleet without effect differs from its grid, both drawn from one pool.
+
+    The two have no loop in common.
     """
     x, rng = units(draw(GRID, POOL, 0)), np.random.default_rng(0)
     small = np.zeros(2, dtype=int)
@@ -225,7 +226,7 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Plant each effect in fleets of several seeds, ask a study of each, and print what it found;
+    """Plant each effect in fleets of several seeds, ask a study of each, and print its answers;
     goes on where it stopped.
     """
     parser = argparse.ArgumentParser(

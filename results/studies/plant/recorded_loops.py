@@ -1,4 +1,4 @@
-"""Is stiction found in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o
+"""Is stiction detected in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o
 KEPT` asks of every label.
 """
 
@@ -93,7 +93,7 @@ def _exception(x: np.ndarray, share: float) -> np.ndarray:
 
 
 def weighed(record: LoopRecord) -> dict[str, Any]:
-    """Return whether the procedure says stiction of a record, and the log-odds of it; None where it
+    """Return whether the procedure reports stiction, and the log-odds of it; None where the record
     cannot be judged.
     """
     verdict = judge(record, [PROCEDURE])[0].verdict == STICTION
@@ -104,7 +104,7 @@ def weighed(record: LoopRecord) -> dict[str, Any]:
 
 
 def counted(rows: pd.DataFrame, method: str) -> list[str]:
-    """Return found and false alarms of one method, by record, by loop and by unit.
+    """Return detections and false alarms of one method, by record, by loop and by unit.
 
     A loop or unit is called by most of its records, by the likelihood from their pooled log-odds.
     """

@@ -348,7 +348,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
 
 def main(arguments: list[str] | None = None) -> int:
     """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`,
-    beside what others would do.
+    and what others would do.
     """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.stiction_probability", description=__doc__

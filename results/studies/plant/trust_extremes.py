@@ -1,4 +1,4 @@
-"""Is "cannot be seen" said where it is true? `python -m results.studies.plant.trust_extremes
+"""Is "cannot be seen" answered where it is true? `python -m results.studies.plant.trust_extremes
 FOLDER` buries it, or shows it.
 """
 
@@ -30,8 +30,7 @@ SMALLEST, LARGEST = 0.02, 25.0  # S in % of travel
 
 
 def asked(scenario: Scenario) -> dict[str, Any]:
-    """Return what trust says of one loop with little and with much friction, and whether that could
-    be seen.
+    """Return the answers of trust on one loop with little and with much friction, and the truth.
 
     Parameters
     ----------
@@ -120,7 +119,7 @@ def _below(row: dict[str, Any]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Ask trust about loops at both extremes, and print what it says; goes on where it stopped."""
+    """Ask trust about loops at both extremes, and print its answers; goes on where it stopped."""
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.trust_extremes", description=__doc__
     )

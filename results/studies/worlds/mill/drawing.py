@@ -208,7 +208,7 @@ def _limits(effects: list[dict[str, Any]]) -> tuple[float, float]:
 def _both(
     case: Case, entry: dict[str, Any], sized: list[_SizedEffect], seeds: list[int]
 ) -> Item | None:
-    """Two effects in one loop, each still visible beside the other."""
+    """Two effects in one loop, each still visible with the other."""
     effects = [f.effect for f in sized]
     for other in effects:
         value, records = ratio(case, effects, seeds[:TRIALS], cloud(case, [other], seeds[TRIALS:]))

@@ -47,7 +47,7 @@ def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
 def ratio(
     case: Case, effects: list[dict[str, Any]], seeds: list[int], without: Cloud
 ) -> tuple[float, list[Record]]:
-    """Return how many times further than the cloud's own records those with the effects lie from
+    """Return how many times further than the cloud's records those with the effects lie from
     it, and the records.
 
     Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some

@@ -20,7 +20,7 @@ _BANDS = (
     (33, 65),
     (65, 129),
 )  # bins of a segment's spectrum
-_CROSS = 7  # bands in which the two signals' coherency says something
+_CROSS = 7  # bands in which the two signals' coherency is reliable
 
 # smallest spread granted to a statistic, by the first word of its name (sizes and powers in
 # decades): about a tenth of a size, a quarter of a power, a tenth of a share, so that a visible
@@ -171,7 +171,7 @@ def _law(error: np.ndarray, op: np.ndarray, Kc: float, late: int) -> list[float]
 
 
 def _surprise(pv: np.ndarray, op: np.ndarray) -> float:
-    """Size of what PV's own past and OP's do not foretell one sample ahead."""
+    """Size of what the past of PV and OP do not foretell one sample ahead."""
     past = [1, 2, 3]
     k = np.arange(8, len(pv))
     x = pv - pv.mean()

@@ -31,7 +31,7 @@ NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
 
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
-    """Two effects of different blocks, each block as likely as the other, that can be told
+    """Two effects of different blocks, each block as likely as the other, that can be distinguished
     apart.
     """
     blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
@@ -168,7 +168,7 @@ def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[s
     case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}
     setup = prepared(case, effects)
     scan = setup.controller
-    # the law keeps its own scan
+    # the law keeps its scan
     setup.controller = scan._replace(Kc=scan.Kc * plan.Kc_ratio, Ti=scan.Ti / r)
     columns = run(setup, case, seed, plan)
     return {name: x for name, x in columns.items() if name != "mv" or case["mv"] or plan.mv}

@@ -1,9 +1,9 @@
-"""What each of the 22 effects does to the loop or to the record, by the vocabulary's own
+"""What each of the 22 effects does to the loop or to the record, by the vocabulary's
 definitions.
 
 Mismatches multiply (or add to) the plant of the case. Where a mismatch is the truth, the case's
 plant agrees with the baseline in that very number, so that the parameter is the ratio to the
-baseline, as the vocabulary says.
+baseline, as in the vocabulary.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
 
 
 def stiction(setup: Setup, p: dict, case: dict) -> None:
-    """Friction by the loop's own model; a jump beyond S exists in the data-driven models only."""
+    """Friction by the loop's model; a jump beyond S exists in the data-driven models only."""
     S, J, friction = p["S"], p["J"], case["friction"]
     if S == 0.0 and J == 0.0:
         return
@@ -120,7 +120,7 @@ def extra_lag(setup: Setup, p: dict, case: dict) -> None:
 
 
 def noise(setup: Setup, p: dict, case: dict) -> None:
-    """White noise on top of the loop's own; a factor below 1 scales that down."""
+    """White noise on top of the loop's noise; a factor below 1 scales that down."""
     std0, factor = setup.noise_std, p["factor"]
     if factor < 1.0:
         setup.noise_std = std0 * factor

@@ -7,8 +7,8 @@ signs (repeated values, straight stretches, lone spikes). MV is left out, so tha
 large where MV is recorded as where it is not. The distance of a record is the largest, over the
 groups of statistics, of the root mean square of its standardised deviations from the cloud's mean.
 The ratio is the mean distance of records with the effect over the mean distance of each of the
-cloud's own records from the others: ordinary loads and noise of the same family are in both, so an
-effect counts only as far as it stands above them.
+cloud's records from the others: ordinary loads and noise of the same family are in both, so an
+effect counts only as far as it exceeds them.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class Cloud:
         return worst
 
     def ratio(self, records: list[list[np.ndarray]]) -> float:
-        """Return the mean distance of `records` (their features) in units of the cloud's own
+        """Return the mean distance of `records` (their features) in units of the cloud's
         spread.
         """
         every = np.ones(len(self._groups[0]), dtype=bool)

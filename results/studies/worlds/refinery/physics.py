@@ -44,7 +44,7 @@ class Sensor(NamedTuple):
     """Numbers of the transmitter: PV units and s."""
 
     lag: float = 0.0
-    count: float = 0.0  # the converter's own lattice, finer than the noise
+    count: float = 0.0  # the converter's lattice, finer than the noise
     count_offset: float = 0.0
     quantum: float = 0.0  # the effect quantisation in the loop: lattice through 0
     flow_noise: float = 0.0  # 1 = noise proportional to flow, 0 = constant
@@ -71,7 +71,7 @@ class Signals(NamedTuple):
 
 @numba.njit
 def _delayed(line, head, steps):
-    """Read the delay line `steps` (may be a fraction) cells behind the newest one."""
+    """Read the delay line `steps` (may be a fraction) cells before the newest one."""
     whole = math.floor(steps)
     part = steps - whole
     size = line.size

@@ -137,7 +137,7 @@ def one(
 def two(
     names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator
 ) -> tuple[list[dict], float]:
-    """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit
+    """Return two effects, each visible alone and with the other, and the smaller ratio; Misfit
     where there are none.
     """
     bench = Bench(case, [], seeds)

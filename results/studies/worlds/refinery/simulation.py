@@ -25,7 +25,7 @@ _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
 @dataclass
 class Setup:
-    """Everything that one run needs beside its seed; effects change it before the run."""
+    """Everything that one run needs in addition to its seed; effects change it before the run."""
 
     plant: Plant
     controller: Controller
