@@ -30,11 +30,11 @@ README, EXAMPLE = (ROOT / "README.md").read_text(encoding="utf-8"), ROOT / "docs
 def block(language: str, containing: str) -> str:
     """Return the README's code block of a language that contains some text."""
     blocks = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
-    (found,) = [b for b in blocks if containing in b]
-    return found
+    (match,) = [b for b in blocks if containing in b]
+    return match
 
 
-OWN = {
+PLUGINS_OF_README = {
     "detector": ("fullness", "METHOD = Method("),
     "valve": ("leap", "def mapped_SJ"),
     "effect": ("hum", "def apply"),
@@ -42,21 +42,16 @@ OWN = {
 
 
 @pytest.fixture
-def own(tmp_path):
+def plugin_files(tmp_path):
     """Write the README's plug-ins, each to its file."""
-    paths = {kind: tmp_path / f"{name}.py" for kind, (name, _) in OWN.items()}
-    for kind, (_, containing) in OWN.items():
+    paths = {kind: tmp_path / f"{name}.py" for kind, (name, _) in PLUGINS_OF_README.items()}
+    for kind, (_, containing) in PLUGINS_OF_README.items():
         paths[kind].write_text(block("python", containing), encoding="utf-8")
     yield paths
     for plugins in (methods, VALVES, PLUGINS):
-        for name, _ in OWN.values():
+        for name, _ in PLUGINS_OF_README.values():
             plugins._files.pop(name, None)
     vars(EFFECTS).pop("_all", None)  # read once, with the effect that is no more
-
-
-@pytest.fixture
-def own_detector(own):
-    return own["detector"]
 
 
 def test_the_loop_file_is_the_tutorials_and_its_model_lacks_the_stiction_alone():
@@ -70,36 +65,40 @@ def test_the_loop_file_is_the_tutorials_and_its_model_lacks_the_stiction_alone()
     assert healthy == {**sticky, "valve": {"model": "ideal"}}
 
 
-def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detector, capsys):
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
+def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, plugin_files, capsys, jobs):
+    detector = plugin_files["detector"]
     record, run = tmp_path / "rec.csv", tmp_path / "run"
     assert main(["simulate", str(EXAMPLE / "loop.toml"), "-o", str(record)]) == 0
     capsys.readouterr()
     assert (
-        main(
-            ["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]
-        )
+        main(["detect", str(record), "--plugin", str(detector), "--method", "fullness", "--json"])
         == 0
     )
     (verdict,) = json.loads(capsys.readouterr().out)
     assert verdict["method"] == "fullness"
     assert verdict["verdict"] == "stiction"
     assert verdict["indices"]["fuller"] > 0.02
-    chosen = ["--plugin", str(own_detector), "--method", "fullness,horch"]
-    assert main(["run", "smoke", "-o", str(run), *chosen]) == 0
+    chosen = ["--plugin", str(detector), "--method", "fullness", "--set", "disturbance=none"]
+    assert main(["run", "smoke", "-o", str(run), "-j", jobs, *chosen]) == 0
     assert main(["score", str(run), "--json"]) == 0
     assert "fullness" in capsys.readouterr().out
-    # and as a worker in another process, which has to find the file again
-    assert main(["run", "smoke", "-o", str(tmp_path / "two"), "-j", "2", *chosen]) == 0
 
 
-@pytest.mark.parametrize("kind", OWN)
-def test_the_users_plug_ins_keep_their_contract(own, kind, capsys):
-    assert main(["contract", str(own[kind])]) == 0
-    assert capsys.readouterr().out.splitlines()[0] == f"{kind} {OWN[kind][0]}: keeps its contract"
+@pytest.mark.parametrize(
+    "kind",
+    ["valve", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("detector", "effect"))],
+)
+def test_the_users_plug_ins_keep_their_contract(plugin_files, kind, capsys):
+    assert main(["contract", str(plugin_files[kind])]) == 0
+    assert (
+        capsys.readouterr().out.splitlines()[0]
+        == f"{kind} {PLUGINS_OF_README[kind][0]}: keeps its contract"
+    )
 
 
-def test_the_users_valve_jumps_as_it_says(own):
-    VALVES.add_file(own["valve"])
+def test_the_users_valve_jumps(plugin_files):
+    VALVES.add_file(plugin_files["valve"])
     op = np.array([50.0, 52.0, 54.0, 53.0, 50.0, 49.0])
     assert valve_response("leap", op, {"d": 3.0}).tolist() == [50.0, 50.0, 54.0, 54.0, 50.0, 50.0]
 
@@ -119,7 +118,7 @@ def test_every_link_of_the_readme_hits():
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch, own):
+def place(tmp_path, monkeypatch, plugin_files):
     shutil.copytree(EXAMPLE, tmp_path / "docs" / "example")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -210,10 +209,10 @@ def test_the_table_of_real_loops_is_the_one_in_results():
     )
     # all that see OP and PV alone, not the best of them
     about = {name: methods.load(name).METHOD for name in methods.names()}
-    own = {n for n, m in about.items() if m.role != "nonlinearity" and not m.needs_mv}
-    assert {row[0] for row in shown} == own | {"likelihood"}
-    for method, found, sticky, wrong, sound, undecided in shown:
-        same = rows[method][:5] == [sticky, found, sound, wrong, undecided]
+    ranked = {n for n, m in about.items() if m.role != "nonlinearity" and not m.needs_mv}
+    assert {row[0] for row in shown} == ranked | {"likelihood"}
+    for method, sensitivity, sticky, wrong, sound, undecided in shown:
+        same = rows[method][:5] == [sticky, sensitivity, sound, wrong, undecided]
         assert same, f"{method}: copy its row of results/real_records.txt into README.md"
 
 
