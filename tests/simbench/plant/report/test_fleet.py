@@ -14,7 +14,6 @@ from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from detectors.signal.phase import phase_locking
 from simbench.bench.store.checksums import with_checksum
 from simbench.cli import main
 from simbench.files import write_record
@@ -61,13 +60,6 @@ def test_records_of_different_lengths_share_nothing(records):
         "victim": Prepared(records["victim"].window(0, 1400)),
     }
     assert shared_oscillations(cut) == []
-
-
-def test_phase_locking_is_one_for_a_shift_and_small_for_strangers():
-    t = np.arange(4000.0)
-    assert phase_locking(np.sin(t / 10), np.sin(t / 10 + 1.0), 62.8) > 0.99
-    rng = np.random.default_rng(0)
-    assert phase_locking(rng.standard_normal(4000), rng.standard_normal(4000), 62.8) < 0.6
 
 
 def test_the_root_is_the_stickiest_then_the_least_like_a_sine():
@@ -211,10 +203,6 @@ def test_answers_are_kept_in_the_folder_of_the_call_though_its_processes_began_e
         ]
     assert not any((tmp_path / "before").iterdir())
     assert len(list((tmp_path / "now" / "kept").rglob("*.json"))) == 2
-
-
-def test_of_nothing_nothing_is_asked():
-    assert resumed(likely, [], jobs=2, keep=None, what="numbers") == []
 
 
 def test_a_page_that_cannot_be_written_is_reported_before_anything_is_judged(tmp_path, capsys):

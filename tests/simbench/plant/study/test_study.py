@@ -173,29 +173,27 @@ def test_friction_replaces_friction(grid_loops):
     assert any(not s.sticky for s in before)
 
 
-def test_an_effect_is_tried_wherever_it_may_act_and_in_more_loops_than_have_it():
-    places = joining._places("quantisation", [{"step": 0.5, "at": "loop"}])
-    assert [p[0]["at"] for p in places] == ["loop", "record"]
-    assert joining._places("compression", [{"band": 0.5}]) == [({"band": 0.5},)]
-    ways = joining._shares("compression", ({"band": 0.5},) * 3, 6, np.random.default_rng(0))
-    assert [w.share for w in ways] == [0.5, 0.75, 1.0]
+def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
+    few = tmp_path / "few"
+    few.mkdir()
+    (few / "a.csv").write_text((planted / "L0.csv").read_text())
+    assert main(["gap", "study", str(few), "--grid", "smoke"]) == 2
+    assert "at least 5" in capsys.readouterr().err
+
+
+def result_with(*effects):
+    distance = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
+    accuracy = {"he": 0.5}, {}, {"he": 0.4}
+    return Study(8, 8, distance, (0.7, 0.1), [], effects, *accuracy, ("one",), "plant")
 
 
 def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
-    e = Contribution(
-        "quantisation",
-        0.5,
-        0.1,
-        {"he": -0.1},
-        ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}),
-    )
-    nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
-    result = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {"he": 0.5}, {}, {"he": 0.4}, (), "plant")
+    strengths = {"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}
+    result = result_with(Contribution("quantisation", 0.5, 0.1, {"he": -0.1}, strengths))
     assert write_grid(result, tmp_path / "mine.toml") == []
     grid = load_grid(tmp_path / "mine.toml")
     assert len(grid) == len(load_grid("plant"))
-    text = (tmp_path / "mine.toml").read_text()
-    assert text.count('"found_quantisation"') == 10
+    assert (tmp_path / "mine.toml").read_text().count('"found_quantisation"') == 10
     named = [e.name for i in range(30) for d in grid.group(i).drafts for e in d.effects]
     assert named.count("quantisation") > 5
 
@@ -212,40 +210,16 @@ def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
     ],
 )
 def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, words, table):
-    e = Contribution("quantisation", 0.5, 0.1, costs, ())
-    nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
-    result = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {}, {}, {}, (), "plant")
+    result = result_with(Contribution("quantisation", 0.5, 0.1, costs, ()))
     assert f"+ quantisation: in 50% of the loops; distance then 0.10; {words}" in result.as_text()
     assert study_page._effects(result)["costs most, alone"].tolist() == [table]
 
 
-def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
-    few = tmp_path / "few"
-    few.mkdir()
-    (few / "a.csv").write_text((planted / "L0.csv").read_text())
-    assert main(["gap", "study", str(few), "--grid", "smoke"]) == 2
-    assert "at least 5" in capsys.readouterr().err
-
-
-def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
-    result = Study(
-        8,
-        8,
-        {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01},
-        (0.7, 0.1),
-        [],
-        (),
-        {},
-        {},
-        {},
-        ("one",),
-        "plant",
-    )
-    monkeypatch.setattr("simbench.plant.study.study.study", lambda *a, **k: result)
+def test_a_study_without_an_effect_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
+    monkeypatch.setattr("simbench.plant.study.study.study", lambda *a, **k: result_with())
     (tmp_path / "plant").mkdir()
-    answer = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
-    assert answer.notes == (
-        "one",
-        f"no grid is written to {tmp_path}/mine.toml: the study has no effect that a grid can draw",
-    )
-    assert not (tmp_path / "mine.toml").exists()
+    grid = tmp_path / "mine.toml"
+    answer = study_folder(tmp_path / "plant", "smoke", write_grid=grid)
+    why = f"no grid is written to {grid}: the study has no effect that a grid can draw"
+    assert answer.notes == ("one", why)
+    assert not grid.exists()
