@@ -1,36 +1,15 @@
 """The measurements of the benchmark itself, in this process and on a few scenarios."""
 
-import itertools
-import json
 import shutil
-import time
 from types import SimpleNamespace
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pytest
 
 from results.studies import benchmark_cost as study
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
-
-
-@pytest.fixture
-def in_process(monkeypatch, capsys):
-    """Runs in this process, each noted."""
-    asked = []
-
-    def run(target, grid, methods, jobs, sets, measure=False, group=False):
-        asked.append((target.name, jobs, sets))
-        study._child(str(target), grid, methods, "1", json.dumps({**sets, "disturbance": "none"}))
-        printed = capsys.readouterr().out.encode()
-        return SimpleNamespace(wait=lambda timeout=None: 0, communicate=lambda: (printed, None))
-
-    monkeypatch.setattr(study, "_run", run)
-    # time of processes that have ended: there are none
-    monkeypatch.setattr(study, "_cpu", map(float, itertools.count()).__next__)
-    return asked
 
 
 def changed(folder, copy, kind, column, value):
@@ -61,21 +40,7 @@ def test_tables_are_the_same_but_for_their_running_time(finished, tmp_path):
     )
 
 
-def test_sizes_are_per_scenario(in_process):
-    few, more = study.sizes([1, 100], "he", "smoke")
-    assert [sets["repeats"] for _, _, sets in in_process] == [1, 2]  # smoke has 48
-    assert more["scenarios"] == 2 * few["scenarios"]
-    for row in (few, more):
-        assert 20 < row["peak_MB"] < 20_000
-        assert 0.05 < row["ms_per_scenario"] < 5000
-        assert 0.0 <= row["overhead"] < 1.0
-        assert 50 < row["bytes"] < 50_000
-    # the processor time of this very process, told after either run
-    spent = [row["cpu_ms"] * row["scenarios"] / 1e3 for row in (few, more)]
-    assert 0.5 < spent[0] <= spent[1] <= time.process_time()
-
-
-def test_kills_that_come_too_late_are_none(monkeypatch, in_process):
+def test_kills_that_come_too_late_are_none(monkeypatch):
     killed = []
 
     def slow(target, *a, group=False, **k):

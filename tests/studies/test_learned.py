@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from results.studies.learned import KERNELS, PERIODS, POINTS, features, rows, window_of
+from results.studies.learned import PERIODS, POINTS, rows, window_of
 
 T = np.arange(600) / 30.0  # 20 periods of 30 samples
 
@@ -20,22 +20,6 @@ def test_a_window_tells_neither_amplitude_nor_offset_nor_period():
     # both end with their last sample, which stands at another phase
     assert np.abs(np.fft.rfft(slow)) == pytest.approx(np.abs(np.fft.rfft(plain)), abs=3.0)
     assert np.argmax(np.abs(np.fft.rfft(slow)), axis=1) == pytest.approx([PERIODS, PERIODS])
-
-
-def test_kernels_tell_a_triangle_from_a_sine():
-    rng = np.random.default_rng(0)
-    phase = 2 * np.pi * (np.arange(PERIODS * POINTS) / POINTS + rng.random((60, 1)))
-    sine = np.sin(phase)
-    sine[::2] = np.arcsin(np.sin(phase[::2])) * 2 / np.pi
-    window = np.stack([sine, np.cos(phase)], axis=1) + 0.02 * rng.standard_normal(
-        (60, 2, PERIODS * POINTS)
-    )
-    values = features(window.astype(np.float32))
-    assert values.shape == (60, 2 * KERNELS)
-    apart = np.abs(values[::2].mean(axis=0) - values[1::2].mean(axis=0)) / (
-        values.std(axis=0) + 1e-9
-    )
-    assert apart.max() > 1.5
 
 
 @pytest.mark.slow

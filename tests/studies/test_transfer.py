@@ -7,14 +7,12 @@ import pytest
 
 from results.studies import transfer
 from results.studies.transfer import (
-    LEARNED,
     LENGTH,
     Home,
     kept,
     methods,
     order,
     slow,
-    table,
 )
 
 QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
@@ -54,20 +52,6 @@ def test_the_same_order_correlates_and_the_reverse_does_not():
     assert correlations["a", "c"]["spearman"] == pytest.approx(-1.0)
     assert correlations["a", "b"]["lo"] > 0.5
     assert correlations["a", "a"]["spearman"] > 0.7
-
-
-def test_yardsticks_learn_at_home_and_are_judged_by_folds_there():
-    homes = {"a": home(0), "b": home(1)}
-    for name in LEARNED:
-        homes["a"].learn(name, homes, "a")
-        assert homes["a"].mean([f"{name}, a"])[0] < 0.1
-        assert homes["b"].mean([f"{name}, a"])[0] < 0.1
-    chance = home(3)
-    chance.sticky = np.random.default_rng(0).permutation(chance.sticky)
-    chance.learn("boosting", {"c": chance}, "c")
-    assert chance.mean(["boosting, c"])[0] > 0.35
-    lines = table(homes, list(QUALITY))
-    assert any(line.startswith("boosting, a") and "*" in line for line in lines)
 
 
 def test_slow_methods_are_asked_about_the_first_loops_alone(tmp_path, monkeypatch):

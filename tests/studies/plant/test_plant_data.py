@@ -13,7 +13,7 @@ import pytest
 
 from detectors.records.io import read_record
 from detectors.signal.lattice import lattice, root_lattice, written_unit
-from results.studies.plant.plant_data import by_flag, by_unit_group, diagnose_folder
+from results.studies.plant.plant_data import by_unit_group, diagnose_folder
 from scenarios.spec import Loop
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible, remarks
@@ -160,14 +160,6 @@ def test_unit_groups_count_alike_and_doubtful_labels_do_not_count():
     assert row.loc["stiction", "groups"] == 2
     assert row.loc["stiction", "share"] == pytest.approx((2 / 3 + 0) / 2)
     assert row.loc["stiction", "majority"] == 0.5
-
-
-def test_flags_are_counted_where_they_are_and_where_they_are_not():
-    frame = pd.DataFrame({"unit_group": ["A", "A", "B", "C"]})
-    for flag in ("pv_quantised", "compressed", "spikes", "sp_steps"):
-        frame[flag], frame[f"named_{flag}"] = [True, True, True, False], [True, True, False, True]
-    row = by_flag(frame).set_index("flag").loc["compressed"]
-    assert list(row) == [3, 2, 2, 1, 1, 1]
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import pytest
 from random_case import random_case
 
 from results.studies.plant import stiction_probability as study
-from simbench.loop.simulate import simulate
 
 CASE = random_case(12)
 
@@ -25,18 +24,6 @@ def test_a_record_is_written_in_its_form(form):
         "small": 0.05 <= np.ptp(seen.op) <= 1.0,
     }
     assert changed[form]
-
-
-@pytest.mark.parametrize("form", study.LOOP_FORMS)
-def test_a_loop_is_run_again_in_its_form(form):
-    loop = CASE.baseline
-    rerun = [
-        study._rerun(loop, simulate(loop, 1).record, kind, 1, np.random.default_rng(2))
-        for kind in (form, "whole")
-    ]
-    assert rerun[0].n == rerun[1].n
-    assert not np.array_equal(rerun[0].op, rerun[1].op)
-    assert (np.ptp(rerun[0].sp) > np.ptp(rerun[1].sp)) == (form == "moves")
 
 
 def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():

@@ -1,11 +1,9 @@
 """Claims are held against what was measured, loop by loop."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from results.studies.plant import trust_claims as claims
-from results.studies.plant.trust_claims import TESTING, kept, loops
+from results.studies.plant.trust_claims import TESTING, kept
 
 
 def row(sticky, probability, verdict, visible, S, healthy, share, answer="cannot tell"):
@@ -66,18 +64,6 @@ def test_who_is_right_is_counted_on_the_same_loops():
     )
     assert lines[1] == "right on 3 loops: best detector in hindsight (he) 0.67"
     assert lines[3].startswith("probability above one half 0.67 (0 won, 0 lost")
-
-
-def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(monkeypatch):
-    monkeypatch.setattr(
-        claims, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i)
-    )
-    monkeypatch.setattr(claims, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
-    few, more, most = (list(loops(count, TESTING)) for count in (3, 6, 100))
-    assert few == more[:3] == most[:3]
-    assert more == most[:6]
-    assert sorted(most) == sorted((i, kind) for i in (1, 3, 5, 7) for kind in ("sticky", "healthy"))
-    assert sorted(i for i, _ in most[:4]) == [1, 3, 5, 7]
 
 
 def test_answered_loops_are_not_asked_again(tmp_path):
