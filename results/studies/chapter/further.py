@@ -72,13 +72,11 @@ def _sticky(noise: float = NOISE, S: float = 5.0) -> Iterator[LoopRecord]:
             yield record_of(loop, noise, seed)
 
 
-def _count(
-    name: str, records: list[LoopRecord], verdict: str = STICTION, **thresholds: float
-) -> int:
+def _count(name: str, records: list[LoopRecord], **thresholds: float) -> int:
     method = name.partition("@")[0]
     chosen = {name: thresholds} if thresholds else None
     return (
-        sum(judge(r, [name], thresholds=chosen)[0].verdict == verdict for r in records)
+        sum(judge(r, [name], thresholds=chosen)[0].verdict == STICTION for r in records)
         if method
         else 0
     )
@@ -675,7 +673,7 @@ def _nonlinear() -> Iterator[Row]:
     )
 
 
-def _biased(Ts: float = 0.5, n: int = 1500, noise: float = 0.02) -> Iterator[LoopRecord]:
+def _biased(Ts: float = 0.5, n: int = 1500) -> Iterator[LoopRecord]:
     """Sticky loops whose cycles are not symmetric: a valve that sticks harder upwards."""
     for J in JUMPS:
         for seed, loop in enumerate(loops(Ts=Ts, n=n)):
@@ -686,7 +684,7 @@ def _biased(Ts: float = 0.5, n: int = 1500, noise: float = 0.02) -> Iterator[Loo
                 "S_down": 3.5,
                 "J_down": 0.5 * J,
             }
-            table = loop.to_table() | {"valve": valve, "noise": {"std": noise}}
+            table = loop.to_table() | {"valve": valve, "noise": {"std": 0.02}}
             record = simulate(Loop.from_table(table), seed, kick=5.0).record
             yield LoopRecord(
                 record.op,

@@ -86,11 +86,11 @@ def _calibrated(odds: np.ndarray, sticky: np.ndarray) -> tuple[float, float]:
     return max(float(slope), 0.0), float(offset)
 
 
-def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
+def turned(loops: pd.DataFrame) -> tuple[float, float]:
     """Return the share of turned labels among the first suspected, and the share of true ones that
     are suspected.
     """
-    rng, truth = np.random.default_rng(seed), loops.sticky.to_numpy(bool)
+    rng, truth = np.random.default_rng(0), loops.sticky.to_numpy(bool)
     detected, false = [], []
     for _ in range(DRAWS):
         which = rng.choice(truth.size, TURNED, replace=False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -33,20 +34,14 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
         for name, p in records.items()
         if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
     ]
-    parent = {name: name for name, _ in swinging}
-
-    def root(name: str) -> str:
-        while parent[name] != name:
-            name = parent[name]
-        return name
-
+    joined = DisjointSet(name for name, _ in swinging)
     for i, (a, one) in enumerate(swinging):
         for b, other in swinging[:i]:
-            if root(a) != root(b) and _together(one, other):
-                parent[root(a)] = root(b)
+            if not joined.connected(a, b) and _together(one, other):
+                joined.merge(a, b)
     groups: dict[str, list[str]] = {}
     for name, _ in swinging:
-        groups.setdefault(root(name), []).append(name)
+        groups.setdefault(joined[name], []).append(name)
     return sorted((g for g in groups.values() if len(g) > 1), key=lambda g: -len(g))
 
 

@@ -162,7 +162,6 @@ def survey(
     labels: str | Path | None = None,
     *,
     jobs: int = 2,
-    seed: int = 0,
     keep: str | Path | None = None,
     previous: str | Path | None = None,
     **about: Any,
@@ -175,9 +174,7 @@ def survey(
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
-    asked = [
-        (name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()
-    ]
+    asked = [(name, r, names, known.get(name, {}).get("label", "")) for name, r in records.items()]
     members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
     # with the time of the calendar
@@ -236,10 +233,8 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
     return "again" if before.get(m.name) == m.cause.name else "new, watch"
 
 
-def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
-    judged = trust(
-        record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed
-    )
+def _one(name: str, record: LoopRecord, methods: list[str], label: str) -> FleetLoop:
+    judged = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False)
     asked = {m.verdict.method: m.verdict for m in judged.methods}
     others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
@@ -247,7 +242,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     size = None
     candidates = judged.candidates
     cost = cost_of(Prepared(record.without_mv()), record)
-    actions = what_if(candidates, seed) if candidates is not None else ()
+    actions = what_if(candidates) if candidates is not None else ()
     if (
         candidates is not None
         and candidates.fitted

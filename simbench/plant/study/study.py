@@ -50,15 +50,12 @@ def study(
     *,
     methods: Sequence[str] = ("fast",),
     groups: int = _GROUPS,
-    seed: int = 0,
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> Study:
     """Compare a set of records, labelled or not, with a grid."""
     real, chosen = read_fleet(folder, labels), choose_methods(methods)
-    return against(
-        real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep
-    )
+    return against(real, draw(grid, groups, 0), str(grid), chosen, jobs=jobs, keep=keep)
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,19 +71,19 @@ def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
     return out
 
 
-def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float, float] | None:
-    """Return the smallest S, with its J, from which on the sensitivity reaches `power`."""
+def smallest_visible(cells: Sequence[Cell]) -> tuple[float, float] | None:
+    """Return the smallest S, with its J, from which on the sensitivity reaches `POWER`."""
     best = None
     for ratio in sorted({round(c.J / c.S, 6) for c in cells}):
         line = sorted((c for c in cells if round(c.J / c.S, 6) == ratio), key=lambda c: c.S)
         grown = scipy.optimize.isotonic_regression([c.share for c in line]).x
-        if grown[-1] < power:
+        if grown[-1] < POWER:
             continue
-        first = int(np.argmax(grown >= power))
+        first = int(np.argmax(grown >= POWER))
         S = line[first].S
         if first > 0:
             a, b = grown[first - 1], grown[first]
-            S = float(np.exp(np.interp(power, [a, b], np.log([line[first - 1].S, S]))))
+            S = float(np.exp(np.interp(POWER, [a, b], np.log([line[first - 1].S, S]))))
         if best is None or S < best[0]:
             best = (S, ratio * S)
     return best
