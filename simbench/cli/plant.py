@@ -105,5 +105,5 @@ def report_(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
     show(fleet.as_text(), as_json=False)
-    say_assumed([m.found.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}; table: {table.resolve()}")
+    say_assumed([m.trust.record for m in fleet.members], as_json=False)
+    print(f"page: {out.resolve()}\ntable: {table.resolve()}")

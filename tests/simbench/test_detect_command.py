@@ -162,11 +162,44 @@ def test_every_help_ends_with_examples_that_parse(verb, capsys):
         VERBS[verb].make_context(verb[-1], words[1 + len(verb) :])
 
 
-IMPERATIVES = (
-    "Add Allow Also Ask Assign Change Check Choose Compare Continue Diagnose Draw Estimate Fail"
-    " Give Judge List Load Move Name Predict Print Read Replace Report Score Search Set Show"
-    " Simulate State Stop Take Try Use Write"
-).split()
+IMPERATIVES = [
+    "Add",
+    "Allow",
+    "Also",
+    "Ask",
+    "Assign",
+    "Change",
+    "Check",
+    "Choose",
+    "Compare",
+    "Continue",
+    "Diagnose",
+    "Draw",
+    "Estimate",
+    "Fail",
+    "Give",
+    "Judge",
+    "List",
+    "Load",
+    "Move",
+    "Name",
+    "Predict",
+    "Print",
+    "Read",
+    "Replace",
+    "Report",
+    "Score",
+    "Search",
+    "Set",
+    "Show",
+    "Simulate",
+    "State",
+    "Stop",
+    "Take",
+    "Try",
+    "Use",
+    "Write",
+]
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)

@@ -33,9 +33,9 @@ class MethodTrust:
     likelihood_ratio: float
 
     @property
-    def says(self) -> str:
-        """What the method says of the record, read as advised."""
-        return self.rule.says(self.verdict)
+    def verdict_here(self) -> str:
+        """Verdict of the method on the record, read as advised."""
+        return self.rule.verdict_of(self.verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Trust:
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
-    behind: CandidateLoops | None = field(repr=False, default=None)
+    candidates: CandidateLoops | None = field(repr=False, default=None)
     over_time: OverTime | None = field(repr=False, default=None)
 
     @property
@@ -109,13 +109,13 @@ class Trust:
         )  # fmt: skip
 
     def _asides(self) -> list[str]:
-        """Return how the best method is to be read, and what it says over time, as far as there is
+        """Return how the best method is to be read, and its verdicts over time, as far as there is
         something to say.
         """
-        said = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
+        sentences = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
         if self.over_time is not None and self.over_time.several:
-            said.append(f"over time: {self.over_time.sentence()}")
-        return said
+            sentences.append(f"over time: {self.over_time.sentence()}")
+        return sentences
 
     def power_line(self) -> str:
         """Return in one line what this record could have shown, and whom to believe."""
@@ -135,7 +135,7 @@ class Trust:
         lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
         best = self.best
         if best is not None:
-            agrees = best.says == likely(self.probability or 0.0)
+            agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
                 "of those that agree with the probability"
                 if agrees
@@ -145,7 +145,7 @@ class Trust:
                 (
                     f"Trust {_reading(best.rule)}: {why} it is right most often on simulated"
                     f" replicates of this loop ({best.rule.right:.0%}, sticky and healthy weighted"
-                    f" equally). Its verdict here: {best.says.replace('_', ' ')}."
+                    f" equally). Its verdict here: {best.verdict_here.replace('_', ' ')}."
                 ),
                 "",
                 *_table(self.methods),
@@ -166,7 +166,7 @@ def _as_row(m: MethodTrust) -> dict[str, Any]:
         "applicable": m.verdict.applicable,
         "verdict": m.verdict.verdict,
         "false_alarms": m.false_alarms if np.isfinite(m.false_alarms) else None,
-        "power": [{"S": c.S, "J": c.J, "found": c.found, "lo": c.lo, "hi": c.hi} for c in m.power],
+        "power": [{"S": c.S, "J": c.J, "found": c.share, "lo": c.lo, "hi": c.hi} for c in m.power],
         "likelihood_ratio": m.likelihood_ratio,
     }
 
@@ -206,7 +206,7 @@ def _detects_from(m: MethodTrust, equal: bool) -> str:
     least = "-"
     cells = [c for c in m.power if (c.J > 0.5 * c.S) is equal]
     for cell in sorted(cells, key=lambda c: -c.S):
-        if not cell.found >= POWER:
+        if not cell.share >= POWER:
             break
         least = f"{cell.S:.2g}"
     return least
