@@ -16,7 +16,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.beside_tests import valve_maps, with_own_lag
+from simbench.gap.decide.beside_tests import valve_maps, with_lag_in_dead_time
 from simbench.gap.discover.blocks import located
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.moments import matched, runs_with
@@ -140,7 +140,7 @@ def discover(
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     with one_thread():
         situation = check(record, baseline)
-        situation = with_own_lag(situation, valve_maps(situation, ())[0])
+        situation = with_lag_in_dead_time(situation, valve_maps(situation, ())[0])
         finding = search(situation, held_out(situation), progress)
         return described(situation, finding, lambda: assess(situation), seed)
 

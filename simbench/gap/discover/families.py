@@ -73,7 +73,7 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
             return None
         spec = Spec(valve=best.spec.valve, start=best.spec.start)
         guesses: Sequence[_Numbers] = [
-            {number.name: best.theta[number.name] for number in spec.own}
+            {number.name: best.theta[number.name] for number in spec.effect_numbers}
         ]
     else:
         guesses = family.starts
@@ -91,7 +91,7 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
     if not fits:
         return None
     best = max(fits, key=lambda f: f.loglik)
-    names = [*spec.free, *(number.name for number in spec.own)]
+    names = [*spec.free, *(number.name for number in spec.effect_numbers)]
     return Tried(
         family, best, spec, {name: best.K if name == "K" else best.theta[name] for name in names}
     )
