@@ -163,16 +163,13 @@ def share(
     return Share(name, sum(values), len(values), level, at_most)
 
 
-def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
+def calibration(table: pd.DataFrame) -> Figure:
     """Return the expected calibration error of the named effect's probability (Naeini et al. 2015),
     equal-width bins.
     """
     part = table[table.answered & (table.kind != "two")]
-    error = (
-        calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins)
-        if len(part)
-        else None
-    )
+    pair = part.probability.to_numpy(float), part["first"].to_numpy(float)
+    error = calibration_error(*pair) if len(part) else None
     return Figure("expected calibration error", error, len(part), 0.05, at_most=True)
 
 

@@ -75,13 +75,12 @@ class GainChange:
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals; None where a number is missing."""
-        shift = _plain({"shift": self.shift, "shift_interval": self.shift_interval})
-        phases = {"before": self.before.as_json(), "after": self.after.as_json()}
         return {
             "verdict": self.verdict,
-            **shift,
+            **_plain({"shift": self.shift, "shift_interval": self.shift_interval}),
             "nudge": self.nudge,
-            **phases,
+            "before": self.before.as_json(),
+            "after": self.after.as_json(),
             "reason": self.reason,
         }
 
@@ -142,15 +141,12 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
             f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most"
             " threefold"
         )
-    result = None
+    outcomes = []
     for nudge in NUDGES:
-        outcome = _with_nudge(loop, factor, seed, nudge)
-        if result is None or not np.isnan(outcome.shift):
-            result = outcome
-        if not np.isnan(outcome.shift):
-            break
-    assert result is not None
-    return result
+        outcomes.append(_with_nudge(loop, factor, seed, nudge))
+        if not np.isnan(outcomes[-1].shift):
+            return outcomes[-1]
+    return outcomes[0]
 
 
 def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:

@@ -55,12 +55,8 @@ class _Grade:
     acceptable: bool | None  # None = cannot tell
     reason: str  # how it was measured, or why it cannot be
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the fields as JSON types."""
-        return asdict(self)
 
-
-def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Grade]:
+def grade(loop: Loop, test: TravelTest | None = None) -> list[_Grade]:
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
 
     Source: Jelali (2013), Table 11.1, after Ruel (2000); the limits of the gain, 0.5 and 3, as far
@@ -71,7 +67,7 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Gr
     dead-band. Stiction: small steps in the direction of the last big one until PV moves, up to one
     step too large.
     """
-    test = travel_test(loop, seed=seed) if test is None else test
+    test = test or travel_test(loop)
     rest = round(test.wait / test.Ts)
     last = int(np.flatnonzero(test.phase == 0)[-1])
     return [
@@ -109,7 +105,7 @@ class _GradedTest:
 
     def as_json(self) -> dict[str, Any]:
         """Return the test's outcome and, as `table_11_1`, the grades."""
-        return {**self.test.as_json(), "table_11_1": [g.as_json() for g in self.grades]}
+        return {**self.test.as_json(), "table_11_1": [asdict(g) for g in self.grades]}
 
     def as_text(self) -> str:
         """Return the test's outcome and one line per grade."""

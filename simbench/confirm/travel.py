@@ -132,7 +132,9 @@ def travel_test(
     side = 1.0 if manual.op <= 50 else -1.0
     same = back = None
     if manual.steps_until_moved(side * big_step, phase=0) is not None:
-        manual.learn_answer()
+        # what the big steps did to PV, per % of them, is the least that a moving valve does
+        answer, moved = abs(manual.seen - manual.rest), abs(manual.op - manual.first_op)
+        manual.least_answer = increment * answer / moved
         same = manual.steps_until_moved(side * increment, phase=1)
         back = manual.steps_until_moved(-side * increment, phase=2)
     return manual.outcome(same, back)
@@ -196,14 +198,6 @@ class _Manual:
             if abs(self.seen - before) > bar:
                 return round(count * abs(step), 9)
         return None
-
-    def learn_answer(self) -> None:
-        """Take what the big steps did to PV, per % of them, as the least that a moving valve
-        does.
-        """
-        self.least_answer = (
-            self.increment * abs(self.seen - self.rest) / abs(self.op - self.first_op)
-        )
 
     def outcome(self, same: float | None, back: float | None) -> TravelTest:
         """Put the findings into words."""

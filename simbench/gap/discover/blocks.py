@@ -23,11 +23,10 @@ _NOISE = 6.0  # nats that any block may bring by chance, added to all
 # share of the evidence from which a block is named: right in 19 of 38 between that and a half
 _LEAST = 0.4
 _STEPS = 4  # in which all other numbers are fitted again with a freedom
-_FINER, _PERIODS = (
-    16,
-    3,
-)  # times the frequencies of the record, and whole periods, in which a period is looked for
-_EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an innovation is one
+_FINER = 16  # times as many frequencies as the record has, among which a period is sought ...
+_PERIODS = 3  # ... of which the record holds so many at least
+_EVENTS = 8  # events at most
+_LARGE = 3.5  # robust standard deviations from which an innovation is an event
 
 
 class Located(NamedTuple):

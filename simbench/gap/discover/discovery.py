@@ -89,50 +89,32 @@ class Discovery:
 
     def one_line(self) -> str:
         """Return the finding and its certificate in one line."""
-        if self.law is None or self.gap is None:
+        law, g = self.law, self.gap
+        if law is None or g is None:
             return f"nothing that a law describes, {self.why}"
-        text, g = (
-            f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on unseen samples",
-            self.gap,
-        )
+        text = f"{law.text} ({law.block}; {law.nats:.0f} nats on unseen samples"
         return f"{text}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
     def as_text(self) -> str:
         """Return the discovery for a terminal."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            place = (
-                [
-                    f"where: {self.block} (probability {self.probability:.2f}, if anything is"
-                    " lacking)"
-                ]
-                if self.block
-                else []
-            )
-            return "\n".join([self.sentence(), *place])
+            chance_of = f"(probability {self.probability:.2f}, if anything is lacking)"
+            return self.sentence() + (f"\nwhere: {self.block} {chance_of}" if self.block else "")
         share = float(self.on.mean())
         spells = (
             "the whole record"
             if share > 0.99
             else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         )
-        return "\n".join(
-            [
-                self.sentence(),
-                f"where: {spells}{f', {self.regime}' if self.regime else ''}",
-                (
-                    f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
-                    f" (p <= {chance(law.nats):.2g} if none of the forms held)"
-                ),
-                (
-                    f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the"
-                    f" law {g.after:.2f}, floor {g.floor:.2f}"
-                ),
-                (
-                    "nearest known effect:"
-                    f" {self.nearest.replace('_', ' ') if self.nearest else 'none'}"
-                ),
-            ]
+        regime = f", {self.regime}" if self.regime else ""
+        return (
+            f"{self.sentence()}\nwhere: {spells}{regime}\n"
+            f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
+            f" (p <= {chance(law.nats):.2g} if none of the forms held)\n"
+            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the"
+            f" law {g.after:.2f}, floor {g.floor:.2f}\n"
+            f"nearest known effect: {(self.nearest or 'none').replace('_', ' ')}"
         )
 
 

@@ -61,10 +61,11 @@ def write_effect(law: FoundLaw, path: str | Path, evidence: str, source: str) ->
 
 
 @contextmanager
-def lent_effect(law: FoundLaw, name: str = "law_of_this_record") -> Iterator[str]:
+def lent_effect(law: FoundLaw) -> Iterator[str]:
     """Make a law known as an effect while the block lasts, by the very file that would be written;
     yield its id.
     """
+    name = "law_of_this_record"
     with TemporaryDirectory() as place:
         file = Path(place) / f"{name}.py"
         write_effect(law, file, "", "fitted")

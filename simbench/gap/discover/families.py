@@ -19,14 +19,10 @@ from simbench.gap.likelihood.search import MV_STARTS
 from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
-_LOAD = (
-    *NUISANCES,
-    "load_jump",
-)  # searched anew in every part of the record; the numbers of a law are not
-_LOADS, _QUICK = (
-    ("load", "load_time", "load_lag"),
-    5,
-)  # searched with each guess of a family, in so many steps
+# searched anew in every part of the record; the numbers of a law are not
+_LOAD = (*NUISANCES, "load_jump")
+_LOADS = ("load", "load_time", "load_lag")  # searched with each guess of a family ...
+_QUICK = 5  # ... in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
 Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)

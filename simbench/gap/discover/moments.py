@@ -22,14 +22,10 @@ from simbench.gap.situation import Situation
 from simbench.loop.laws import LAW_FORMS
 
 _WARM_UP = 0.2  # share of the first part in which a loop begun at rest is not yet the record's
-_SEEDS, _APART = (
-    6,
-    100,
-)  # runs of a trial, and how far their seeds lie from those that measure the gap
-_LOAD, _NUMBER = (
-    (-0.5, 0.7),
-    -0.3,
-)  # first steps: of the logarithms of the load's size and memory, of a number's share
+_SEEDS = 6  # runs of a trial ...
+_APART = 100  # ... and how far their seeds lie from those that measure the gap
+_LOAD = (-0.5, 0.7)  # first steps of the logarithms of the load's size and memory ...
+_NUMBER = -0.3  # ... and of the share by which a number changes
 _TRIALS = 30  # times the load's fit, twice that with the law's numbers
 _PLAINLY = 0.8  # times the distance, below which other numbers than the likeliest are believed
 

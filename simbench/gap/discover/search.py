@@ -34,14 +34,10 @@ _CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
 _LEAST_NATS = float(np.log(_TRIED / _CHANCE))  # ... in nats on unseen samples
 _JUDGED = 4  # families, the likeliest on the first part, that are asked on the rest
 _LEARNT = 5.0  # nats that a family must bring to the samples it was fitted to
-_SPELL, _LOUD = (
-    10.0,
-    1.6,
-)  # mean length of a spell (samples) and how many times the quiet size, from which it is one
-_CREDIBLE, _STEPS = (
-    1.92,
-    (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8),
-)  # nats, and shares of a number, of its interval
+_SPELL = 10.0  # mean length (samples) from which spells are believed
+_LOUD = 1.6  # times the size of the quiet innovations, from which others are loud
+_CREDIBLE = 1.92  # nats within which a number may lie: half the 95 % point of chi-squared
+_STEPS = (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8)  # shares of a number, tried for its interval
 _PRICE = 6.0  # nats of a change from on to off
 
 

@@ -22,10 +22,8 @@ from simbench.gap.situation import ModelledTest, Situation, through_valve
 
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
 _LAW_ROWS = 60  # samples in automatic from which a controller can be compared
-_BRISK, _OFTEN = (
-    20,
-    5,
-)  # samples at an end of a manual run, and moves among them, from which it is no operator's
+_BRISK = 20  # samples at an end of a manual run ...
+_OFTEN = 5  # ... and moves of OP among them, from which no operator made them
 _ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
 _EDGE = 1  # samples at a change of mode that may be written down on either side of it
 

@@ -11,7 +11,6 @@ from simbench.blind import menu, outcomes
 from simbench.blind.answering import answer, answers_after
 from simbench.blind.making import write_item
 from simbench.files import folder
-from simbench.handout import ask_in_processes
 
 WORLDS_RUN = ["own", *(pytest.param(w, marks=pytest.mark.slow) for w in ("mill", "refinery"))]
 
@@ -71,10 +70,7 @@ def test_a_test_is_written_so_that_it_can_be_read(shown):
 
 
 @pytest.fixture
-def check(tmp_path, monkeypatch):
-    # in this process: that the answering ones are fresh is tested with sealed answers
-    serial = lambda ask, questions, *_: ask_in_processes(ask, questions, 1)  # noqa: E731
-    monkeypatch.setattr("simbench.blind.answering.ask_in_processes", serial)
+def check(tmp_path, in_this_process):
     world = WORLDS.load("own")
     item = world.draw(7, 3, {"kind": "none", "mv": False})
     write_item(item, folder(tmp_path / "records"), "r0001")

@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -222,29 +221,10 @@ def test_wilson_interval_of_a_published_case():
     assert (round(lo, 4), round(hi, 4)) == (0.2553, 0.3662)
 
 
-@pytest.fixture
-def theirs(tmp_path):
-    """A folder as someone else would send it: other column case, no strengths, three records."""
-    rng = np.random.default_rng(0)
-    (tmp_path / "records").mkdir()
-    (tmp_path / "answers").mkdir()
-    for name in "abc":
-        op, pv = rng.standard_normal((2, 50))
-        frame = {"T_s": np.arange(50.0), "SP": 1.0, "OP": 50 + op, "PV": pv}
-        pd.DataFrame(frame).to_csv(tmp_path / "records" / f"{name}.csv", index=False)
-        (tmp_path / "records" / f"{name}.toml").write_text(
-            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi ='
-            " 5.0\n[sampling]\nTs = 1.0\n"
-        )
-    (tmp_path / "answers.csv").write_text(
-        "ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n"
-    )
-    (tmp_path / "answers" / "a.json").write_text(json.dumps(answering("stiction")))
-    (tmp_path / "answers" / "b.json").write_text(json.dumps(answering("none")))
-    return tmp_path
-
-
 def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
+    (theirs / "answers").mkdir()
+    for name, effect in (("a", "stiction"), ("b", "none")):
+        (theirs / "answers" / f"{name}.json").write_text(json.dumps(answering(effect)))
     score = open_(theirs, out=theirs / "out")
     by_name = {f["name"]: f for f in score["figures"]}
     assert score["records"] == 3

@@ -20,7 +20,6 @@ from simbench.blind import seal
 from simbench.blind.answering import answer
 from simbench.blind.making import Plan, make
 from simbench.blind.opening import open_
-from simbench.handout import ask_in_processes
 from simbench.loop.effects import EFFECTS
 
 PLAN = Plan(1, 2, 0, 1, ("noise", "gain_mismatch"), ("medium",))
@@ -144,7 +143,7 @@ from pathlib import Path
 def peek(record, baseline):
     """Tell what it could read."""
     readable = {}
-    places = "answers.sealed commitment.txt answers.csv answers/r0001.json score/answers.csv"
+    places = "answers.sealed commitment.txt answers.csv answers/a.json score/answers.csv"
     for name in places.split():
         for path in (record.parent.parent / name, record.parent / ".." / name):
             try:
@@ -167,57 +166,38 @@ def peek(tmp_path, monkeypatch):
     return peek
 
 
-@pytest.fixture
-def small(tmp_path):
-    """Two records and plain answers, as someone else would send them."""
-    folder = tmp_path / "theirs"
-    (folder / "records").mkdir(parents=True)
-    for name in ("r0001", "r0002"):
-        (folder / "records" / f"{name}.csv").write_text(
-            "t,sp,op,pv\n0,1,50,1\n1,1,50,1.1\n2,1,50,1\n3,1,51,1\n"
-        )
-        (folder / "records" / f"{name}.toml").write_text(
-            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi ='
-            " 5.0\n[sampling]\nTs = 1.0\n"
-        )
-    (folder / "answers.csv").write_text("id,block,effect\nr0001,valve,stiction\nr0002,none,none\n")
-    return folder
-
-
-def test_an_answering_process_can_read_the_records_and_nothing_else(small, peek):
+def test_an_answering_process_can_read_the_records_and_nothing_else(theirs, peek):
     for name in ("answers.sealed", "commitment.txt"):
-        (small / name).write_text("secret")
-    (small / "score").mkdir()
-    (small / "score" / "answers.csv").write_text("secret")
-    assert answer(small, peek, jobs=2) == 2
-    given = json.loads((small / "answers" / "r0001.json").read_text())
+        (theirs / name).write_text("secret")
+    (theirs / "score").mkdir()
+    (theirs / "score" / "answers.csv").write_text("secret")
+    assert answer(theirs, peek, jobs=2) == 3
+    given = json.loads((theirs / "answers" / "a.json").read_text())
     assert set(given["readable"].values()) == {False}
     assert given["n"] > 10
     assert given["baseline"]
-    assert (small / "cost.csv").read_text().count("\n") == 3
+    assert (theirs / "cost.csv").read_text().count("\n") == 4
 
 
-def test_answering_resumes_and_tries_failures_again(small, monkeypatch):
-    serial = lambda ask, questions, *_: ask_in_processes(ask, questions, 1)  # noqa: E731
-    monkeypatch.setattr("simbench.blind.answering.ask_in_processes", serial)
-    first, second = (small / "answers" / f"r000{i}.json" for i in (1, 2))
-    broken = ["r0001"]
+def test_answering_resumes_and_tries_failures_again(theirs, in_this_process):
+    first, second = (theirs / "answers" / f"{name}.json" for name in "ab")
+    broken = ["a"]
 
     def diagnose(record, baseline):
         if record.stem in broken:
             raise ValueError("no idea")
         return {"effect": "none", "block": "none"}
 
-    assert answer(small, diagnose) == 2
+    assert answer(theirs, diagnose) == 3
     assert "no idea" in json.loads(first.read_text())["error"]
     second.write_text(json.dumps({"effect": "kept"}))
     broken.clear()
-    assert answer(small, diagnose) == 1
+    assert answer(theirs, diagnose) == 1
     assert [json.loads(f.read_text())["effect"] for f in (first, second)] == ["none", "kept"]
-    assert answer(small, diagnose) == 0
+    assert answer(theirs, diagnose) == 0
 
 
-def test_a_record_without_baseline_is_refused(small):
-    (small / "records" / "r0002.toml").unlink()
-    with pytest.raises(ParameterError, match=r"r0002.csv has no baseline"):
-        answer(small, print)
+def test_a_record_without_baseline_is_refused(theirs):
+    (theirs / "records" / "b.toml").unlink()
+    with pytest.raises(ParameterError, match=r"b\.csv has no baseline"):
+        answer(theirs, print)

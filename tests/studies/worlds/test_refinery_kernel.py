@@ -50,8 +50,7 @@ class Twin:
     def __init__(self, plant, controller, valve, sensor):
         self.p, self.c, self.v, self.s = plant, controller, valve, sensor
         self.integral = self.e1 = self.u1 = None
-        self.stem, self.moving, self.input = M0, 0, M0
-        self.band = M0
+        self.stem = valves.rest(M0)  # whose laws are tested by hand
 
     def law(self, sp, pv):
         c, e = self.c, sp - pv
@@ -79,26 +78,6 @@ class Twin:
         self.e1, self.u1 = e, u
         return round(u / c.quantum) * c.quantum if c.quantum else u
 
-    def drive(self, op):
-        v, u = self.v, min(max(op, 0.0), 100.0)
-        if v.play:
-            u = self.band = max(u - v.play / 2, min(u + v.play / 2, self.band))
-        if v.zone:
-            d = u - v.zone_centre
-            u = v.zone_centre + math.copysign(max(abs(d) - v.zone / 2, 0.0), d)
-        if v.friction == valves.CHOUDHURY:
-            if self.moving and (u - self.input) * self.moving <= 0:
-                self.moving = 0
-            gap = u - self.stem
-            if not self.moving and abs(gap) > v.fs:
-                self.moving = 1 if gap > 0 else -1
-            if self.moving:
-                self.stem = u - self.moving * v.fd
-            self.input, u = u, self.stem
-        if v.friction == valves.HE and abs(u - self.stem) > v.fs:
-            self.stem = u - math.copysign(v.fd, u - self.stem)
-        return self.stem if v.friction else u
-
     def run(self, x):
         p, s, h = self.p, self.s, self.c.Ts / SUBSTEPS
         n, pv, op, mv, inputs = len(x.sp), [], [], [], []
@@ -111,15 +90,10 @@ class Twin:
                 reading = round(reading / s.quantum) * s.quantum
             pv.append(reading + x.spikes[k])
             op.append(self.law(x.sp[k], pv[-1]))
-            drive = self.drive(op[-1])
+            drive = valves.scan(op[-1], self.stem, self.v)
             for j in range(SUBSTEPS):
                 shaft = drive + (shaft - drive) * math.exp(-h / self.v.lag) if self.v.lag else drive
-                flow = (
-                    100 * (self.v.R ** (shaft / 100) - 1) / (self.v.R - 1)
-                    if self.v.R != 1
-                    else shaft
-                )
-                inputs.append(flow + x.load[k * SUBSTEPS + j] - M0)
+                inputs.append(shaft + x.load[k * SUBSTEPS + j] - M0)
                 back = len(inputs) - 1 - p.Td / h
                 i = math.floor(back)
                 at = lambda q: inputs[q] if q >= 0 else 0.0  # noqa: E731
@@ -138,7 +112,7 @@ class Twin:
                 noise = x.noise[min(k + 1, n - 1)] + x.error[k]
                 mean = PV0 + (out + old) / 2 + noise
                 seen = mean + (seen - mean) * math.exp(-h / s.lag) if s.lag else PV0 + out + noise
-            mv.append(flow)
+            mv.append(shaft)
         return np.array(pv), np.array(op), np.array(mv)
 
 

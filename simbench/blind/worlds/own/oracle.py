@@ -23,6 +23,7 @@ STRENGTHS: dict[str, tuple[float, float]] = {
 Strong has no upper end by definition; the generator stops at 12.
 """
 CLOUD, _REAL = 16, 4
+_HALVINGS = 9  # of the range of strengths, before a loop is given up
 _OFFSET = 1000  # seeds of the simulated cloud start here above the record's seed
 
 
@@ -92,7 +93,6 @@ def find_strength(
     rate: Callable[[float], Ratio | None],
     band: tuple[float, float],
     rng: np.random.Generator,
-    tries: int = 9,
 ) -> tuple[float, Ratio] | None:
     """Search the strength in 0..1 at which the ratio falls into a band."""
     lo, hi = band
@@ -110,7 +110,7 @@ def find_strength(
     for x, rated in ((a, least), (b, most)):
         if near(rated, 0.1):
             return _if_record_fits(x, rated, band)
-    for _ in range(tries):
+    for _ in range(_HALVINGS):
         x = (a + b) / 2
         rated = rate(x)
         if near(rated, 0.15):

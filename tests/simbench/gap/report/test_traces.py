@@ -90,15 +90,15 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
         return real(x, seed=seed, kick=kick)
 
     monkeypatch.setattr(traces, "simulate", noted)
-    runs = simulated(report(effect, named), seed=3)
+    runs = simulated(report(effect, named))
     assert list(runs) == shown
     part = recorded(report(mv=False)).part(10, 13)
     # OP in percent, not as recorded
     assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
     expected = [
-        (1.0, 3, 0.0),
-        (1.1, 3, 0.0),
-        {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1]),
+        (1.0, 0, 0.0),
+        (1.1, 0, 0.0),
+        {FIXED: (1.2, 0, 5.0), NEAREST: (1.3, 0, 5.0)}.get(shown[-1]),
     ]
     assert seen == expected[: len(shown)]
     for trace in runs.values():
