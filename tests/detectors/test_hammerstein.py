@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED, LEVEL
 
 from detectors.compiled import compiled
 from detectors.judge import judge
@@ -186,14 +187,10 @@ LOOPS = {
     "lag, J = S": {"J": 5.0, "kick": 6.0, "n": 2000},
     "lag, J > S": {"J": 7.0, "kick": 8.0, "n": 2000},
     "small S": {"S": 1.0, "J": 0.4, "kick": 0.7, "n": 3000},
-    "delay": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0, "n": 3000},
-    "level": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000},
+    "delay": {**DELAYED, "n": 3000},
+    "level": {**LEVEL, "n": 2000},
     "level, dead band": {
-        "process": "integrating",
-        "K": 0.1,
-        "Td": 1.0,
-        "Kc": 1.5,
-        "Ti": 30.0,
+        **LEVEL,
         "J": 0.0,
         "n": 3000,
     },

@@ -7,8 +7,6 @@ import pytest
 from scipy.spatial import cKDTree
 
 from detectors.errors import ParameterError
-from detectors.judge import judge
-from detectors.record import LoopRecord
 from detectors.signal import look_alikes
 from detectors.signal.surrogates import end_matched, iaaft, nonlinearity_index, prediction_error
 
@@ -108,10 +106,3 @@ def test_a_chaotic_map_is_called_nonlinear():
         for y in iaaft(x, 10, np.random.default_rng(0))
     ]
     assert error < 0.2 * min(others)
-
-
-def test_few_samples_per_cycle_are_no_decision():
-    t = np.arange(1000)
-    verdict = judge(LoopRecord(np.sin(t * 1.1), np.cos(t * 1.1), 1.0), ["surrogate"])[0]
-    assert verdict.verdict == "no_decision"
-    assert "samples per cycle" in verdict.reason
