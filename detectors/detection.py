@@ -133,7 +133,7 @@ def detect(
             return _judge_files(source, asked, settings, plugins, **known)
         record = as_record(source, **about)
         with registry.hosted(plugins) as added:
-            names = _with_plugins(asked, added)
+            names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = settings.judge(record, names)
         return Report([(None, v) for v in verdicts], records={None: record})
@@ -218,7 +218,7 @@ def _judge_files(
 ) -> Report:
     # 1. choose the methods; plug-ins answer in separate processes
     with registry.hosted(plugins, settings.time_limit) as added:
-        names = _with_plugins(methods, added)
+        names = choose_methods([*methods, *added])
         for method in settings.thresholds:
             if method not in names:
                 raise ParameterError(
@@ -240,11 +240,6 @@ def _judge_files(
         # 4. score against the labels
         scores = score_units(verdicts, known) if known else []
         return Report(verdicts, refused, scores, records, conclusions)
-
-
-def _with_plugins(asked: Iterable[str], added: Iterable[str]) -> list[str]:
-    names = choose_methods(asked)
-    return names + [a for a in added if a not in names]
 
 
 def _read(
