@@ -32,22 +32,6 @@ def test_surrogates_repeat_with_their_seed():
     )
 
 
-def naive(x, E, H, k):
-    m = len(x) - H - E + 1
-    total = 0.0
-    for i in range(m):
-        far = [j for j in range(m) if abs(i - j) >= E]
-        far.sort(key=lambda j: np.linalg.norm(x[i : i + E] - x[j : j + E]))
-        guess = np.mean([x[j + E - 1 + H] for j in far[:k]])
-        total += (x[i + E - 1 + H] - guess) ** 2
-    return total
-
-
-def test_prediction_error_equals_its_plain_twin():
-    x = np.sin(np.arange(120) / 3) + 0.2 * np.random.default_rng(2).standard_normal(120)
-    assert prediction_error(x, 7, 5, 4) == pytest.approx(naive(x, 7, 5, 4), rel=1e-9)
-
-
 def by_tree(x, E, H, k):
     """The same by a k-d tree, which reaches far enough to leave overlapping pieces out."""
     pieces = np.lib.stride_tricks.sliding_window_view(x[:-H], E)
