@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PROCESSES = ("self-regulating", "integrating")
-SIGNALS = ("op", "pv", "sp", "mv")
+RECORDED_SIGNALS = ("op", "pv", "sp", "mv")
 KINDS = ("flow", "level", "pressure", "temperature", "analyser")
 KIND_ALIASES = {
     "diff-pressure": "pressure",
@@ -99,7 +99,7 @@ class LoopRecord:
         """Check every field once, so that no later code has to."""
         where = f"record {self.tag!r}" if self.tag else "record"
         n = np.size(self.pv)
-        for name in SIGNALS:
+        for name in RECORDED_SIGNALS:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _signal(value, name, n, where))
@@ -307,7 +307,7 @@ class LoopRecord:
         >>> r.with_signals(lambda x: x[::-1]).op.tolist()
         [53.0, 52.0, 51.0, 50.0]
         """
-        signals = {s: getattr(self, s) for s in SIGNALS}
+        signals = {s: getattr(self, s) for s in RECORDED_SIGNALS}
         changed = {s: change(x) for s, x in signals.items() if x is not None}
         return replace(self, **changed, **others)
 
@@ -354,7 +354,9 @@ class LoopRecord:
             if len(frame) < 3:
                 raise RecordError(f"{len(frame)} samples; at least 3 are needed")
             Ts = float(np.median(np.diff(frame[time].to_numpy(dtype=float))))
-        signals = {s: frame[columns[s]].to_numpy(dtype=float) for s in SIGNALS if s in columns}
+        signals = {
+            s: frame[columns[s]].to_numpy(dtype=float) for s in RECORDED_SIGNALS if s in columns
+        }
         return cls(Ts=Ts, **signals, **about)
 
 
