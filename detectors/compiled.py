@@ -123,8 +123,10 @@ def cached_module(
     A division by zero in one of the parts raises under the `error_model` "python", and gives inf or
     NaN under "numpy".
     """
+    from numba import __version__
+
     digest = hashlib.sha256(
-        f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode()
+        f"{sys.version}{__version__}{error_model}{text}{_described(parts)}".encode()
     )
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
@@ -318,12 +320,6 @@ def _described(parts: dict[str, Any]) -> list[str]:
 @lru_cache(maxsize=1024)
 def _source(path: str) -> bytes:
     return Path(path).read_bytes()
-
-
-def _numba_version() -> str:
-    from numba import __version__
-
-    return __version__
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,7 @@ asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -259,12 +259,7 @@ def thinned(record: LoopRecord, step: int) -> LoopRecord:
     """Return the record of every so many-th sample: means would blur the jumps of a valve."""
     if step == 1:
         return record
-    signals = {name: getattr(record, name) for name in ("op", "pv", "sp", "mv")}
-    return replace(
-        record,
-        Ts=record.Ts * step,
-        **{k: None if x is None else x[::step] for k, x in signals.items()},
-    )
+    return record.with_signals(lambda x: x[::step], Ts=record.Ts * step)
 
 
 def _pace(op: np.ndarray) -> float:

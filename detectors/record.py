@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PROCESSES = ("self-regulating", "integrating")
+RECORDED_SIGNALS = ("op", "pv", "sp", "mv")
 KINDS = ("flow", "level", "pressure", "temperature", "analyser")
 KIND_ALIASES = {
     "diff-pressure": "pressure",
@@ -97,7 +99,7 @@ class LoopRecord:
         """Check every field once, so that no later code has to."""
         where = f"record {self.tag!r}" if self.tag else "record"
         n = np.size(self.pv)
-        for name in ("op", "pv", "sp", "mv"):
+        for name in RECORDED_SIGNALS:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _signal(value, name, n, where))
@@ -278,11 +280,36 @@ class LoopRecord:
         RecordError
             When fewer than 3 samples are left.
         """
-        cut = {f.name: getattr(self, f.name) for f in fields(self)}
-        for name in ("op", "pv", "sp", "mv"):
-            if cut[name] is not None:
-                cut[name] = cut[name][start:stop]
-        return LoopRecord(**cut)
+        return self.with_signals(lambda x: x[start:stop])
+
+    def with_signals(self, change: Callable[[np.ndarray], np.ndarray], **others: Any) -> LoopRecord:
+        """Return the record with every recorded signal changed in the same way.
+
+        Parameters
+        ----------
+        change : callable
+            Gives the new signal, shape (m,), of one of shape (n,).
+        **others
+            Other fields with their new values.
+
+        Returns
+        -------
+        LoopRecord
+
+        Raises
+        ------
+        RecordError
+            When the new signals make no record.
+
+        Examples
+        --------
+        >>> r = LoopRecord(op=[50, 51, 52, 53], pv=[1.0, 1.1, 1.2, 1.3], Ts=2.0)
+        >>> r.with_signals(lambda x: x[::-1]).op.tolist()
+        [53.0, 52.0, 51.0, 50.0]
+        """
+        signals = {s: getattr(self, s) for s in RECORDED_SIGNALS}
+        changed = {s: change(x) for s, x in signals.items() if x is not None}
+        return replace(self, **changed, **others)
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, Ts: float | None = None, **about: Any) -> LoopRecord:
@@ -328,9 +355,7 @@ class LoopRecord:
                 raise RecordError(f"{len(frame)} samples; at least 3 are needed")
             Ts = float(np.median(np.diff(frame[time].to_numpy(dtype=float))))
         signals = {
-            s: frame[columns[s]].to_numpy(dtype=float)
-            for s in ("op", "pv", "sp", "mv")
-            if s in columns
+            s: frame[columns[s]].to_numpy(dtype=float) for s in RECORDED_SIGNALS if s in columns
         }
         return cls(Ts=Ts, **signals, **about)
 
@@ -364,11 +389,16 @@ def _word(
 ) -> str | None:
     if value is None or value == "":
         return None
-    word = str(value).strip().lower().replace("_", "-").replace(" ", "-")
+    word = hyphenated(str(value))
     word = aliases.get(word, word)
     if word not in allowed:
         raise RecordError(f"{where}: {name} {value!r} is unknown, {nearest(word, allowed)}")
     return word
+
+
+def hyphenated(word: str) -> str:
+    """Return a word in small letters with hyphens for underscores and spaces."""
+    return word.strip().lower().replace("_", "-").replace(" ", "-")
 
 
 def _span(value: Any, name: str, where: str) -> tuple[float, float] | None:

@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 from detectors.errors import AnswerError, ParameterError, RecordError
 from detectors.method import Method, refuse_wrong_call
 from detectors.prepared import Prepared
-from detectors.record import LoopRecord
+from detectors.record import RECORDED_SIGNALS, LoopRecord
 from detectors.records.io import read_record
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
 
-_SIGNALS, _TIMES = ("op", "pv", "sp", "mv"), ("t_s", "t", "time", "timestamp")
+_TIMES = ("t_s", "t", "time", "timestamp")
 _HINT = "for example detect(op=op, pv=pv, Ts=1.0), or a DataFrame or dict with columns op, pv and t"
 _WORDS = {True: STICTION, False: NO_STICTION, None: NO_DECISION}
 
@@ -102,7 +102,7 @@ def as_record(
     **about: Any,
 ) -> LoopRecord:
     """Return the record that arrays, a table, a run, a record or a file hold."""
-    signals = {name: s for name, s in zip(_SIGNALS, (op, pv, sp, mv)) if s is not None}
+    signals = {name: s for name, s in zip(RECORDED_SIGNALS, (op, pv, sp, mv)) if s is not None}
     if source is None:
         missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
         if missing or Ts is None:
@@ -158,7 +158,9 @@ def _of_table(
             )
         )
     try:
-        signals = {s: np.asarray(table[names[s]], dtype=float) for s in _SIGNALS if s in names}
+        signals = {
+            s: np.asarray(table[names[s]], dtype=float) for s in RECORDED_SIGNALS if s in names
+        }
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(f"a column of the record holds what is no number: {error}") from None
     return LoopRecord(Ts=Ts, **signals, **about)

@@ -260,8 +260,7 @@ def turned(record: LoopRecord) -> LoopRecord:
 
 def backwards(record: LoopRecord) -> LoopRecord:
     """Return the record with its last sample first."""
-    signals = {k: getattr(record, k) for k in ("op", "pv", "sp", "mv")}
-    return replace(record, **{k: None if x is None else x[::-1] for k, x in signals.items()})
+    return record.with_signals(lambda x: x[::-1])
 
 
 def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:

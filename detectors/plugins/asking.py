@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from detectors.plugins.host import Host, PluginError, cleaned
 from detectors.prepared import Prepared
+from detectors.record import RECORDED_SIGNALS
 from detectors.verdict import Verdict, wrong_types
 
 _Judge = Callable[[str, Prepared, tuple[bool, ...], dict], list[Verdict]]
@@ -40,7 +41,7 @@ def _judge_there(
     judge: _Judge, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
 ) -> list[Verdict]:
     """Judge a record in the worker, where the plug-in must not change it."""
-    for signal in ("op", "pv", "sp", "mv"):
+    for signal in RECORDED_SIGNALS:
         if (values := getattr(prepared.record, signal)) is not None:
             values.flags.writeable = False
     return judge(name, prepared, modes, thresholds)

@@ -46,6 +46,7 @@ _CLOCKS = (
     "%H:%M:%S:%f",
 )
 _COMPACT = "%Y%m%d%H%M%S"
+_FORMS = ("iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS, _COMPACT)
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
 _MONTHS = {
@@ -198,10 +199,6 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     return t
 
 
-def _forms() -> list[str]:
-    return ["iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS, _COMPACT]
-
-
 def _read(
     texts: list[str],
     unit: str,
@@ -234,7 +231,7 @@ def _read(
     if len(plain) == len(texts):
         return _counted(np.array(plain, dtype=float), unit, name, where, notes)
     furthest, whole = len(plain), {}
-    forms = [f for f in _forms() if _time(texts[0], f) is not None]
+    forms = [f for f in _FORMS if _time(texts[0], f) is not None]
     for form in forms:
         if (fast := _at_once(texts, form)) is not None:
             whole[form] = fast

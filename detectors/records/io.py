@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import RecordError, nearest, printable
-from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopRecord
+from detectors.record import (
+    KIND_ALIASES,
+    KINDS,
+    MOST_OUTSIDE,
+    PROCESSES,
+    LoopRecord,
+    hyphenated,
+)
 from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from detectors.records.clock import CALENDAR, seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
@@ -329,8 +336,8 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     table = {}
     for i, name in enumerate(rows[key]):
         row = {k: str(v[i]).strip() for k, v in rows.items()}
-        kind = _hyphens(row.get("kind") or row.get("type", ""))
-        process = _hyphens(row.get("process") or row.get("dynamics", ""))
+        kind = hyphenated(row.get("kind") or row.get("type", ""))
+        process = hyphenated(row.get("process") or row.get("dynamics", ""))
         row["kind"] = kind if KIND_ALIASES.get(kind, kind) in KINDS else ""
         row["process"] = process if process in PROCESSES else ""
         row["loop"] = row.get("loop") or str(name)
@@ -670,7 +677,3 @@ def _on_change(t: np.ndarray, series: Mapping[str, Series]) -> bool:
         ):
             sparse.append(role)
     return bool(sparse) and all(stored_on_change(*series[role]) for role in sparse)
-
-
-def _hyphens(word: str) -> str:
-    return word.strip().lower().replace("_", "-").replace(" ", "-")

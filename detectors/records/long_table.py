@@ -105,7 +105,11 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
     compressed data.
     """
     names = list(sheet.columns)
-    times = [n for n in names if _holds_times(sheet, n)]
+    times = [
+        n
+        for n, cells in sheet.columns.items()
+        if is_stamped(cells) or (is_time(n) and not n.startswith(BLANK))
+    ]
     parts: dict[str, Sheet] = {}
     for time in times:
         at = names.index(time) + 1
@@ -125,10 +129,6 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
         after = {n: n for n in names[at + 1 : at + 2] if is_quality(n)}
         parts[name] = sheet.part({_TIME: time, name: value, **after}, there)
     return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None
-
-
-def _holds_times(sheet: Sheet, name: str) -> bool:
-    return is_stamped(sheet.columns[name]) or (is_time(name) and not name.startswith(BLANK))
 
 
 def is_stamped(cells: list | np.ndarray) -> bool:

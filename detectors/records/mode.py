@@ -8,67 +8,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from detectors.records.roles import entries
+
 AUTO, MAN, CAS = "AUTO", "MAN", "CAS"
 _WORDS = {
-    AUTO: (
-        "auto",
-        "aut",
-        "a",
-        "automatic",
-        "automatik",
-        "automatisch",
-        "automatique",
-        "automatico",
-        "automatica",
-        "true",
-        "on",
-        "lsp",
-        "local",
-        "closed",
-        "自动",
-        "自動",
-    ),
-    MAN: (
-        "man",
-        "m",
-        "manual",
-        "hand",
-        "manuell",
-        "manuel",
-        "manuelle",
-        "manu",
-        "false",
-        "off",
-        "iman",
-        "init",
-        "lo",
-        "oos",
-        "rout",
-        "trk",
-        "track",
-        "tracking",
-        "open",
-        "out of service",
-        "手动",
-        "手動",
-    ),
-    CAS: (
-        "cas",
-        "c",
-        "casc",
-        "cascade",
-        "kaskade",
-        "cascada",
-        "cascata",
-        "rcas",
-        "bcas",
-        "rsp",
-        "remote",
-        "串级",
-        "串級",
-    ),
+    AUTO: """
+        auto, aut, a, automatic, automatik, automatisch, automatique, automatico,
+        automatica, true, on, lsp, local, closed, 自动, 自動
+    """,
+    MAN: """
+        man, m, manual, hand, manuell, manuel, manuelle, manu, false, off, iman, init, lo,
+        oos, rout, trk, track, tracking, open, out of service, 手动, 手動
+    """,
+    CAS: """
+        cas, c, casc, cascade, kaskade, cascada, cascata, rcas, bcas, rsp, remote, 串级, 串級
+    """,
 }
-_MEANS = {word: mode for mode, among in _WORDS.items() for word in among}
+_MEANS = {word: mode for mode, among in _WORDS.items() for word in entries(among)}
 # Foundation Fieldbus writes one bit per mode; elsewhere 0, 1 and 2 count up from manual (Honeywell,
 # PCS 7, Modbus faceplates)
 _FIELDBUS = {128: MAN, 64: MAN, 32: MAN, 16: MAN, 8: AUTO, 4: CAS, 2: CAS, 1: MAN}

@@ -200,7 +200,7 @@ def find_loops(
             loop
             and "op" not in signals
             and len(signals.get("mv", [])) == 1
-            and any(_ends_with_sv(n) for n in signals.get("sp", []))
+            and any("sv" in _parts(n)[-2:] for n in signals.get("sp", []))
         ):
             signals["op"] = signals.pop("mv")
     if {"pv", "op"} & set(fixed):
@@ -273,10 +273,6 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
             )
         roles[role] = name
     return roles
-
-
-def _ends_with_sv(name: str) -> bool:
-    return any(p == "sv" for p in _parts(name)[-2:])
 
 
 def _picked(

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.records.roles import entries
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
@@ -27,23 +28,10 @@ MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
 _PREAMBLE = 60  # lines in which the header is looked for
-_OFTEN = {
-    "time",
-    "timestamp",
-    "datetime",
-    "date",
-    "value",
-    "zeit",
-    "zeitstempel",
-    "horodatage",
-    "fecha",
-    "quality",
-    "qualitycode",
-    "qc",
-    "status",
-    "confidence",
-    "validity",
-}
+_OFTEN = entries("""
+    time, timestamp, datetime, date, value, zeit, zeitstempel, horodatage, fecha, quality,
+    qualitycode, qc, status, confidence, validity
+""")
 
 
 @dataclass

@@ -94,8 +94,11 @@ def root_lattice(x: np.ndarray) -> float:
     about 1/sqrt(levels) long, on a lattice 1.
     """
     levels = np.unique(x)
-    slope = 2.0 * float(np.abs(levels).mean())
-    return _anywhere(levels * np.abs(levels), _coarsest_unit(levels) * slope) / (slope or 1.0)
+    size = np.abs(levels)
+    slope = 2.0 * float(size.mean())
+    # the unit of the largest values: files keep digits, not decimals
+    large = size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))
+    return _anywhere(levels * size, resolution(levels[large]) * slope) / (slope or 1.0)
 
 
 def hides_nothing(step: float, x: np.ndarray, noise: float = 0.0) -> bool:
@@ -152,12 +155,6 @@ def _anywhere(levels: np.ndarray, unit: float) -> float:
 def _phase(levels: np.ndarray, step: float) -> float:
     """Return the length of the mean phase of levels over a step: 1 on a lattice."""
     return float(abs(np.exp((2j * np.pi / step) * (levels - levels[0])).mean()))
-
-
-def _coarsest_unit(levels: np.ndarray) -> float:
-    """Return the unit of the largest values: files keep digits, not decimals."""
-    size = np.abs(levels)
-    return resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))])
 
 
 def _places(x: np.ndarray) -> float:

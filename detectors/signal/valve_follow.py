@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.fits.hammerstein_kernels import MOVING_DOWN, MOVING_UP, errors, state_before
+from detectors.signal.fits.hammerstein_kernels import (
+    MOVING_DOWN,
+    MOVING_UP,
+    Stretch,
+    Valves,
+    errors,
+    state_before,
+)
 from detectors.signal.stiction_map import valve_position
 
 _SAMPLES = 800  # at most, after averaging
@@ -52,7 +59,7 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     n = op.size // q
     op = np.array(op[: n * q], dtype=float)
     y = position[: n * q].reshape(n, q).mean(axis=1)
-    common = (op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits))
+    stretch = Stretch(op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits))
     S = np.append(0.0, np.repeat(_S_SHARES * np.ptp(op), _J_SHARES.size))
     J = np.append(0.0, S[1:] * np.tile(_J_SHARES, _S_SHARES.size))
     # every valve with every start and lag
@@ -61,7 +68,7 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     valves = (np.broadcast_to(x, shape).ravel() for x in valves)
     out = np.empty((3 * _TIMES.size * S.size, 2))
     low, count = np.full(len(out), 0 if q > 1 else 1), np.full(len(out), _DELAYS)
-    compiled(errors)(*common, *valves, low, count, 1, out)
+    compiled(errors)(stretch, Valves(*valves, low, count), 1, out)
     error = out[:, 0].reshape(shape).min(axis=1)
     linear = float(error[2, 0])
     best = (linear, 0.0, 0.0, 0.0)

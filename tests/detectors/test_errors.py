@@ -2,7 +2,7 @@
 
 import pytest
 
-from detectors.errors import ParameterError, masked, naming, nearest
+from detectors.errors import ParameterError, masked, naming
 from detectors.usage import complain, exit_code
 
 
@@ -54,7 +54,3 @@ def test_a_sentence_names_its_file_once():
         naming("loop.toml"),
     ):
         raise ParameterError("S = -1")
-
-
-def test_a_wrong_name_is_answered_with_the_nearest():
-    assert nearest("horhc", ["horch", "he"]) == "did you mean 'horch'?"

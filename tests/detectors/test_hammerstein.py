@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED, LEVEL
 
 from detectors.compiled import compiled
 from detectors.judge import judge
@@ -79,7 +80,8 @@ def errors(given, S, J, start, poles, delays, stride=1):
     low, count = np.full(n, delays[0]), np.full(n, len(delays))
     valves = (np.array(x, dtype=float) for x in (S, J, start, poles))
     *record, stops = given
-    compiled(kernels.errors)(*record, np.full(n, float(stops)), *valves, low, count, stride, out)
+    valves = kernels.Valves(np.full(n, float(stops)), *valves, low, count)
+    compiled(kernels.errors)(kernels.Stretch(*record), valves, stride, out)
     return out
 
 
@@ -111,10 +113,11 @@ def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
     poles[3] = 1.0
     low, count = np.repeat(rng.integers(1, 4, 5), 8)[:n], np.repeat(rng.integers(1, 4, 5), 8)[:n]
     plain, fast = np.empty((n, 2)), np.empty((n, 2))
-    given = (*given[:-1], rng.choice([0.0, 1.0], n))  # either map
+    valves = kernels.Valves(rng.choice([0.0, 1.0], n), S, J, start, poles, low, count)  # either map
+    stretch = kernels.Stretch(*given[:-1])
     with np.errstate(all="ignore"):
-        kernels.errors(*given, S, J, start, poles, low, count, 1, plain)
-    compiled(kernels.errors)(*given, S, J, start, poles, low, count, 1, fast)
+        kernels.errors(stretch, valves, 1, plain)
+    compiled(kernels.errors)(stretch, valves, 1, fast)
     assert np.array_equal(plain, fast)
 
 
@@ -165,8 +168,8 @@ def test_many_points_go_down_together_as_each_does_alone():
         np.array([4, 2, 3, 1, 4]),
     )
     least, error, went = np.full(5, 0.2), np.empty(5), points.copy()
-    record, stops = given[:-1], np.zeros(len(went))
-    compiled(kernels.descend)(*record, stops, went, starts, low, count, steps, least, error)
+    begin = kernels.Valves(np.zeros(5), *points.T[:2].copy(), starts, np.ones(5), low, count)
+    compiled(kernels.descend)(kernels.Stretch(*given[:-1]), begin, went, steps, least, error)
     for k in range(5):
         delays = low[k] + np.arange(count[k])
         lowest, end = one_after_another(given, points[k], starts[k], delays, steps[k], least[k])
@@ -186,14 +189,10 @@ LOOPS = {
     "lag, J = S": {"J": 5.0, "kick": 6.0, "n": 2000},
     "lag, J > S": {"J": 7.0, "kick": 8.0, "n": 2000},
     "small S": {"S": 1.0, "J": 0.4, "kick": 0.7, "n": 3000},
-    "delay": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0, "n": 3000},
-    "level": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000},
+    "delay": {**DELAYED, "n": 3000},
+    "level": {**LEVEL, "n": 2000},
     "level, dead band": {
-        "process": "integrating",
-        "K": 0.1,
-        "Td": 1.0,
-        "Kc": 1.5,
-        "Ti": 30.0,
+        **LEVEL,
         "J": 0.0,
         "n": 3000,
     },

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED, LEVEL
 
 from detectors.judge import judge
 from detectors.methods.he import triangle_indices
@@ -35,7 +36,7 @@ def test_noise_pulls_both_indices_to_one_half_and_the_two_lines_towards_triangle
 
 @pytest.mark.parametrize(("noise", "least"), [(0.0, 0.95), (0.08, 0.9), (0.16, 0.8)])
 def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise, seed=2)
+    record = loop(**DELAYED, Ts=0.5, n=4000, noise=noise, seed=2)
     verdict = judge(record, ["he"])[0]
     assert verdict.verdict == "stiction"
     assert verdict.indices["eta"] > least
@@ -43,9 +44,7 @@ def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
 
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
 def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
-    record = loop(
-        process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=4000, J=J, noise=0.02, kick=6.0
-    )
+    record = loop(**LEVEL, n=4000, J=J, noise=0.02, kick=6.0)
     verdict = judge(record, ["he"])[0]
     assert verdict.verdict == "stiction"
     assert verdict.reason.startswith("PV")

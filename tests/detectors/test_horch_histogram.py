@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_loops import LEVEL
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -56,11 +57,7 @@ def test_templates_between_those_tried_turn_no_verdict():
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
 def test_level_after_a_sticky_valve_has_a_central_peak(loop, J, noise):
     plant = {
-        "process": "integrating",
-        "K": 0.1,
-        "Td": 1.0,
-        "Kc": 1.5,
-        "Ti": 30.0,
+        **LEVEL,
         "n": 4000,
         "kick": 6.0,
     }

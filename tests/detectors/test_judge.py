@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED
 
 from detectors.errors import ParameterError, UnknownName
 from detectors.judge import judge
@@ -70,7 +71,7 @@ def test_unknown_method_and_threshold_name_the_nearest():
 
 
 def test_methods_without_mv_never_see_it(loop):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0)
+    record = loop(**DELAYED)
     nonsense = replace(record, mv=np.random.default_rng(0).standard_normal(record.n))
     for name in ("horch", "he", "rossi_scali"):
         assert judge(record, [name]) == judge(nonsense, [name])
@@ -78,7 +79,7 @@ def test_methods_without_mv_never_see_it(loop):
 
 
 def test_verdict_does_not_depend_on_which_methods_ran_before(loop):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, kind="flow")
+    record = loop(**DELAYED, kind="flow")
     names = ["kano_a", "he", "yamashita", "horch", "rossi_scali"]
     together = judge(record, names)
     assert together == [judge(record, [name])[0] for name in names]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED
 
 from detectors.judge import judge
 from detectors.methods.kano_b import side_distance
@@ -38,9 +39,7 @@ def test_intervals_equal_those_computed_sample_by_sample():
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize(("S", "J"), [(5.0, 0.5), (5.0, 2.0), (8.0, 2.0)])
 def test_parallelogram_is_as_wide_as_S_less_J(loop, S, J, noise):
-    record = loop(
-        S=S, J=J, T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000, noise=noise, kick=1.2 * S
-    )
+    record = loop(S=S, J=J, **DELAYED, Ts=0.5, n=6000, noise=noise, kick=1.2 * S)
     a, b = judge(record, ["kano_a", "kano_b"])
     assert (a.verdict, b.verdict) == ("stiction", "stiction")
     assert b.S == pytest.approx(S - J, abs=0.5)
@@ -48,7 +47,7 @@ def test_parallelogram_is_as_wide_as_S_less_J(loop, S, J, noise):
 
 
 def test_widths_are_given_in_percent_of_the_span(loop):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000)
+    record = loop(**DELAYED, Ts=0.5, n=6000)
     other = LoopRecord(
         4.0 + 0.16 * record.op,
         record.pv,
@@ -86,7 +85,7 @@ def test_noise_that_hides_the_valve_is_no_decision():
 
 
 def test_jump_as_wide_as_the_band_leaves_no_parallelogram(loop):
-    record = loop(S=5.0, J=5.0, T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=6000, kick=6.0)
+    record = loop(S=5.0, J=5.0, **DELAYED, Ts=0.5, n=6000, kick=6.0)
     a, b = judge(record, ["kano_a", "kano_b"])
     assert a.verdict == "stiction"
     assert b.verdict == "no_decision"

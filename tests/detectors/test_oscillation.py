@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from detectors.compiled import compiled
 from detectors.signal import autocorrelation as a
 from detectors.signal import oscillation as o
 
@@ -55,21 +54,6 @@ def test_crossings_equal_those_counted_sample_by_sample(band):
 def test_no_more_crossings_are_looked_for_than_asked(most):
     x = np.sin(np.arange(200) / 7)
     assert np.array_equal(a.zero_crossings(x, 0.3, most), a.zero_crossings(x, 0.3)[:most])
-
-
-def test_decay_and_lasting_compiled_are_the_plain_ones():
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        x = a.detrend(
-            np.sin(T[:600] / (4 + seed)) * np.exp(-T[:600] / 300) + 0.1 * rng.standard_normal(600)
-        )
-        rho = a.acf(x)
-        at, period = a.zero_crossings(rho, 0.05, 11), 2 * np.pi * (4 + seed)
-        plain, fast = (
-            a.decay_and_lasting(rho, at, x, period),
-            compiled(a.decay_and_lasting)(rho, at, x, period),
-        )
-        assert fast == pytest.approx(plain, rel=1e-12)
 
 
 def test_the_line_taken_off_is_that_of_least_squares_and_a_constant_leaves_nothing():

@@ -4,9 +4,10 @@ loop.
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED, LEVEL
 
 from detectors.judge import UNFIT, judge
-from detectors.quality import inspect, resolution, saturation, steps
+from detectors.quality import inspect, saturation, steps
 from detectors.record import LoopRecord
 
 T = np.arange(2000.0)
@@ -75,17 +76,13 @@ def test_sound_record_raises_no_flag():
 
 
 LOOPS = {
-    "self-regulating": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0},
+    "self-regulating": DELAYED,
     "flow": {"T": 0.5, "Td": 1.0, "Kc": 0.3, "Ti": 3.0},
     "integrating": {
-        "process": "integrating",
-        "K": 0.1,
-        "Td": 1.0,
-        "Kc": 1.5,
-        "Ti": 30.0,
+        **LEVEL,
         "kick": 6.0,
     },
-    "dead-band": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "J": 0.0},
+    "dead-band": {**LEVEL, "J": 0.0},
 }
 
 
@@ -138,7 +135,7 @@ def test_crest_of_a_coarse_triangle_is_no_limit():
 
 
 def test_rounding_of_a_file_is_no_quantisation(loop):
-    record = loop(noise=0.05, T=3.0, Td=6.0, Kc=0.25, Ti=3.0)
+    record = loop(noise=0.05, **DELAYED)
     pv = np.round(record.pv, 3)
     assert steps(pv, pv) == pytest.approx(0.001)
     assert "quantised_pv" not in inspect(LoopRecord(record.op, pv, 1.0))
@@ -149,11 +146,3 @@ def test_every_method_abstains_on_an_unfit_record_and_gives_its_reason(flag):
     for verdict in judge(faults()[flag], ["horch", "he", "yamashita"]):
         assert verdict.verdict == "no_decision"
         assert flag in verdict.reason
-
-
-def test_what_holds_its_last_stored_value_is_as_coarse_as_its_steps():
-    op, notes = (
-        np.repeat([50.0, 52.0, 50.0, 52.0], 50),
-        ("archive: OP holds its last stored value in 90% of 200 samples",),
-    )
-    assert resolution(LoopRecord(op, op, 1.0, notes=notes), {}) == (2.0, 0.0)

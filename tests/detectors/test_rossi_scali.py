@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_loops import DELAYED
 
 from detectors.judge import judge
 from detectors.methods.rossi_scali import relay_index
@@ -31,7 +32,7 @@ def test_index_is_one_for_every_relay_answer():
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_pv_after_a_sticky_valve_looks_like_a_relay_answer(loop, noise):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise)
+    record = loop(**DELAYED, Ts=0.5, n=4000, noise=noise)
     verdict = judge(record, ["rossi_scali"])[0]
     assert verdict.verdict == "stiction"
     assert verdict.indices["eta_rossi"] > 0.8

@@ -44,12 +44,3 @@ def test_verdict_and_score_agree_about_one_half():
         pv = np.sin(T + lean * np.sin(T) ** 2 * np.sign(np.sin(T)))
         verdict = judge(LoopRecord(np.cos(T), pv, 0.05), ["singhal_salsbury"])[0]
         assert (verdict.score > 0.5) == (verdict.verdict == "stiction")
-
-
-def test_integrating_process_is_refused():
-    assert (
-        judge(LoopRecord(np.sin(T), np.cos(T), 0.05, process="integrating"), ["singhal_salsbury"])[
-            0
-        ].applicable
-        is False
-    )

@@ -7,8 +7,6 @@ import pytest
 from scipy.spatial import cKDTree
 
 from detectors.errors import ParameterError
-from detectors.judge import judge
-from detectors.record import LoopRecord
 from detectors.signal import look_alikes
 from detectors.signal.surrogates import end_matched, iaaft, nonlinearity_index, prediction_error
 
@@ -32,22 +30,6 @@ def test_surrogates_repeat_with_their_seed():
     assert (
         nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
     )
-
-
-def naive(x, E, H, k):
-    m = len(x) - H - E + 1
-    total = 0.0
-    for i in range(m):
-        far = [j for j in range(m) if abs(i - j) >= E]
-        far.sort(key=lambda j: np.linalg.norm(x[i : i + E] - x[j : j + E]))
-        guess = np.mean([x[j + E - 1 + H] for j in far[:k]])
-        total += (x[i + E - 1 + H] - guess) ** 2
-    return total
-
-
-def test_prediction_error_equals_its_plain_twin():
-    x = np.sin(np.arange(120) / 3) + 0.2 * np.random.default_rng(2).standard_normal(120)
-    assert prediction_error(x, 7, 5, 4) == pytest.approx(naive(x, 7, 5, 4), rel=1e-9)
 
 
 def by_tree(x, E, H, k):
@@ -108,10 +90,3 @@ def test_a_chaotic_map_is_called_nonlinear():
         for y in iaaft(x, 10, np.random.default_rng(0))
     ]
     assert error < 0.2 * min(others)
-
-
-def test_few_samples_per_cycle_are_no_decision():
-    t = np.arange(1000)
-    verdict = judge(LoopRecord(np.sin(t * 1.1), np.cos(t * 1.1), 1.0), ["surrogate"])[0]
-    assert verdict.verdict == "no_decision"
-    assert "samples per cycle" in verdict.reason

@@ -239,17 +239,6 @@ def test_a_score_on_a_calibrated_cut(above, below, verdict):
     assert judge(RECORD, ["he"], thresholds={"he": cuts})[0].verdict == verdict
 
 
-def test_applicability_of_an_unknown_process_and_a_wrong_one():
-    asked = {
-        name: judge(replace(RECORD, process=kind), ["horch"])[0]
-        for name, kind in (("?", None), ("I", "integrating"))
-    }
-    assert asked["?"].applicable is None
-    assert asked["I"].applicable is False
-    assert asked["I"].verdict == "no_decision"
-    assert judge(RECORD, ["horch"])[0].applicable is True
-
-
 def test_a_method_takes_a_record_of_just_its_least_number_of_samples():
     module = methods.load("bicoherence")
     for n, enough in ((255, False), (256, True)):

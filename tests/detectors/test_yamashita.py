@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from naive import yamashita_indices
+from plain_loops import DELAYED, LEVEL
 from scipy.stats import norm
 
 from detectors.judge import judge
@@ -37,7 +38,7 @@ def test_valve_that_never_moves_is_stuck_in_rho3_and_not_in_rho2():
 
 
 def test_step_finds_stiction_that_fast_sampling_hides(loop):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.2, n=8000, noise=0.1, kind="flow", seed=2)
+    record = loop(**DELAYED, Ts=0.2, n=8000, noise=0.1, kind="flow", seed=2)
     record = LoopRecord(record.op, record.pv, record.Ts, kind="flow", process="self-regulating")
     fine, coarse = (
         judge(record, ["yamashita"], thresholds={"yamashita": {"step": s}})[0].score
@@ -57,13 +58,13 @@ def test_pv_of_a_level_or_of_an_integrating_process_is_no_valve_position():
 
 
 def test_recorded_valve_position_is_used_even_behind_an_integrating_process(loop):
-    record = loop(process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=2500, kind="level")
+    record = loop(**LEVEL, n=2500, kind="level")
     verdict = judge(record, ["yamashita"])[0]
     assert (verdict.verdict, verdict.applicable) == ("stiction", True)
 
 
 def test_air_to_close_valve_is_judged_like_air_to_open(loop):
-    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, n=2500, noise=0.05)
+    record = loop(**DELAYED, n=2500, noise=0.05)
     scores = []
     for sign in (1.0, -1.0):
         flow = LoopRecord(record.op, sign * record.pv, 1.0, kind="flow")

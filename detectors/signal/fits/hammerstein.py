@@ -15,6 +15,8 @@ from detectors.signal.conditioning import median
 from detectors.signal.fits.hammerstein_kernels import (
     MOVING_UP,
     VALVES_SIDE_BY_SIDE,
+    Stretch,
+    Valves,
     descend,
     errors,
 )
@@ -115,7 +117,7 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
-        self.common = (
+        self.stretch = Stretch(
             self.op,
             y - moving_mean(y, half),
             q,
@@ -145,7 +147,7 @@ class _Search:
         size = valves[0].size
         out = np.empty((size, 2))
         first, counts = self.delays[0] + windows[0].reshape(size), windows[1].reshape(size)
-        compiled(errors)(*self.common, *valves.reshape(5, size), first, counts, stride, out)
+        compiled(errors)(self.stretch, Valves(*valves.reshape(5, size), first, counts), stride, out)
         return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(
             np.int64
         ) * stride
@@ -173,9 +175,8 @@ class _Search:
         maps, start, share = (
             np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width))
         )
-        compiled(descend)(
-            *self.common, maps, points, start, self.delays[low], count, steps, share, error
-        )
+        begin = Valves(maps, *points.T[:2].copy(), start, pole, self.delays[low], count)
+        compiled(descend)(self.stretch, begin, points, steps, share, error)
         S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
         return ends._replace(
             **{

@@ -2,13 +2,12 @@
 and the way down a valley.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES`
-valves stand side by side. Every kernel takes the record as (op, y, q, half, first, last, sign, lo,
-hi): OP, PV averaged over `q` samples and freed of its mean over `half` averages on either side, the
-averages that count, the sign of the plant's gain, the ends of travel. The valves' `stops` is 1
-where a moving one stops within every sample (He's map), 0 where only with OP (Choudhury's).
+valves are computed together.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +23,34 @@ MOVING_UP, MOVING_DOWN = (
 VALVES_SIDE_BY_SIDE = 8
 
 
+class Stretch(NamedTuple):
+    """The stretch of a record that a model is fitted to."""
+
+    op: np.ndarray  # shape (n q,)
+    y: np.ndarray  # PV averaged over `q` samples, without its moving mean, shape (n,)
+    q: int
+    half: int  # averages on either side of a moving mean
+    first: int  # first of the averages that count
+    last: int  # and the one after the last of them
+    sign: float  # of the plant's gain
+    # lo, hi: ends of travel
+    lo: float
+    hi: float
+
+
+class Valves(NamedTuple):
+    """Valves, each with its plant, one array per setting."""
+
+    # 1 where a moving valve stops within every sample (He's map), 0 where with OP (Choudhury's)
+    stops: np.ndarray
+    S: np.ndarray
+    J: np.ndarray
+    start: np.ndarray  # as in `state_before`
+    pole: np.ndarray
+    delay: np.ndarray  # the first that is tried, the same within every group of valves
+    count: np.ndarray  # of delays
+
+
 def state_before(u, S, J, start, lo, hi):
     """Return the valve's state before OP `u`: at rest at a share of the break-away band below it,
     or moving past it.
@@ -36,9 +63,7 @@ def state_before(u, S, J, start, lo, hi):
     return (u - start * 0.5 * (S + J), 0.0, 0.0, u)
 
 
-def errors(
-    op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out
-):
+def errors(record, valves, stride, out):
     """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and
     which of them.
 
@@ -46,27 +71,29 @@ def errors(
     its mean as `y` is: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1:
     x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign, d =
     delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y, both over
-    the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
+    the averages from `first` to before `last`.
     """
-    n = y.size
+    n, delay = record.y.size, valves.delay
     v, total = rows(n), rows(n + 1)
-    for block in range(0, S.size, LANES):
+    for block in range(0, delay.size, LANES):
         low, high = delay[block], delay[block]
-        for i in range(block, min(block + LANES, S.size), VALVES_SIDE_BY_SIDE):
+        for i in range(block, min(block + LANES, delay.size), VALVES_SIDE_BY_SIDE):
             low, high = min(low, delay[i]), max(high, delay[i])
         x = rows(n + high - low)
-        moves(op, q, lo, hi, stops, S, J, start, block, v, total)
-        answers(half, pole, delay, low, block, v, total, x)
-        _misfits(y, first, last, sign, low, count, stride, block, x, out)
+        moves(record, valves, block, v, total)
+        answers(record.half, valves, low, block, v, total, x)
+        _misfits(record, valves.count, low, stride, block, x, out)
 
 
-def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
+def moves(record, valves, block, v, total):
     """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with
     their running sums.
 
     The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the
     direction of a moving valve, 0 for one at rest.
     """
+    op, q, lo, hi = record.op, record.q, record.lo, record.hi
+    stops, S, J, start = valves.stops, valves.S, valves.J, valves.start
     position, m, fs, fd, mean, run, halts = (
         lanes(),
         lanes(),
@@ -116,10 +143,11 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
             total[row + np.uintp(LANES + c)] = run[c]
 
 
-def answers(half, pole, delay, low, block, v, total, x):
+def answers(half, valves, low, block, v, total, x):
     """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late
     by its delay less `low`.
     """
+    pole, delay = valves.pole, valves.delay
     a, gain, now = lanes(), lanes(), lanes()
     n = v.size // LANES
     for c in range(LANES):
@@ -141,10 +169,11 @@ def answers(half, pole, delay, low, block, v, total, x):
                 x[place + np.uintp(c)] = now[group + c]
 
 
-def _misfits(y, first, last, sign, low, count, stride, block, x, out):
+def _misfits(record, count, low, stride, block, x, out):
     """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the
     normal equations.
     """
+    y, first, last, sign = record.y, record.first, record.last, record.sign
     m = last - first
     sy = syy = 0.0
     for j in range(first, last):
@@ -167,7 +196,7 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
         at[c] = 0.0
         wanted[c] = count[min(block + c, count.size - 1)]
         most = max(most, count[min(block + c, count.size - 1)])
-    _moments(y, first, m, first - low, x, sx, sxx, sxz, sxy)
+    _moments(record, m, first - low, x, sx, sxx, sxz, sxy)
     for i in range(most):
         top = first - low - i * stride
         if i > 0 and stride > 1:
@@ -204,10 +233,11 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
         out[block + c, 0], out[block + c, 1] = best[c], at[c]
 
 
-def _moments(y, first, m, top, x, sx, sxx, sxz, sxy):
+def _moments(record, m, top, x, sx, sxx, sxz, sxy):
     """Sums of x, its square, its product with itself one sample earlier and with y, over the `m`
     samples from `top` on.
     """
+    y, first = record.y, record.first
     for c in range(LANES):
         sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
     for j in range(m):
@@ -246,27 +276,9 @@ def product(y, first, m, top, x, sxy):
             sxy[c] += x[row + np.uintp(c)] * t
 
 
-def descend(
-    op,
-    y,
-    q,
-    half,
-    first,
-    last,
-    sign,
-    lo,
-    hi,
-    stops,
-    points,
-    start,
-    delay,
-    count,
-    steps,
-    least,
-    error,
-):
+def descend(record, begin, points, steps, least, error):
     """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A
-    rate of -inf integrates.
+    rate of -inf integrates. Of the valves in `begin` stops, start, delay and count are read.
 
     Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together
     and log rate, the whole move is repeated as long as it pays, which follows the valleys in which
@@ -299,11 +311,12 @@ def descend(
                     ahead[_TRIAL + 1],
                     np.exp(-np.exp(ahead[_TRIAL + 2])),
                 )
-                maps[t], starts[t], delays[t], counts[t] = stops[p], start[p], delay[p], count[p]
+                maps[t], starts[t] = begin.stops[p], begin.start[p]
+                delays[t], counts[t] = begin.delay[p], begin.count[p]
                 _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
-        valves = maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
-        errors(op, y, q, half, first, last, sign, lo, hi, *valves, 1, out[:n])
+        valves = Valves(maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n])
+        errors(record, valves, 1, out[:n])
         going = 0
         for g in range(active.size):
             p = active[g]

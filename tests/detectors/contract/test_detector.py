@@ -49,7 +49,6 @@ BROKEN = [
     # what is exchanged, for what, and the words of the sentence
     ('reason="no oscillation"', 'reason=" "', "gives no reason for 'no_decision'"),
     ('reason="no oscillation"', 'reason=""', "a verdict without a reason"),
-    ('return Verdict("own", NO_DECISION, reason="no oscillation")', "return None", "answers None"),
     (
         'return Verdict("own", NO_DECISION, reason="no oscillation")',
         'return "no stiction"',
@@ -105,11 +104,6 @@ BROKEN = [
     (
         'reason=f"by {more:.3f}"',
         'reason=f"by {more:.3f}, call {len(CALLS)}"',
-        "is not deterministic",
-    ),
-    (
-        "more = fullness(pv)",
-        "more = 1e-6 * np.random.random() + fullness(pv)",
         "is not deterministic",
     ),
     ("more = ", 'print("more"); more = ', "prints 'more'"),
@@ -231,54 +225,35 @@ def pairs():
 
 
 @pytest.mark.slow  # the contract itself asks in two other units of each
+@pytest.mark.parametrize("signal", ["pv", "op"])
 @pytest.mark.parametrize(("name", "process"), pairs())
-def test_no_unit_of_pv_changes_a_verdict(name, process):
-    fast = methods.load(name).METHOD.budget == "fast"
-    kept = [
-        replace(example_record(case, process), mv=None) for case in ("stiction", "healthy", "sine")
-    ]
-    if methods.load(name).METHOD.needs_mv and process == "integrating":
-        kept = [example_record(case, process) for case in ("stiction", "healthy")]
-    expected = [judge(record, [name])[0].verdict for record in kept]
+def test_no_unit_of_pv_or_op_changes_a_verdict(name, process, signal):
+    method = methods.load(name).METHOD
+    cases = [example_record(case, process) for case in ("stiction", "healthy", "sine")]
+    if signal == "op":
+        cases = [replace(record, op_span=(0.0, 100.0)) for record in cases]
+    elif method.needs_mv and process == "integrating":
+        cases = cases[:2]
+    else:
+        cases = [replace(record, mv=None) for record in cases]
+    expected = [judge(record, [name])[0].verdict for record in cases]
 
     @settings(
-        max_examples=8 if fast else 2,
+        max_examples=6 if method.budget == "fast" else 2,
         deadline=None,
         derandomize=True,
         suppress_health_check=list(HealthCheck),
     )
-    @given(st.floats(0.01, 100.0), st.sampled_from([1.0, -1.0]), st.floats(-1e4, 1e4))
+    @given(
+        st.floats(0.01, 100.0),
+        st.sampled_from([1.0, -1.0] if signal == "pv" else [1.0]),
+        st.floats(-1e4, 1e4) if signal == "pv" else st.floats(-1e3, 1e3),
+    )
     def holds(scale, sign, shift):
-        for record, verdict in zip(kept, expected, strict=True):
-            moved = replace(record, pv=sign * scale * record.pv + shift)
-            assert judge(moved, [name])[0].verdict == verdict
-
-    holds()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "process"), pairs())
-def test_no_unit_of_op_changes_a_verdict(name, process):
-    fast = methods.load(name).METHOD.budget == "fast"
-    kept = [
-        replace(example_record(case, process), op_span=(0.0, 100.0))
-        for case in ("stiction", "healthy", "sine")
-    ]
-    expected = [judge(record, [name])[0].verdict for record in kept]
-
-    @settings(
-        max_examples=6 if fast else 2,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(st.floats(0.01, 100.0), st.floats(-1e3, 1e3))
-    def holds(scale, shift):
-        for record, verdict in zip(kept, expected, strict=True):
-            moved = replace(
-                record, op=scale * record.op + shift, op_span=(shift, 100.0 * scale + shift)
-            )
-            assert judge(moved, [name])[0].verdict == verdict
+        span = {"op_span": (shift, 100.0 * scale + shift)} if signal == "op" else {}
+        for record, verdict in zip(cases, expected, strict=True):
+            moved = sign * scale * getattr(record, signal) + shift
+            assert judge(replace(record, **{signal: moved}, **span), [name])[0].verdict == verdict
 
     holds()
 

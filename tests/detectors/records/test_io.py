@@ -49,28 +49,6 @@ def test_columns_are_identified_by_name_in_any_case(tmp_path, head):
     same(read_record(write(tmp_path, rows(), head)))
 
 
-@pytest.mark.parametrize(
-    "form",
-    [
-        "%Y-%m-%d %H:%M:%S",
-        "%Y-%m-%dT%H:%M:%SZ",
-        "%d.%m.%Y %H:%M:%S",
-        "%d/%m/%Y %H:%M:%S",
-        "%m/%d/%Y %H:%M:%S",
-    ],
-)
-def test_timestamps_give_seconds(tmp_path, form):
-    stamps = (
-        pd.Timestamp("2024-05-31 23:59:30") + pd.to_timedelta(2 * np.arange(N), unit="s")
-    ).strftime(form)
-    same(read_record(write(tmp_path, rows(stamps))))
-
-
-def test_semicolon_file_with_decimal_comma_gives_the_same_record(tmp_path):
-    lines = [line.replace(".", ",") for line in rows(sep=";")]
-    same(read_record(write(tmp_path, lines, "Time;OP;PV")))
-
-
 def test_parquet_and_excel_give_the_same_record(tmp_path):
     frame().to_parquet(tmp_path / "a.parquet")
     frame().assign(

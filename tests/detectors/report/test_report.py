@@ -6,7 +6,6 @@ import json
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from detectors import __main__ as command
@@ -15,7 +14,6 @@ from detectors.errors import ParameterError, UnknownName
 from detectors.report.report import Report, choose_methods, columns, score_units
 from detectors.report.summary import own_reason, sentence
 from detectors.verdict import Verdict
-from detectors.views import page_part
 
 KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 
@@ -269,7 +267,3 @@ def test_what_the_methods_say_together_counts_each():
 def test_what_is_noted_of_the_whole_record_is_not_repeated():
     verdict = Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %")
     assert own_reason(verdict, ["OP taken as 0..100 %"]) == "OP is triangular"
-
-
-def test_a_sentence_above_a_table_is_text():
-    assert page_part("S < 5", pd.DataFrame({"S": [1.23456]})).startswith("<p>S &lt; 5</p>")
