@@ -260,7 +260,7 @@ class _Course:
         return (
             "yes",
             "; ".join(other) or "no flag raised",
-            "Go on; methods that cannot cope with a flag abstain.",
+            "Continue; methods that cannot handle this data-quality warning give no decision.",
         )
 
     def oscillation(self) -> tuple[str, str, str]:
@@ -278,7 +278,7 @@ class _Course:
         return (
             "yes",
             f"period {o.period_s:.4g} s, r = {o.regularity:.1f}{where}",
-            "Its most likely origin is the valve; go on.",
+            "Its most likely origin is the valve; continue.",
         )
 
     def valve(self) -> tuple[str, str, str]:
@@ -335,7 +335,7 @@ class _Course:
         return (
             "not seen",
             numbers,
-            "This rules nothing out: a symmetric cycle hides from the bicoherence.",
+            "Stiction remains possible: the bicoherence misses symmetric cycles.",
         )
 
     def stiction(self) -> tuple[str, str, str]:

@@ -154,7 +154,7 @@ def diagnose(
         draw_path(diagnosis, picture)
     text = [
         *concluded.as_lines(),
-        "Causes weighed:",
+        "Causes, each judged separately (several may act, so they need not add up to 1):",
         *causes.as_lines(),
         "The chapter's procedure, one method among others:",
     ]

@@ -30,7 +30,7 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
 _NEXT = {
-    why.STICKING: f"confirm on the valve: {_GAIN}, or do a travel test by hand; then repair it",
+    why.STICKING: f"confirm it: {_GAIN}, or do a valve travel test by hand; repair the valve if confirmed",
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
     why.NEIGHBOUR: "see to the loop that drives this oscillation first, then record again",
@@ -155,7 +155,7 @@ def from_posterior(
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
         (
-            "of the known explanations that the record leaves beside the loop file, those with"
+            "among the known effects (without unknown ones), those with"
             f" friction hold {p:.2f}"
         ),
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
