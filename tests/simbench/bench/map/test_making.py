@@ -20,7 +20,7 @@ from killing import kill_when_it_stops, stops
 
 from scenarios.grid import make_grid
 from simbench.bench.execute.verify import verify_run
-from simbench.bench.map import making
+from simbench.bench.map import making, surrogate
 from simbench.bench.map.making import map_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
@@ -41,6 +41,14 @@ def digests(folder):
 def made(grid, folder, **more):
     draw_map(map_grid(grid, folder, 20, METHODS, **more))
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_forests():
+    """A few forests are enough where nobody looks at the intervals."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(surrogate, "_BAGS", 6)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -56,11 +56,16 @@ def scores(finished):
     return score_run(finished)
 
 
+@pytest.fixture(scope="module")
+def rows(scores):
+    return scores.table.set_index(["method", "truth", "mode", "process", "population"]).sort_index()
+
+
 @pytest.mark.parametrize("population", [ALL, OF_OSCILLATING, OF_NOT_OSCILLATING])
 @pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
 @pytest.mark.parametrize("mode", [FRONT, RAW])
 @pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
-def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, population):
+def test_the_table_is_a_plain_count(rows, joined, mode, truth, process, population):
     verdict = joined.verdict if mode == FRONT else joined.verdict_raw
     positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
     known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
@@ -72,11 +77,7 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         )
     for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
-        chosen = (
-            "method == @method and truth == @truth and mode == @mode and process == @process and"
-            " population == @population"
-        )
-        row = scores.table.query(chosen).iloc[0]
+        row = rows.loc[(method, truth, mode, process, population)]
         # horch is made for self-regulating loops alone
         covered = use & ((joined.process == "foptd") | (method != "horch"))
         answers, true = verdict[covered], positive[covered]
@@ -100,19 +101,14 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         assert row.accuracy_applicable_lo <= row.accuracy_applicable <= row.accuracy_applicable_hi
 
 
-def test_auc_is_sklearns_on_the_very_scores_of_the_tables(scores, joined):
+def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
     from sklearn.metrics import roc_auc_score
 
     use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
     assert (joined.score[use & ~joined.oscillating] == -np.inf).all()
     for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
         known = use & score.notna()
-        block = scores.table[scores.table["mode"] == mode]
-        row = (
-            block.query("method == 'he' and truth == 'cycled' and process == 'all'")
-            .query(f"population == '{ALL}'")
-            .iloc[0]
-        )
+        row = rows.loc[("he", "cycled", mode, "all", ALL)]
         assert row.scored == known.sum()
         assert row.auc == pytest.approx(
             roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9))
