@@ -17,7 +17,10 @@ def contract(
         Path,
         Argument(
             metavar="FILE",
-            help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).",
+            help=(
+                "Check this file: a detector, valve, effect, recogniser or world (.py), or a grid "
+                "(.toml)."
+            ),
         ),
     ],
     as_json: Json = False,
@@ -34,11 +37,11 @@ def contract(
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
     what: Annotated[
-        str | None, Argument(help="detectors, valves, grids, effects or figures.")
+        str | None, Argument(help="List detectors, valves, grids, effects or figures.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is, one line and source each."""
+    """List what is available, with one line and the source of each."""
     from simbench.catalogue import LISTED_KINDS, catalogue
 
     if what is None:

@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,29 +16,39 @@ import typer
 from typer import Argument, Option
 
 from detectors.errors import ParameterError, masked
+from simbench.cli.help import GroupedCommand
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
+_COLUMNS = 100  # of a terminal, beyond which a sentence goes on in the next line
 _BARE: dict[str, Any] = {
     "add_completion": False,
     "no_args_is_help": True,
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
 }
-app = typer.Typer(
+
+
+class _Verbs(typer.Typer):
+    """An application whose verbs print their options in groups."""
+
+    def command(self, *args: Any, **settings: Any) -> Any:
+        """Add a verb, as `typer.Typer.command`."""
+        return super().command(*args, cls=GroupedCommand, **settings)
+
+
+app = _Verbs(
     help="A closed-loop testbench for valve-stiction detectors.",
     **{**_BARE, "add_completion": True},
 )
-confirm_app = typer.Typer(
-    help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.",
+confirm_app = _Verbs(
+    help="Run the chapter's confirmation tests on a simulated loop or on records.",
     **_BARE,
 )
-gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
-withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
-exam_app = typer.Typer(
-    help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE
-)
+gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
+withheld_app = _Verbs(help="Check the gap diagnosis on records whose effect is sealed.", **_BARE)
+exam_app = _Verbs(help="Benchmark methods by records without labels, in any language.", **_BARE)
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
@@ -58,18 +69,27 @@ def _workers(jobs: int) -> int:
     return jobs
 
 
-Json = Annotated[bool, Option("--json", help="JSON, and nothing else, on stdout.")]
-Backend = Annotated[str, Option(metavar="loky|dask|ray", help="What simulates the scenarios.")]
-Address = Annotated[str | None, Option(metavar="URL", help="Address of a running scheduler.")]
-Resume = Annotated[bool, Option("--resume", help="Continue where an earlier call stopped.")]
+Json = Annotated[bool, Option("--json", help="Print JSON, and nothing else, on stdout.")]
+Backend = Annotated[
+    str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
+]
+Address = Annotated[
+    str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
+]
+Resume = Annotated[bool, Option("--resume", help="Continue a call that was interrupted.")]
 Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
-    int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
+    int,
+    Option(
+        "-j", "--jobs", callback=_workers, help="Use this many worker processes; -1 uses all cores."
+    ),
 ]
 
 
 def _file(what: str) -> Any:
-    return Option(metavar="FILE.py", help=f"File of a further {what}; repeatable.")
+    return Option(
+        metavar="FILE.py", help=f"Load an additional {what} from this Python file; may be repeated."
+    )
 
 
 Files = list[Path] | None
@@ -81,60 +101,107 @@ ControllerPlugin = Annotated[Files, _file("controller")]
 Limit = Annotated[
     float,
     Option(
-        "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
+        "--time-limit",
+        metavar="S",
+        help="Stop a plug-in that takes longer than this for one record or scenario (s).",
     ),
 ]
 Thresholds = Annotated[
     Path | None,
     Option(
         metavar="FILE.json",
-        help="Other thresholds than the published ones, as calibrate writes them.",
+        help=(
+            "Use the thresholds in this JSON file, as `simbench calibrate` writes them, instead of"
+            " the defaults."
+        ),
     ),
 ]
 Span = Annotated[
-    tuple[float, float] | None, Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
+    tuple[float, float] | None,
+    Option(metavar="LO HI", help="State the recorded values that mean 0 and 100 %."),
 ]
 _READING: dict[str, Any] = {
-    "process": Annotated[str | None, Option(help="self-regulating or integrating.")],
-    "kind": Annotated[str | None, Option(help="flow, level, pressure, temperature or analyser.")],
+    "process": Annotated[
+        str | None, Option(help="State whether the process is self-regulating or integrating.")
+    ],
+    "kind": Annotated[
+        str | None,
+        Option(
+            help="State what the loop controls: flow, level, pressure, temperature or analyser."
+        ),
+    ],
     "op_span": Span,
     "pv_span": Span,
     "columns": Annotated[
         list[str] | None,
-        Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
+        Option(
+            metavar="op=NAME,pv=NAME",
+            help="Assign a column to a signal, as in pv=FIC101.PV; may be repeated.",
+        ),
     ],
     "Ts": Annotated[
         float | None,
-        Option("--ts", metavar="S", help="Sampling period (s), where no column states it."),
+        Option(
+            "--ts",
+            metavar="S",
+            help="State the sampling period (s) of a record without a time column.",
+        ),
     ],
     "tag": Annotated[
         str | None,
-        Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
+        Option(
+            metavar="TAG",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
+        ),
     ],
     "longest_segment": Annotated[
         bool | None,
         Option(
             "--longest-segment",
-            help="Of a record with long gaps, take the longest part without one.",
+            help="Judge the longest part without a gap, if the record has long gaps.",
         ),
     ],
     "loops": Annotated[
         Path | None,
-        Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."),
+        Option(
+            metavar="TABLE.toml",
+            help=(
+                "Read what is known of each loop from this TOML file, with one [[loop]] table per "
+                "tag."
+            ),
+        ),
     ],
 }
-Page = Annotated[Path | None, Option(metavar="FILE.html", help="Page to write.")]
-Report = Annotated[Path | None, Option(metavar="FILE.html", help="Report with pictures to write.")]
-Seed = Annotated[int, Option(min=0)]
+Page = Annotated[
+    Path | None, Option(metavar="FILE.html", help="Write an HTML page with pictures to this file.")
+]
+Report = Annotated[
+    Path | None,
+    Option(metavar="FILE.html", help="Write an HTML report with pictures to this file."),
+]
+Seed = Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")]
 Power = Annotated[
     bool,
-    Option("--power", help="Also say what this record could have shown, from twins of its loop."),
+    Option(
+        "--power",
+        help=(
+            "Also report the smallest stiction that this record could have shown, from simulated "
+            "replicates of its loop."
+        ),
+    ),
 ]
 FrontEnd = Annotated[
-    str, Option(metavar="acf|hagglund", help="Method that decides whether a loop oscillates.")
+    str,
+    Option(
+        metavar="acf|hagglund", help="Choose the method that decides whether a loop oscillates."
+    ),
 ]
 World = Annotated[
-    str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
+    str,
+    Option(metavar="NAME", help="Draw the records with this plant simulator: a name, or a module."),
 ]
 
 
@@ -148,7 +215,10 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             "--tag",
             "--loop",
             metavar="TAG",
-            help="Loop of a file with several: FIC101, chemicals.loop1.",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
         )
         options["tag"] = Annotated[str | None, tag_option]
 
@@ -191,7 +261,8 @@ def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
     for record in read:
         whose = f"{record.tag}: " if len(read) > 1 else ""
         for note in record.notes:
-            print(f"note: {whose}{note}", file=sys.stderr if as_json or whose else sys.stdout)
+            line = wrapped(f"note: {whose}{note}")
+            print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
 
 def method_completion(incomplete: str) -> list[str]:
@@ -213,7 +284,7 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 GridName = Annotated[
-    str, Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    str, Argument(help="Name a grid, or give a TOML file.", autocompletion=grid_completion)
 ]
 
 
@@ -295,5 +366,31 @@ def show_result(result: Any, as_json: bool) -> None:
 
 def show(content: Any, as_json: bool) -> None:
     """Print an answer, as JSON where asked."""
-    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
+    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
+    print(masked(text))
     sys.stdout.flush()
+
+
+def wrapped(text: str) -> str:
+    """Return a text whose lines are broken at blanks to `_COLUMNS`; what follows is indented.
+
+    A row of a table, known by two blanks in a row, stays whole.
+
+    >>> print(wrapped("note: " + "word " * 22))
+    note: word word word word word word word word word word word word word word word word word word
+      word word word word
+    """
+    lines = []
+    for line in text.splitlines():
+        if len(line) <= _COLUMNS or "  " in line.strip():
+            lines.append(line)
+            continue
+        margin = line[: len(line) - len(line.lstrip())] + "  "
+        lines += textwrap.wrap(
+            line,
+            _COLUMNS,
+            subsequent_indent=margin,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    return "\n".join(lines)

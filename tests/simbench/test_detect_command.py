@@ -162,6 +162,57 @@ def test_every_help_ends_with_examples_that_parse(verb, capsys):
         VERBS[verb].make_context(verb[-1], words[1 + len(verb) :])
 
 
+IMPERATIVES = [
+    "Add",
+    "Allow",
+    "Also",
+    "Ask",
+    "Assign",
+    "Change",
+    "Check",
+    "Choose",
+    "Compare",
+    "Continue",
+    "Diagnose",
+    "Draw",
+    "Estimate",
+    "Fail",
+    "Give",
+    "Judge",
+    "List",
+    "Load",
+    "Move",
+    "Name",
+    "Predict",
+    "Print",
+    "Read",
+    "Replace",
+    "Report",
+    "Score",
+    "Search",
+    "Set",
+    "Show",
+    "Simulate",
+    "State",
+    "Stop",
+    "Take",
+    "Try",
+    "Use",
+    "Write",
+]
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_every_help_text_is_a_sentence_that_says_what_the_option_does(verb):
+    for option in VERBS[verb].params:
+        if getattr(option, "hidden", False):
+            continue
+        text = getattr(option, "help", None) or ""
+        assert text.split(" ")[0] in IMPERATIVES, (option.name, text)
+        assert len(text.split()) > 2, (option.name, text)
+        assert text.endswith("."), (option.name, text)
+
+
 @pytest.mark.parametrize(
     ("typed", "at", "expected"),
     [("simbench run cha", 2, "chapter"), ("simbench detect --method hor", 3, "horch")],

@@ -185,6 +185,6 @@ def test_what_reading_assumed_follows_the_answer(export, capsys, tmp_path):
         + "".join(f"{t},{o:.4f},{p:.5f}\n" for t, o, p in zip(record.t, op, record.pv, strict=True))
     )
     assert cli.main(["diagnose", str(file)]) == 0
-    assert "add --op-span 4 20" in capsys.readouterr().out
+    assert "add --op-span 4 20" in " ".join(capsys.readouterr().out.split())
     assert cli.main(["diagnose", str(file), "--json"]) == 0
     assert any("--op-span 4 20" in note for note in json.loads(capsys.readouterr().out)["notes"])

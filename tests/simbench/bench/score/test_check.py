@@ -423,6 +423,15 @@ def test_exact_fails_on_one_changed_verdict_and_lists_it(base, with_answers):
     assert compare_books(base, base, exact=True).answer == "passed"
 
 
+def test_exact_fails_on_changed_scores_but_not_on_last_bits(base, with_answers):
+    said, score = base.verdict[0], base.score[0].copy()
+    finer = with_answers(base, "m0", said, score * (1.0 + 1e-5))
+    assert compare_books(finer, base, exact=True).answer == "passed"
+    score[:3] += 1.0
+    check = compare_books(with_answers(base, "m0", said, score), base, exact=True)
+    assert check.reasons == ["exact: 3 of 600 scores of m0 changed"]
+
+
 def test_exact_lists_twenty_changes_and_counts_all(base, with_answers):
     verdict = np.where(np.arange(N) < 50, 2, base.verdict[1])
     changed = int((verdict != base.verdict[1]).sum())
