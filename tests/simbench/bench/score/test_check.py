@@ -348,7 +348,6 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
         assert (base / f"{kind}.parquet").stat().st_size < sum(f.stat().st_size for f in parts)
     # at most 1.5 kB per scenario is committed
     assert sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500
-    assert update_baseline(run, base).endswith("nothing moved")
 
 
 def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved, tmp_path):
@@ -366,11 +365,15 @@ def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved
     assert again.verdict == flip.was
 
 
-def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
+def test_updating_names_what_moves_and_history_keeps_one_row_a_baseline(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
-    update_baseline(run, base)  # the same once more
-    update_baseline(moved, base)
+    assert update_baseline(run, base).endswith("nothing moved")
+    assert check_run(moved, base).failed
+    text = update_baseline(moved, base)
+    assert "+ method ellipse" in text
+    assert "yamashita: detection against 'sticky' fell from" in text
+    assert not check_run(moved, base).failed
     table = read_history(base).table
     assert table.groupby("baseline").size().to_dict() == {1: 3, 2: 4}
     wide = table.pivot(index="method", columns="baseline", values="accuracy_applicable")
@@ -383,16 +386,6 @@ def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
     assert "yamashita" in picture.read_text() or picture.stat().st_size > 5000
     with pytest.raises(RunError, match=r"holds no history\.csv"):
         read_history(tmp_path)
-
-
-def test_updating_names_what_moves(run, moved, tmp_path):
-    base = tmp_path / "baseline"
-    update_baseline(run, base)
-    assert check_run(moved, base).failed
-    text = update_baseline(moved, base)
-    assert "+ method ellipse" in text
-    assert "yamashita: detection against 'sticky' fell from" in text
-    assert not check_run(moved, base).failed
 
 
 def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):

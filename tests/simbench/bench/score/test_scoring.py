@@ -473,11 +473,19 @@ def test_abstention_is_the_best_of_all_bands():
     assert decided_and_wrong(low, high)[0] == best > 0
 
 
-def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
-    calibration = calibrate(
-        "smoke", 0.2, ["he", "yamashita"], out=tmp_path, sets={"disturbance": "sine"}
-    )
-    a, b = RunArrays.read(tmp_path / "seeds-a"), RunArrays.read(tmp_path / "seeds-b")
+SINE = {"disturbance": "sine"}
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A calibration and its folder."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    return calibrate("smoke", 0.2, ["he", "srinivasan"], out=folder, sets=SINE), folder
+
+
+def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(calibrated):
+    calibration, folder = calibrated
+    a, b = RunArrays.read(folder / "seeds-a"), RunArrays.read(folder / "seeds-b")
     assert calibration.about["seed_a"] != calibration.about["seed_b"]
     assert not set(a.ids) & set(b.ids)
     again = calibrate_books(a, b, 0.2)
@@ -487,20 +495,18 @@ def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
     assert row.false_alarm == pytest.approx(
         np.mean(b.score[list(b.methods).index("he"), negative] > row.cut)
     )
-    assert {f.name for f in tmp_path.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
+    assert {f.name for f in folder.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
     assert "he" in calibration.as_text()
     json.dumps(calibration.as_json(), allow_nan=False)
 
 
-def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(tmp_path):
-    calibration = calibrate(
-        "smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"}
-    )
+def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(calibrated, tmp_path):
+    calibration, _ = calibrated
     run = run_grid(
         "smoke",
         tmp_path / "cut",
         ["he", "srinivasan"],
-        sets={"disturbance": "sine"},
+        sets=SINE,
         thresholds=calibration.thresholds,
     )
     table = score_run(run).ranking().set_index("method")
@@ -510,7 +516,7 @@ def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(tmp_path):
         "smoke",
         tmp_path / "band",
         ["he"],
-        sets={"disturbance": "sine"},
+        sets=SINE,
         thresholds={"he": calibration.abstaining["he"]},
     )
     decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
