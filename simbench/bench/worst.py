@@ -91,13 +91,8 @@ class WorstCase:
 
     def as_json(self) -> dict[str, Any]:
         """Return the finding as JSON types."""
-        numbers = {
-            "method": self.method,
-            "seed": self.seed,
-            "tried": self.tried,
-            "drawn": self.drawn,
-            "fooled": self.fooled,
-        }
+        names = ("method", "seed", "tried", "drawn", "fooled")
+        numbers = {name: getattr(self, name) for name in names}
         return {**numbers, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
 
     def to_toml(self) -> str:

@@ -108,7 +108,7 @@ def test_siblings_share_plant_sampling_set_point_and_seed():
 @pytest.mark.parametrize("name", ["chapter", "ci", "plant", "families", "own-ground"])
 def test_no_number_of_a_record_tells_which_other_loop_is_of_its_cell(name):
     seen = {key: [] for key in ("seed", "K", "T or Ti", "Kc", "pv_rest", "n", "noise")}
-    drafts = [draft for group in load_grid(name).groups(0, 60) for draft in group.drafts]
+    drafts = [draft for group in load_grid(name).groups(0, 40) for draft in group.drafts]
     for draft in drafts:
         control, rules, plant = draft.loop.controller, draft.rules, draft.loop.plant
         numbers = (

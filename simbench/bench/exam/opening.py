@@ -34,7 +34,7 @@ from simbench.bench.execute.work import (
 )
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
-from simbench.bench.store.benchmark import evaluator_hash, grid_of
+from simbench.bench.store.benchmark import evaluator_hash, grid_of, grid_settings
 from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
 from simbench.handout import matches, read_key
@@ -144,12 +144,7 @@ def opened_exam(
         names[place]: truth for place, (_, *truth) in simulated.items()
     }  # in the order of the grid
     settings = {
-        "grid": grid.name,
-        "grid_hash": grid.hash,
-        "cells_hash": grid.cells_hash,
-        "overrides": grid.overrides,
-        "grid_content": grid.content.model_dump(mode="json"),
-        "seed": grid.content.seed,
+        **grid_settings(grid),
         "scenarios": len(rows),
         "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)},
         "thresholds": {},

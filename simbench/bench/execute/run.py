@@ -40,6 +40,7 @@ from simbench.bench.execute.pieces import Receipt
 from simbench.bench.execute.work import Thresholds, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.store.benchmark import grid_settings
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
@@ -249,12 +250,7 @@ def _describe_run(
     }
     return describe(
         {
-            "grid": plan.name,
-            "grid_hash": plan.hash,
-            "cells_hash": plan.cells_hash,
-            "grid_content": plan.content.model_dump(mode="json"),
-            "overrides": plan.overrides,
-            "seed": plan.content.seed,
+            **grid_settings(plan),
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
             "thresholds": {k: dict(v) for k, v in (asked.thresholds or {}).items()},
@@ -484,16 +480,15 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 
 def about_method(name: str) -> dict[str, Any]:
     """Return what a run's manifest keeps of a method."""
+    oracle: dict[str, Any] = {
+        "front_end": False,
+        "needs_mv": False,
+        "role": ORACLE,
+        "budget": "full",
+        "fitted_on": [],
+        "stated": [],
+    }
     if name == ORACLE:
-        return {
-            "front_end": False,
-            "needs_mv": False,
-            "role": ORACLE,
-            "budget": "full",
-            "fitted_on": [],
-            "stated": [],
-        }
-    method = registry.load(name).METHOD
-    kept = ("front_end", "needs_mv", "role", "budget")
-    lists = {name: list(getattr(method, name)) for name in ("fitted_on", "stated")}
-    return {**{name: getattr(method, name) for name in kept}, **lists}
+        return oracle
+    about = {key: getattr(registry.load(name).METHOD, key) for key in oracle}
+    return {key: list(v) if oracle[key] == [] else v for key, v in about.items()}

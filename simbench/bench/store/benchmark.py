@@ -80,6 +80,18 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
     }
 
 
+def grid_settings(grid: Grid) -> dict[str, Any]:
+    """Return what a run's manifest holds of its grid."""
+    return {
+        "grid": grid.name,
+        "grid_hash": grid.hash,
+        "cells_hash": grid.cells_hash,
+        "grid_content": grid.content.model_dump(mode="json"),
+        "overrides": grid.overrides,
+        "seed": grid.content.seed,
+    }
+
+
 def grid_of(manifest: Mapping[str, Any]) -> Grid:
     """Return the grid that a run's manifest holds, overrides applied; of a map's run, the sample
     that was simulated.

@@ -17,12 +17,10 @@ from results.studies.leak import Leak
 from scenarios.spec import Loop
 from simbench.bench import statistics as of
 from simbench.bench.execute import work
-from simbench.bench.execute.adaptive import _widths
 from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
-from simbench.bench.scenario.swing import absolute_load
 from simbench.bench.score.check_result import SHOWN, Check
 from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
@@ -246,37 +244,6 @@ def test_the_first_guess_of_a_period(settings, guess):
     assert rules.first_guess(loop(**settings)) == pytest.approx(guess, rel=1e-6)
 
 
-def test_parts_of_a_cell_are_scaled_by_its_cycle():
-    unit = {"S": 4.0, "J": 2.0, "period": 50.0, "pv": 3.0}
-    part = SimpleNamespace(
-        scale={"width": "S", "tau": "period"}, parameters={"width": 0.5, "tau": 0.1, "kind": "x"}
-    )
-    assert rules._scaled(part, unit) == {"width": 2.0, "tau": 5.0, "kind": "x"}
-    load = {
-        "type": "sine",
-        "amplitude": 0.5,
-        "period": 2.0,
-        "lag": 0.1,
-        "start": 1.0,
-        "at": "input",
-    }
-    absolute = {
-        "type": "sine",
-        "amplitude": 2.0,
-        "period": 100.0,
-        "lag": 5.0,
-        "start": 50.0,
-        "at": "input",
-    }
-    assert absolute_load(load, 4.0, 50.0) == absolute
-    table = {"value": 50.0, "steps": [[10.0, 52.0]]}
-    rules._move_setpoint(table, [(2.0, 1.0), (3.0, -1.0)], unit)
-    assert table["steps"] == [[10.0, 52.0], [100.0, 55.0], [150.0, 49.0]]
-    fresh = {"value": 50.0}
-    rules._move_setpoint(fresh, [(2.0, 0.5)], unit)
-    assert fresh["steps"] == [[100.0, 51.5]]
-
-
 @pytest.mark.parametrize(
     ("scenarios", "failed", "most"), [(5, 0, 0.05), (0, 9, 0.09), (50, 10, 0.5)]
 )
@@ -412,15 +379,6 @@ def test_a_record_is_known_by_every_bit_of_every_signal():
         seen.add(work.record_hash(LoopRecord(Ts=1.0, **signals)))
     assert len(seen) == 5
     assert all(len(h) == 16 for h in seen)
-
-
-def test_the_widest_interval_of_any_method_counts_in_each_cell():
-    right, known = np.array([[5, 50], [0, 2]]), np.array([10, 100])
-    ends = [
-        [np.subtract(*of.wilson(k, n)[::-1]) for k, n in zip(row, known, strict=True)]
-        for row in right
-    ]
-    assert _widths(right, known).tolist() == pytest.approx(np.max(ends, axis=0).tolist())
 
 
 def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked_tree(

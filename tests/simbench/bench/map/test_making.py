@@ -6,21 +6,16 @@ import hashlib
 import json
 import math
 import resource
-import signal
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from bench_fixtures import SMALL
-from killing import kill_when_it_stops, stops
 
 from scenarios.grid import make_grid
 from simbench.bench.execute.verify import verify_run
-from simbench.bench.map import making
+from simbench.bench.map import making, surrogate
 from simbench.bench.map.making import map_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
@@ -41,6 +36,14 @@ def digests(folder):
 def made(grid, folder, **more):
     draw_map(map_grid(grid, folder, 20, METHODS, **more))
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_forests():
+    """A few forests are enough where nobody looks at the intervals."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(surrogate, "_BAGS", 6)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -116,39 +119,6 @@ def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_pa
             (row,) = [r for r in rows if all(r[key] == value for key, value in wanted.items())]
             assert of["cost"]["value"] == pytest.approx(row["cost"], abs=1e-6)
             assert of["n"] == row["applicable"]
-
-
-@pytest.mark.slow  # the run of a map by two workers is that of any other run
-def test_two_workers_give_the_same_files(mapped, small, tmp_path):
-    assert digests(made(small, tmp_path / "map", jobs=2)) == digests(mapped)
-
-
-@pytest.mark.slow  # the run of a map is resumed as any other run
-def test_a_killed_map_is_resumed_and_gives_the_same_files(small, tmp_path):
-    file = tmp_path / "mine.py"
-    file.write_text(
-        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
-        'METHOD = Method(title="mine", source="a test", front_end=False)\n'
-        f"def detect(prepared):\n{textwrap.indent(stops(tmp_path, 10), '    ')}"
-        '    return Verdict("mine", "no_stiction", score=0.0)\n'
-    )
-    script = tmp_path / "child.py"
-    script.write_text(
-        f"import sys\nsys.path.insert(0, {str(Path(__file__).parents[3] / 'common')!r})\n"
-        "from bench_fixtures import SMALL\nfrom scenarios.grid import make_grid\n"
-        "from simbench.bench.map.making import map_grid\n"
-        f'map_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "map")!r}, 20,'
-        ' ["he"], '
-        f"plugins=[{str(file)!r}])\n"
-    )
-    process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE, text=True)
-    kill_when_it_stops(tmp_path, process.pid)
-    _, err = process.communicate(timeout=240)
-    assert process.returncode == -signal.SIGKILL, err
-    assert not (tmp_path / "map" / "map.json").exists()
-    for folder, resume in (("map", True), ("other", False)):
-        draw_map(map_grid(small, tmp_path / folder, 20, ["he"], plugins=[file], resume=resume))
-    assert digests(tmp_path / "map") == digests(tmp_path / "other")
 
 
 def test_a_map_is_not_written_over_and_another_size_is_not_mixed_in(small, mapped):

@@ -64,7 +64,7 @@ def test_a_rate_of_a_cell_lies_in_its_interval_where_neighbours_are_alike():
     assert all(np.mean(shares) > 0.9 for shares in inside.values()), inside
 
 
-@pytest.mark.parametrize("slope", [4.0, 0.0])
+@pytest.mark.parametrize("slope", [4.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_the_cost_of_a_run_of_the_whole_grid_lies_in_its_interval(slope):
     inside, errors, naive = 0, [], []
     for seed in range(10):

@@ -122,11 +122,11 @@ def test_a_loss_on_the_loops_that_a_method_covers_is_not_thinned_by_the_rest(boo
     verdict = np.where(rng.random(n) < 0.7, truth, 1 - truth)
     base = book([verdict], truth, scores_of(rng, verdict))
     base.applicable[0] = covered
-    for _ in range(40):
+    for _ in range(24):
         lost = covered & (verdict == truth) & (rng.random(n) < loss / 0.7)
         now = with_verdicts(base, np.where(lost, 1 - verdict, verdict))
         failures += compare_books(now, base).failed
-    assert failures >= 32  # power .8
+    assert failures >= 19  # power .8
 
 
 def scores_of(rng, verdict):
@@ -194,7 +194,7 @@ def test_other_records_of_equal_detectors_seldom_alarm(book, noisy):
         )
 
     base = run(0)
-    assert sum(compare_books(run(seed), base).failed for seed in range(1, 26)) <= 2
+    assert sum(compare_books(run(seed), base).failed for seed in range(1, 13)) <= 1
 
 
 def on_another_processor(base, share, rng, noisy, accuracy=0.8):
@@ -236,8 +236,8 @@ def test_records_of_another_processor_are_paired_by_place_and_counted(base, nois
 
 def test_another_processor_seldom_alarms_and_hides_no_fault(base, noisy, with_answers):
     rng = np.random.default_rng(8)
-    runs = [on_another_processor(base, 0.27, rng, noisy) for _ in range(25)]
-    assert sum(compare_books(now, base).failed for now in runs) <= 2
+    runs = [on_another_processor(base, 0.27, rng, noisy) for _ in range(12)]
+    assert sum(compare_books(now, base).failed for now in runs) <= 1
     broken = with_answers(
         runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1])
     )
@@ -261,7 +261,7 @@ def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_a
 
 def test_an_improvement_never_fails(book, with_answers):
     rng = np.random.default_rng(2)
-    for _ in range(20):
+    for _ in range(10):
         verdict = np.where(rng.random(N) < 0.7, TRUTH, rng.choice([0, 1, 2], N))
         base = book([verdict], TRUTH, verdict + rng.normal(0, 0.1, N))
         wrong = np.flatnonzero(verdict != TRUTH)
@@ -348,7 +348,6 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
         assert (base / f"{kind}.parquet").stat().st_size < sum(f.stat().st_size for f in parts)
     # at most 1.5 kB per scenario is committed
     assert sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500
-    assert update_baseline(run, base).endswith("nothing moved")
 
 
 def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved, tmp_path):
@@ -366,11 +365,15 @@ def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved
     assert again.verdict == flip.was
 
 
-def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
+def test_updating_names_what_moves_and_history_keeps_one_row_a_baseline(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
-    update_baseline(run, base)  # the same once more
-    update_baseline(moved, base)
+    assert update_baseline(run, base).endswith("nothing moved")
+    assert check_run(moved, base).failed
+    text = update_baseline(moved, base)
+    assert "+ method ellipse" in text
+    assert "yamashita: detection against 'sticky' fell from" in text
+    assert not check_run(moved, base).failed
     table = read_history(base).table
     assert table.groupby("baseline").size().to_dict() == {1: 3, 2: 4}
     wide = table.pivot(index="method", columns="baseline", values="accuracy_applicable")
@@ -383,16 +386,6 @@ def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
     assert "yamashita" in picture.read_text() or picture.stat().st_size > 5000
     with pytest.raises(RunError, match=r"holds no history\.csv"):
         read_history(tmp_path)
-
-
-def test_updating_names_what_moves(run, moved, tmp_path):
-    base = tmp_path / "baseline"
-    update_baseline(run, base)
-    assert check_run(moved, base).failed
-    text = update_baseline(moved, base)
-    assert "+ method ellipse" in text
-    assert "yamashita: detection against 'sticky' fell from" in text
-    assert not check_run(moved, base).failed
 
 
 def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):

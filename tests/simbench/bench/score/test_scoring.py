@@ -56,11 +56,16 @@ def scores(finished):
     return score_run(finished)
 
 
+@pytest.fixture(scope="module")
+def rows(scores):
+    return scores.table.set_index(["method", "truth", "mode", "process", "population"]).sort_index()
+
+
 @pytest.mark.parametrize("population", [ALL, OF_OSCILLATING, OF_NOT_OSCILLATING])
 @pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
 @pytest.mark.parametrize("mode", [FRONT, RAW])
 @pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
-def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, population):
+def test_the_table_is_a_plain_count(rows, joined, mode, truth, process, population):
     verdict = joined.verdict if mode == FRONT else joined.verdict_raw
     positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
     known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
@@ -72,11 +77,7 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         )
     for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
-        chosen = (
-            "method == @method and truth == @truth and mode == @mode and process == @process and"
-            " population == @population"
-        )
-        row = scores.table.query(chosen).iloc[0]
+        row = rows.loc[(method, truth, mode, process, population)]
         # horch is made for self-regulating loops alone
         covered = use & ((joined.process == "foptd") | (method != "horch"))
         answers, true = verdict[covered], positive[covered]
@@ -100,19 +101,14 @@ def test_the_table_is_a_plain_count(scores, joined, mode, truth, process, popula
         assert row.accuracy_applicable_lo <= row.accuracy_applicable <= row.accuracy_applicable_hi
 
 
-def test_auc_is_sklearns_on_the_very_scores_of_the_tables(scores, joined):
+def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
     from sklearn.metrics import roc_auc_score
 
     use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
     assert (joined.score[use & ~joined.oscillating] == -np.inf).all()
     for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
         known = use & score.notna()
-        block = scores.table[scores.table["mode"] == mode]
-        row = (
-            block.query("method == 'he' and truth == 'cycled' and process == 'all'")
-            .query(f"population == '{ALL}'")
-            .iloc[0]
-        )
+        row = rows.loc[("he", "cycled", mode, "all", ALL)]
         assert row.scored == known.sum()
         assert row.auc == pytest.approx(
             roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9))
@@ -477,11 +473,19 @@ def test_abstention_is_the_best_of_all_bands():
     assert decided_and_wrong(low, high)[0] == best > 0
 
 
-def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
-    calibration = calibrate(
-        "smoke", 0.2, ["he", "yamashita"], out=tmp_path, sets={"disturbance": "sine"}
-    )
-    a, b = RunArrays.read(tmp_path / "seeds-a"), RunArrays.read(tmp_path / "seeds-b")
+SINE = {"disturbance": "sine"}
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A calibration and its folder."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    return calibrate("smoke", 0.2, ["he", "srinivasan"], out=folder, sets=SINE), folder
+
+
+def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(calibrated):
+    calibration, folder = calibrated
+    a, b = RunArrays.read(folder / "seeds-a"), RunArrays.read(folder / "seeds-b")
     assert calibration.about["seed_a"] != calibration.about["seed_b"]
     assert not set(a.ids) & set(b.ids)
     again = calibrate_books(a, b, 0.2)
@@ -491,20 +495,18 @@ def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
     assert row.false_alarm == pytest.approx(
         np.mean(b.score[list(b.methods).index("he"), negative] > row.cut)
     )
-    assert {f.name for f in tmp_path.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
+    assert {f.name for f in folder.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
     assert "he" in calibration.as_text()
     json.dumps(calibration.as_json(), allow_nan=False)
 
 
-def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(tmp_path):
-    calibration = calibrate(
-        "smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"}
-    )
+def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(calibrated, tmp_path):
+    calibration, _ = calibrated
     run = run_grid(
         "smoke",
         tmp_path / "cut",
         ["he", "srinivasan"],
-        sets={"disturbance": "sine"},
+        sets=SINE,
         thresholds=calibration.thresholds,
     )
     table = score_run(run).ranking().set_index("method")
@@ -514,7 +516,7 @@ def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(tmp_path):
         "smoke",
         tmp_path / "band",
         ["he"],
-        sets={"disturbance": "sine"},
+        sets=SINE,
         thresholds={"he": calibration.abstaining["he"]},
     )
     decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
