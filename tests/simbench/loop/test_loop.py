@@ -1,7 +1,5 @@
 """The loop: the contract of one sample, one run, and its random numbers."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from pathlib import Path
