@@ -151,7 +151,7 @@ def test_hostile_plug_ins_are_named_and_the_others_do_not_notice(
     here, alone, monkeypatch, names, seconds
 ):
     monkeypatch.setattr(host, "BYTES", 400 << 20)
-    parts = {"_".join(["x", *name.split()]): HOSTILE[name] for name in names}
+    parts = {"_".join(["x", *name.lower().split()]): HOSTILE[name] for name in names}
     methods.add_hosted(
         *(plugin(here, body, name) for name, (body, _) in parts.items()), seconds=seconds
     )
