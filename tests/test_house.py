@@ -1,157 +1,121 @@
-"""The rules of the house, executed: whose modules these are, what imports cost, what docstrings
-say.
-"""
+"""Rules on the code that no linter checks: import costs, docstrings, plug-ins, names."""
 
 from __future__ import annotations
 
 import ast
 import subprocess
 import sys
+from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-import detectors
-import scenarios
-import simbench
 from simbench.loop.effects import EFFECTS
 
 ROOT = Path(__file__).parents[1]
-FILES = sorted(
-    p for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py")
-)
-NAMES = [str(p.relative_to(ROOT)) for p in FILES]
-
-
-@pytest.mark.parametrize("package", [simbench, detectors, scenarios])
-def test_imported_package_is_ours_and_not_a_namesake_from_pypi(package):
-    assert Path(package.__file__).is_relative_to(ROOT)
-
-
-def test_importing_detectors_loads_nothing_heavy():
-    code = "import sys, detectors, detectors.judge; print(','.join(sys.modules))"
-    loaded = (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        .stdout.strip()
-        .split(",")
-    )
-    for heavy in (
-        "numba",
-        "pandas",
-        "matplotlib",
-        "scipy.stats",
-        "scipy.signal",
-        "control",
-        "joblib",
-        "simbench",
-        "scenarios",
-    ):
-        assert heavy not in loaded
-
-
-@pytest.mark.parametrize("package", ["simbench", "detectors", "scenarios"])
-def test_first_lines_say_what_lives_there_and_public_functions_describe_their_parameters(package):
-    trees = {
-        name: ast.parse(path.read_text(encoding="utf-8"))
-        for path, name in zip(FILES, NAMES)
-        if name.startswith(package)
-    }
-    for name, tree in trees.items():
-        first = (ast.get_docstring(tree) or "").split("\n")[0]
-        assert len(first) > 10, f"{name}: a module docstring is missing"
-    for name, node in ((name, node) for name, tree in trees.items() for node in tree.body):
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-            continue
-        if [d.id for d in node.decorator_list if isinstance(d, ast.Name)] == ["overload"]:
-            continue  # a form of a call: the function itself speaks for all of them
-        doc = ast.get_docstring(node) or ""
-        assert doc, f"{name}: {node.name} has no docstring"
-        if "Parameters\n" in doc:
-            section = (
-                doc.split("Parameters\n", 1)[1].split("\n\n", 1)[0] if "Returns" not in doc else doc
-            )
-            arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
-            missing = [a.arg for a in arguments if a.arg not in section]
-            assert not missing, f"{name}: {node.name}: the docstring does not speak of {missing}"
-
-
 PLUGINS = ["detectors/methods", "simbench/gap/effects", "simbench/figures"]
 PLUGINS += [f"simbench/loop/{kind}" for kind in ("valves", "effects", "plants", "controllers")]
 
 
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Return the syntax tree of every file of the product by its path."""
+    files = (
+        p for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py")
+    )
+    return {
+        p.relative_to(ROOT).as_posix(): ast.parse(p.read_text(encoding="utf-8"))
+        for p in sorted(files)
+    }
+
+
+def repeated(names: dict[str, set[str]]) -> dict[str, set[str]]:
+    return {name: files for name, files in names.items() if len(files) > 1}
+
+
+def test_importing_detectors_loads_nothing_heavy():
+    code = "import sys, detectors, detectors.judge; print(*sys.modules)"
+    command = [sys.executable, "-c", code]
+    loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    heavy = "numba pandas matplotlib scipy.stats scipy.signal control joblib simbench scenarios"
+    assert not set(heavy.split()) & set(loaded)
+
+
+def test_modules_have_a_docstring_and_public_functions_describe_their_parameters():
+    for name, tree in trees().items():
+        first = (ast.get_docstring(tree) or "").split("\n")[0]
+        assert len(first) > 10, f"{name}: a module docstring is missing"
+        for node in tree.body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+                continue
+            doc = ast.get_docstring(node) or ""
+            if "Parameters\n" in doc:
+                section = doc.split("Parameters\n", 1)[1]
+                section = doc if "Returns" in doc else section.split("\n\n", 1)[0]
+                arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
+                missing = [a.arg for a in arguments if a.arg not in section]
+                assert not missing, f"{name}: {node.name}: undocumented parameters {missing}"
+
+
 @pytest.mark.parametrize("folder", PLUGINS)
 def test_plugins_never_import_their_siblings(folder):
-    package = folder.replace("/", ".")
-    files = [p for p in (ROOT / folder).glob("*.py") if not p.stem.startswith("_")]
+    package = folder.replace("/", ".") + "."
+    files = {n: t for n, t in trees().items() if n.startswith(folder + "/") and "/_" not in n}
     assert files
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            siblings = [
-                n
-                for n in names
-                if n.startswith(package + ".") and not n.removeprefix(package + ".").startswith("_")
-            ]
-            assert not siblings, f"{path.name} imports {siblings}"
+    for name, tree in files.items():
+        for node in ast.walk(tree):
+            imported = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            imported += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            siblings = [n.removeprefix(package) for n in imported if n.startswith(package)]
+            assert all(n.startswith("_") for n in siblings), f"{name} imports {siblings}"
 
 
-def test_a_class_has_a_name_of_its_own():
-    homes: dict[str, list[str]] = {}
-    for path, name in zip(FILES, NAMES):
-        # worlds are written without sight of the rest
-        if "simbench/blind/worlds/" not in name:
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                # `class Loop(spec.Loop)` says whose it extends
-                own = isinstance(node, ast.ClassDef) and not any(
-                    getattr(b, "attr", "") == node.name for b in node.bases
-                )
-                if isinstance(node, ast.ClassDef) and own:
-                    homes.setdefault(node.name, []).append(name)
-    assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+def test_no_two_classes_have_one_name():
+    files = defaultdict(set)
+    for name, tree in trees().items():
+        if "simbench/blind/worlds/" in name:  # worlds are written without sight of the rest
+            continue
+        for node in ast.walk(tree):
+            # `class Loop(spec.Loop)` extends the class of that name
+            if isinstance(node, ast.ClassDef) and node.name not in [
+                getattr(base, "attr", "") for base in node.bases
+            ]:
+                files[node.name].add(name)
+    assert repeated(files) == {}
 
 
 def test_a_constant_that_others_read_has_one_meaning():
-    # a plug-in is asked by these words: they belong to its file
-    own = (
+    # plug-ins define constants of fixed names
+    exempt = (
         *PLUGINS,
         "simbench/blind/worlds",
         "simbench/gap/stiction/method.py",
         "simbench/loop/laws/curve.py",
     )
-    homes: dict[str, set[str]] = {}
-    for path, name in zip(FILES, NAMES):
-        for node in (
-            ast.parse(path.read_text(encoding="utf-8")).body if not name.startswith(own) else ()
-        ):
-            targets = (
-                node.targets
-                if isinstance(node, ast.Assign)
-                else [node.target]
-                if isinstance(node, ast.AnnAssign)
-                else []
-            )
-            for word in (
-                n.id
-                for t in targets
-                for n in ast.walk(t)
-                if isinstance(n, ast.Name) and n.id.isupper()
+    files = defaultdict(set)
+    for name, tree in trees().items():
+        for node in tree.body if not name.startswith(exempt) else ():
+            targets = getattr(node, "targets", []) or [getattr(node, "target", None)]
+            for target in (
+                filter(None, targets) if isinstance(node, (ast.Assign, ast.AnnAssign)) else ()
             ):
-                if not word.startswith("_") and word not in ("SOURCE", "PLUGINS", "TITLE"):
-                    homes.setdefault(word, set()).add(name)
-    assert len(homes) > 100
-    assert {word: places for word, places in homes.items() if len(places) > 1} == {}
+                for part in ast.walk(target):
+                    if isinstance(part, ast.Name) and part.id.isupper() and part.id[0] != "_":
+                        files[part.id].add(name)
+    assert len(files) > 100
+    assert set(repeated(files)) <= {"SOURCE", "PLUGINS", "TITLE"}
 
 
-def test_what_is_known_of_an_effect_stands_in_its_own_files():
-    own = ("simbench/loop/effects/", "simbench/gap/effects/", "simbench/blind/")
-    ids, found = set(EFFECTS), []
-    for path, name in zip(FILES, NAMES):
-        if name.startswith("simbench/") and not name.startswith(own):
-            tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            found += [
-                f"{name}: {n.value}" for n in tree if isinstance(n, ast.Constant) and n.value in ids
-            ]
-    # most of these are a detector's verdict, a section of the loop file or a valve model of the
-    # same name
-    assert len(found) <= 70, found
+def test_few_files_name_an_effect_of_another_file():
+    effects = set(EFFECTS)
+    homes = ("simbench/loop/effects/", "simbench/gap/effects/", "simbench/blind/")
+    names = [
+        f"{name}: {node.value}"
+        for name, tree in trees().items()
+        if name.startswith("simbench/") and not name.startswith(homes)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in effects
+    ]
+    # mostly a verdict, a section of the loop file or a valve model of the same name
+    assert len(names) <= 70, names

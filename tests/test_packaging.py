@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def test_the_version_stands_in_one_place_and_everything_else_repeats_it():
+def test_every_file_repeats_one_version():
     version = PROJECT["version"]
     assert simbench.__version__ == version
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
@@ -50,11 +50,11 @@ def test_typed_markers_and_stubs_go_into_the_wheel():
 
 
 def test_the_review_of_scientific_python_passes_and_what_it_skips_has_a_reason():
-    found = process(ROOT).results
-    assert sum(bool(check.result) for check in found) >= 20
-    assert [f"{check.name}: {check.description}" for check in found if check.result is False] == []
+    checks = process(ROOT).results
+    assert sum(bool(check.result) for check in checks) >= 20
+    assert [f"{check.name}: {check.description}" for check in checks if check.result is False] == []
     reasons = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
         "repo-review"
     ]["ignore"]
     assert all(len(reason) > 15 for reason in reasons.values())
-    assert {check.name for check in found if check.skip_reason} == set(reasons)
+    assert {check.name for check in checks if check.skip_reason} == set(reasons)

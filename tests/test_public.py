@@ -25,6 +25,7 @@ from scenarios.errors import SpecError
 
 PACKAGES = [sb, sb.gap, detectors, scenarios]
 OURS = ("simbench", "detectors", "scenarios")
+PIPED = {"capture_output": True, "text": True, "check": True}
 TABLES = {
     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
@@ -40,43 +41,26 @@ def run():
 
 
 def test_importing_brings_in_next_to_nothing():
-    code = "import sys; import simbench; print(*sys.modules)"
-    out = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.split()
-    assert not {"numpy", "pandas", "numba", "detectors"} & set(out)
-    # what Python brings itself, and a handful
-    bare = subprocess.run(
-        [sys.executable, "-c", "import sys; print(*sys.modules)"],
-        capture_output=True,
-        text=True,
-        check=True,
+    bare, loaded = (
+        set(subprocess.run([sys.executable, "-c", code], **PIPED).stdout.split())
+        for code in ("import sys; print(*sys.modules)", "import sys, simbench; print(*sys.modules)")
     )
-    assert len(set(out) - set(bare.stdout.split())) < 60
+    assert not {"numpy", "pandas", "numba", "detectors"} & loaded
+    assert len(loaded - bare) < 60  # in addition to what Python loads itself
 
 
-@pytest.mark.parametrize("name", [f"{p.__name__}:{n}" for p in PACKAGES for n in p.__all__])
-def test_every_public_name_is_there_and_completed(name):
-    package = next(p for p in PACKAGES if p.__name__ == name.split(":")[0])
-    own = name.split(":")[1]
-    assert getattr(package, own) is not None
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_there_and_completed(package):
     completer = rlcompleter.Completer({"p": package})
-    assert completer.complete(f"p.{own}", 0).rstrip("()") == f"p.{own}"
+    for name in package.__all__:
+        assert getattr(package, name) is not None
+        assert completer.complete(f"p.{name}", 0).rstrip("()") == f"p.{name}"
 
 
 def test_completion_lists_the_public_names_and_nothing_of_the_machinery():
     assert {n for n in dir(sb) if not n.startswith("_")} == set(sb.__all__)
-    assert set(sb.__all__) >= {
-        "Loop",
-        "load_loop",
-        "read_record",
-        "detect",
-        "diagnose",
-        "predict",
-        "run",
-        "score",
-        "gap",
-    }
+    names = "Loop load_loop read_record detect diagnose predict run score gap"
+    assert set(sb.__all__) >= set(names.split())
 
 
 NEAR = [(sb, "sweeep", "sweep"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
@@ -105,17 +89,15 @@ def public_objects():
                     yield f"{thing.__module__}.{thing.__qualname__}.{member}"
 
 
-@pytest.mark.parametrize("name", sorted(set(public_objects())))
-def test_docstrings_name_every_parameter_and_what_comes_back(name):
-    found = [
-        f"{code}: {says}"
-        for code, says in validate(name)["errors"]
-        if code in ("PR01", "RT01", "GL08")
+def test_docstrings_name_every_parameter_and_what_comes_back():
+    codes = ("PR01", "RT01", "GL08")
+    missing = [
+        f"{name}: {text}"
+        for name in sorted(set(public_objects()))
+        for code, text in validate(name)["errors"]
+        if code in codes
     ]
-    assert found == []
-
-
-def test_the_documentation_check_can_fail():
+    assert missing == []
     assert "PR01" in {code for code, _ in validate("json.dumps")["errors"]}
 
 
@@ -184,26 +166,18 @@ def test_strict_type_checking_passes_right_names_and_reports_wrong_ones(tmp_path
         "pythonVersion": "3.11",
     }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
-    command = [
-        sys.executable,
-        "-m",
-        "pyright",
-        "--pythonpath",
-        sys.executable,
-        "--outputjson",
-        "-p",
-        str(tmp_path),
-    ]
+    options = ["--pythonpath", sys.executable, "-p", str(tmp_path)]
+    command = [sys.executable, "-m", "pyright", "--outputjson", *options]
     out = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
-    found = [
+    reported = [
         (Path(d["file"]).name, d["range"]["start"]["line"], d["message"])
         for d in json.loads(out)["generalDiagnostics"]
     ]
-    assert [f for f in found if f[0] == "right.py"] == []
+    assert [f for f in reported if f[0] == "right.py"] == []
     for line, word in enumerate(WRONG.values(), 2):
         assert any(
-            name == "wrong.py" and at == line and word in message for name, at, message in found
-        ), (line, found)
+            name == "wrong.py" and at == line and word in message for name, at, message in reported
+        ), (line, reported)
 
 
 def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):

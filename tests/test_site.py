@@ -86,7 +86,7 @@ def test_every_public_name_has_a_page(site):
     assert missing == []
 
 
-def test_every_detector_says_what_it_needs_and_what_was_measured_of_it(site):
+def test_every_detector_has_its_needs_and_measurements(site):
     page = site / "generated/methods.html"
     text, shown = page.read_text(encoding="utf-8"), text_of(page)
     for name in methods.names():
@@ -94,9 +94,9 @@ def test_every_detector_says_what_it_needs_and_what_was_measured_of_it(site):
     assert text.count("<dt") >= 3 * len(methods.names())
     lines = (ROOT / "results/real_records.txt").read_text(encoding="utf-8").splitlines()
     (row,) = [line for line in lines if line.startswith("horch_histogram  ")]
-    _, sticky, found, others, alarms, *_ = row.split()
+    _, sticky, hits, others, alarms, *_ = row.split()
     near = shown[shown.index("horch_histogram") :][:300]
-    assert f"{found} of {sticky}" in near
+    assert f"{hits} of {sticky}" in near
     assert f"{alarms} of {others}" in near
 
 

@@ -74,6 +74,7 @@ def test_a_grid_is_built_step_by_step():
     assert len(load_grid("blocks.toml")) == 16
 
 
+@pytest.mark.slow
 def test_a_grid_of_a_million_cells_is_mapped(capsys):
     file, command, *_ = cells("large_grid.md")
     written(file)
@@ -98,8 +99,10 @@ def test_a_program_without_simbench_answers_an_exam(capsys):
                     assert main(words) == 0, line
                 elif program == "python":
                     runpy.run_path(words[0])
-            told = capsys.readouterr().out
-    assert {(r["method"], r["n"]) for r in json.loads(told)["rows"] if r["truth"] == "sticky"} >= {
+            printed = capsys.readouterr().out
+    assert {
+        (r["method"], r["n"]) for r in json.loads(printed)["rows"] if r["truth"] == "sticky"
+    } >= {
         ("squarer", 12),
         ("he", 12),
     }

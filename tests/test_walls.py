@@ -122,16 +122,19 @@ def doors(graph):
     """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host
     process runs.
     """
-    found = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
+    modules = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
     for folder in PLUGINS:
-        found |= {
+        modules |= {
             m for m in graph.find_children(folder) if not m.rpartition(".")[2].startswith("_")
         }
     for stub in (ROOT / "simbench").rglob("*.pyi"):
         for node in ast.walk(ast.parse(stub.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):
-                found |= {str(node.module), *(f"{node.module}.{name.name}" for name in node.names)}
-    return found & graph.modules
+                modules |= {
+                    str(node.module),
+                    *(f"{node.module}.{name.name}" for name in node.names),
+                }
+    return modules & graph.modules
 
 
 def unreached(graph):

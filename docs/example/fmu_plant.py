@@ -1,7 +1,7 @@
 """A co-simulation unit (FMI 2.0) as the plant, stepped through fmpy: `pip install
 "stiction-simbench[fmi]"`.
 
-Runs in plain Python, and says so. The unit's input is MV (%), its output PV; it must come to rest
+Runs in plain Python. The unit's input is MV (%), its output PV; it must come to rest
 under MV = op0, PV = pv0.
 """
 

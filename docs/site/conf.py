@@ -32,9 +32,9 @@ html_copy_source = False
 html_css_files = ["wide.css"]
 html_static_path = ["_static"]
 exclude_patterns = ["generated/.*", "written"]
-suppress_warnings = ["myst.header"]  # included pages begin where their own titles stand
+suppress_warnings = ["myst.header"]  # included pages begin at their titles
 
-# every tutorial runs in a folder of its own when the site is built; what fails there is a warning,
+# every tutorial runs in a separate folder when the site is built; what fails there is a warning,
 # and warnings are errors
 nb_execution_mode = "force"
 nb_execution_in_temp = True

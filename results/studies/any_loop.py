@@ -174,14 +174,14 @@ def cycle_errors(loop: Loop, S: float, J: float) -> tuple[float, float] | None:
 
 def cycles(count: int, seed: int = 1) -> list[tuple[float, float]]:
     """Return the errors of `count` loops with sticky valves that cycle."""
-    rng, found = np.random.default_rng(seed), []
+    rng, cycle = np.random.default_rng(seed), []
     for loop in random_loops(10 * count, seed):
         S = float(rng.uniform(2.0, 8.0))
         errors = cycle_errors(loop, S, S * float(rng.uniform(0.2, 1.0)))
-        found += [errors] if errors is not None else []
-        if len(found) == count:
+        cycle += [errors] if errors is not None else []
+        if len(cycle) == count:
             break
-    return found
+    return cycle
 
 
 def pairs(count: int, seed: int = 2) -> Iterator[Loop]:
@@ -236,11 +236,11 @@ def main(loops: int = 200, sticky: int = 60, cascades: int = 40) -> int:
         f"{loops} loops against python-control, {SAMPLES} samples: largest relative difference"
         f" {apart.max():.2e} (<= 1e-9)"
     )
-    found = np.array(cycles(sticky))
-    period, amplitude = found.max(axis=0)
+    errors = np.array(cycles(sticky))
+    period, amplitude = errors.max(axis=0)
     print(
-        f"{len(found)} exact cycles against simulation: period within {period:.2%} (1 %), OP within"
-        f" {amplitude:.2%} (2 %)"
+        f"{len(errors)} exact cycles against simulation: period within {period:.2%} (1 %),"
+        f" OP within {amplitude:.2%} (2 %)"
     )
     print(
         f"{cascades} cascades whose inner valve sticks: share called sticky by the inner and by the"

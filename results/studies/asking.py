@@ -4,8 +4,8 @@ pair and a random one.
 `python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and
 opens what is not there yet (a call that was cut off goes on where it was) and prints a table a
 world. `--contradictions 60` gives the diagnosis tests that contradict their records and as many
-sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits; `--claims
-100` compares claimed shrinkages with fresh records of the true loops.
+valid ones; `--plans 60` runs planned tests on the loops of the worlds against their limits;
+`--claims 100` compares claimed shrinkages with fresh records of the true loops.
 """
 
 from __future__ import annotations
@@ -139,12 +139,12 @@ def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> No
 def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> None:
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
-        found = one_file(record, record.with_suffix(".toml"), tests)
-    # where a test is refused the answer before it stands, as it does where the diagnosis chose it
+        report = one_file(record, record.with_suffix(".toml"), tests)
+    # where a test is refused the answer before it remains, as it does where the diagnosis chose it
     except UserError:
-        found = _read(answers_after(check, 0) / f"{record.stem}.json")
+        report = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
-        f.write(json.dumps(found))
+        f.write(json.dumps(report))
 
 
 def _answers_by(check: Path, strategy: str) -> Path:
@@ -155,10 +155,10 @@ def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
     """Return the answers of a strategy judged as `open_` judges the others."""
     rows = []
     for truth in truths(score):
-        found = _read(_answers_by(check, strategy) / f"{truth['id']}.json")
+        scored = _read(_answers_by(check, strategy) / f"{truth['id']}.json")
         rows.append(
             judge_record(
-                truth, found, true_circumstances(truth, *_baseline_and_record(check, truth))
+                truth, scored, true_circumstances(truth, *_baseline_and_record(check, truth))
             )
         )
     return pd.DataFrame(rows)
@@ -188,8 +188,8 @@ def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
             expected = (before.get("next_test") or {}).get("p_right_after")
             if expected is not None and "ranking" in after:
                 ranks = [
-                    {r["effect"]: r["probability"] for r in found["ranking"]}
-                    for found in (before, after)
+                    {r["effect"]: r["probability"] for r in rows["ranking"]}
+                    for rows in (before, after)
                 ]
                 name = UNKNOWN if truth["foreign"] else truth["effect"]
                 pairs.append(
@@ -208,18 +208,18 @@ def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, 
     rows = []
     for world in worlds:
         for truth in truths(folder / f"{world}-score"):
-            found = _read(answers_after(folder / world, TESTS) / f"{truth['id']}.json")
-            claimed = found.get("shrinkage")
+            claims = _read(answers_after(folder / world, TESTS) / f"{truth['id']}.json")
+            claimed = claims.get("shrinkage")
             if (
                 claimed is None
                 or truth["foreign"]
                 or truth["effect"] == NONE
                 or truth["effect2"]
-                or len(found["effects"]) > 1
+                or len(claims["effects"]) > 1
             ):
                 continue
             true = fresh_shrinkage(
-                truth, found, *_baseline_and_record(folder / world, truth), world
+                truth, claims, *_baseline_and_record(folder / world, truth), world
             )
             if true is not None:
                 rows.append((claimed["value"], claimed["lo"], claimed["hi"], true))
@@ -227,13 +227,13 @@ def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, 
 
 
 def fresh_shrinkage(
-    truth: dict[str, Any], found: dict[str, Any], baseline: Any, record: pd.DataFrame, world: str
+    truth: dict[str, Any], values: dict[str, Any], baseline: Any, record: pd.DataFrame, world: str
 ) -> float | None:
     """Return how far the effect named narrows the gap to other records of the true loop, their
     mean; None without a gap.
     """
     here = true_circumstances(truth, baseline, record)
-    named = {**found, "ranking": [r for r in found["ranking"] if r["effect"] == found["effect"]]}
+    named = {**values, "ranking": [r for r in values["ranking"] if r["effect"] == values["effect"]]}
     true, acts = [], [{"effect": truth["effect"], "parameters": truth["parameters"]}]
     for i in range(_FRESH):
         columns = WORLDS.load(world).simulate(truth, acts, int(truth["seed"]) + 7000 + i)
@@ -255,47 +255,47 @@ def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = 
     """Return shares by figure, a column per way of testing, for each world and for all worlds
     together.
     """
-    found: dict[str, dict[str, pd.DataFrame]] = {}
+    columns: dict[str, dict[str, pd.DataFrame]] = {}
     for world in worlds:
         score = folder / f"{world}-score"
         for tests in range(TESTS + 1):
             file = score / (f"records-{tests}.csv" if tests else "records.csv")
             if file.exists():
-                found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(
-                    file, keep_default_na=False
+                columns.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = (
+                    pd.read_csv(file, keep_default_na=False)
                 )
         for strategy in against:
-            found.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
-    for by_world in found.values():
+            columns.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
+    for by_world in columns.values():
         if len(by_world) > 1:
             by_world["all"] = pd.concat(by_world.values())
     rows = [
         (world, _shares(one), tests)
-        for tests, by_world in found.items()
+        for tests, by_world in columns.items()
         for world, one in by_world.items()
     ]
     out = {
         tests: {
             (w, figure): x for w, shares, t in rows for figure, x in shares.items() if t == tests
         }
-        for tests in found
+        for tests in columns
     }
     order = [(world, figure) for world in (*worlds, "all") for figure in rows[0][1]]
     return pd.DataFrame(out).reindex(pd.MultiIndex.from_tuples(order)).dropna(how="all")
 
 
-def _shares(found: pd.DataFrame) -> dict[str, str]:
+def _shares(columns: pd.DataFrame) -> dict[str, str]:
     out = {
-        name: _share(_true(found[found.kind == kind][column]))
+        name: _share(_true(columns[columns.kind == kind][column]))
         for name, (kind, column) in _OF_KIND.items()
     }
-    none, foreign = found[found.kind == "none"], found[found.kind == "foreign"]
+    none, foreign = columns[columns.kind == "none"], columns[columns.kind == "foreign"]
     out["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
     out["none unknown"] = _share(_true(none.called_unknown))
     out["foreign unknown or block"] = _share(
         _true(foreign.called_unknown) | _true(foreign.block_right)
     )
-    known = found[found.kind.isin(["single", "none"])]
+    known = columns[columns.kind.isin(["single", "none"])]
     out["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
     return out
 
@@ -314,15 +314,15 @@ def _share(x: pd.Series) -> str:
 
 
 def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
-    """Print the table of every world, what tests told, and whether claimed shrinkages hold."""
+    """Print the table of every world, the effect of tests, and whether claimed shrinkages hold."""
     print(
         "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record"
         " asks for none"
     )
     print("95 % Wilson intervals")
-    found = table(folder, worlds, against)
-    for world in found.index.unique(0):
-        print(f"\n{world}\n{found.loc[world].to_string()}")
+    counts = table(folder, worlds, against)
+    for world in counts.index.unique(0):
+        print(f"\n{world}\n{counts.loc[world].to_string()}")
     pairs = np.array(learned(folder, worlds)).reshape(-1, 2)
     rank = stats.spearmanr(*pairs.T).statistic if len(pairs) > 2 else np.nan
     print(
@@ -383,7 +383,7 @@ def main() -> None:
         type=int,
         default=0,
         metavar="N",
-        help="Contradictory tests, and sound ones.",
+        help="Contradictory tests, and valid ones.",
     )
     parser.add_argument(
         "--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run."

@@ -30,7 +30,7 @@ from simbench.blind.making import PLANTS, write_item
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import PLANNED, Item
 from simbench.gap.closed_loop.gap import closed, measure
-from simbench.gap.diagnosis import beside_tests, diagnose
+from simbench.gap.diagnosis import assess_with_tests, diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import read_test
 from simbench.gap.plan.expected import plan
@@ -52,7 +52,7 @@ _KINDS = {
 
 
 def contradicted(seeds: Mapping[str, int], n: int, jobs: int = 1) -> pd.DataFrame:
-    """Return how many of `n` contradictory tests are found, and how many of as many sound ones
+    """Return how many of `n` contradictory tests are detected, and how many of as many valid ones
     refused, by kind.
     """
     bar = tqdm(range(n), desc="contradictions", file=sys.stderr, delay=1.0)
@@ -76,20 +76,20 @@ def _contradict(seeds: list[tuple[str, int]], i: int) -> dict[str, Any]:
     kind, ids = list(_KINDS.items())[i % len(_KINDS)]
     w, id_ = WORLDS.load(world), ids[i // len(_KINDS) % len(ids)]
     item, other = (w.draw(seed, k, _entry(seed, k)) for k in (2 * i, 2 * i + 1))
-    own = outcomes.outcome(w.test, item, id_)
-    false = outcomes.outcome(w.test, other, id_) if kind == OTHER_LOOP else dict(own)
+    simulated = outcomes.outcome(w.test, item, id_)
+    false = outcomes.outcome(w.test, other, id_) if kind == OTHER_LOOP else dict(simulated)
     if kind == TUNING:
         false["toml"] = false["toml"].split("[controller]")[0]
     if kind == SHIFTED:
         false["csv"] = _shifted(false["csv"], item, -1 if i % 2 else 1)
-    found, wrongly = (_refused(item, texts) for texts in (false, own))
+    result, wrongly = (_refused(item, texts) for texts in (false, simulated))
     return {
         "kind": kind,
         "world": world,
         "test": id_,
-        "found": bool(found),
+        "found": bool(result),
         "wrongly": bool(wrongly),
-        "said": wrongly or found,
+        "said": wrongly or result,
     }
 
 
@@ -120,14 +120,14 @@ def _shifted(csv: str, item: Item, way: int) -> str:
 
 
 def _refused(item: Item, texts: Mapping[str, str]) -> str:
-    """Return what the diagnosis says against a test, "" where it counts it."""
+    """Return why the diagnosis rejects a test, "" where it counts it."""
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
         loop = load_loop(baseline)
         situation = check(read_record(record), loop)
         try:
             test = read_test(str(outcomes.shown(Path(place), "test", texts)), loop)
-            notes = beside_tests(situation, [test]).situation.notes
+            notes = assess_with_tests(situation, [test]).situation.notes
         except UserError as error:
             return str(error)
     return next((note for note in notes if "contradicts the record" in note), "")
@@ -139,9 +139,9 @@ def planned(seeds: Mapping[str, int], n: int, jobs: int = 1) -> str:
     """
     bar = tqdm(range(n), desc="plans", file=sys.stderr, delay=1.0)
     runs: Any = Parallel(n_jobs=jobs)(delayed(_run_plan)(list(seeds.items()), i) for i in bar)
-    found = [left for one in runs for left in one]
+    kept = [left for one in runs for left in one]
     return (
-        f"planned tests run on the true loops of {n} records: {sum(found)} of {len(found)} left"
+        f"planned tests run on the true loops of {n} records: {sum(kept)} of {len(kept)} left"
         " their limits"
     )
 
@@ -164,11 +164,11 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
     )
     # as if nothing were settled, or hardly any test would be planned
     doubted = {r.effect: min(r.probability, 0.5) for r in report.ranking}
-    found = plan(report.behind.found, doubted, report.behind.loops, limits)
+    tests = plan(report.behind.found, doubted, report.behind.loops, limits)
     true = item.answer["effect"]
     acts = [] if true == NONE else [{"effect": true, "parameters": item.answer["parameters"]}]
     out = []
-    for test in (x.trial for x in found.tests if x.trial.op_travel or x.trial.id == "sp_steps"):
+    for test in (x.trial for x in tests.tests if x.trial.op_travel or x.trial.id == "sp_steps"):
         levels = np.asarray(test.op)
         run = w.test(
             item.answer,
@@ -200,11 +200,11 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
     )
     if len(rows) < 3:
         return f"{len(rows)} claims on {n} loops: too few"
-    said = [
+    verdicts = [
         f"shrinkage of the user's own simulation claimed after at most {most} tests on {n} loops,"
         " weak, medium, strong,"
     ]
-    said += [
+    verdicts += [
         f"every sixth with two effects; the true one by {_FRESH} fresh records of the true loop"
         " each:"
     ]
@@ -213,12 +213,12 @@ def claimed(seeds: Mapping[str, int], n: int, jobs: int = 1, most: int = 2) -> s
         low, high = inside.interval
         rank = stats.spearmanr(part.value, part.true).statistic
         quarters = ", ".join(f"{q:.2f}" for q in part.true.quantile([0.25, 0.5, 0.75]))
-        said.append(
+        verdicts.append(
             f"{name}: interval holds {inside.k} of {inside.n} [{low:.2f}, {high:.2f}], rank"
             f" correlation {rank:.2f},"
         )
-        said.append(f"  true quartiles {quarters}")
-    return "\n".join(said)
+        verdicts.append(f"  true quartiles {quarters}")
+    return "\n".join(verdicts)
 
 
 def _claim(

@@ -161,8 +161,8 @@ def adaptive_cost(
     """
     with tempfile.TemporaryDirectory() as folder:
         target = run_grid(grid, Path(folder) / "run", [methods], jobs, until_width=width)
-        told = read_manifest(target)["adaptive"]
-    return {**told, "saved": round(1.0 - told["scenarios"] / told["full_product"], 3)}
+        sizes = read_manifest(target)["adaptive"]
+    return {**sizes, "saved": round(1.0 - sizes["scenarios"] / sizes["full_product"], 3)}
 
 
 def _cpu() -> float:
@@ -182,7 +182,7 @@ def _run(
 ) -> subprocess.Popen:
     words = ["child", str(target), grid, methods, str(jobs), json.dumps(sets)]
     command = [sys.executable, "-m", "results.studies.benchmark_cost", *words]
-    # a group of its own lets a kill take the workers too; a busy machine shares itself out by
+    # a separate process group lets a kill take the workers too; a busy machine shares itself out by
     # group, so timing does without
     return subprocess.Popen(
         command, start_new_session=group, stdout=subprocess.PIPE if measure else subprocess.DEVNULL
@@ -224,19 +224,19 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(chosen)
     more = {k: v for k, v in (("methods", asked.methods), ("grid", asked.grid)) if v is not None}
     if asked.what == "kills":
-        found: Any = kills((asked.n or [50])[0], asked.seed, jobs=asked.jobs, **more)
+        result: Any = kills((asked.n or [50])[0], asked.seed, jobs=asked.jobs, **more)
     elif asked.what == "sizes":
-        found = sizes(asked.n or [1000, 10_000, 100_000], **more)
+        result = sizes(asked.n or [1000, 10_000, 100_000], **more)
     elif asked.what == "speed":
-        found = speed((asked.n or [10_000])[0], jobs=asked.jobs, **more)
+        result = speed((asked.n or [10_000])[0], jobs=asked.jobs, **more)
     else:
-        found = adaptive_cost(asked.width, jobs=asked.jobs, **more)
-    text = json.dumps(found, indent=1)
+        result = adaptive_cost(asked.width, jobs=asked.jobs, **more)
+    text = json.dumps(result, indent=1)
     print(text)
     if asked.out is not None:
         with whole_file(asked.out) as f:
             f.write(text + "\n")
-    return int(asked.what == "kills" and not found["equal"])
+    return int(asked.what == "kills" and not result["equal"])
 
 
 if __name__ == "__main__":

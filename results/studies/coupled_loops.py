@@ -38,9 +38,9 @@ class Culprit:
 
     culprit: int | None  # index of the loop; None when no gain, or more than one, sets the period
     reason: str  # why, in one sentence
-    # per loop, its OP before and after the change of its own gain
+    # per loop, its OP before and after the change of its gain
     phases: tuple[tuple[Phase, Phase], ...]
-    # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    # per loop, |P2/P1 - 1| after the change of its gain; NaN without an oscillation
     shifts: tuple[float, ...]
     Ts: float  # sampling period (s)
     changed: int  # sample at which the gain changed
@@ -70,7 +70,7 @@ class Culprit:
 def find_culprit(
     loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0
 ) -> Culprit:
-    """Change the gain of each coupled loop in a run of its own and name the loop that sets the
+    """Change the gain of each coupled loop in a separate run and name the loop that sets the
     period.
 
     `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its
@@ -88,10 +88,10 @@ def find_culprit(
             " square are needed"
         )
     for nudge in NUDGES:
-        found = _with_nudge(loops, influence, factor, seed, nudge)
-        if not np.isnan(found.shifts).all():
+        moving = _with_nudge(loops, influence, factor, seed, nudge)
+        if not np.isnan(moving.shifts).all():
             break
-    return found
+    return moving
 
 
 def _with_nudge(
@@ -125,7 +125,7 @@ def _phases(op: np.ndarray, changed: int, Ts: float, factor: float) -> tuple[Pha
 
 
 def _named(shifts: Sequence[float]) -> tuple[int | None, str]:
-    said = ", ".join(
+    changes = ", ".join(
         f"loop {i + 1}: {'no oscillation' if np.isnan(s) else f'{100 * s:.1f} %'}"
         for i, s in enumerate(shifts)
     )
@@ -136,11 +136,11 @@ def _named(shifts: Sequence[float]) -> tuple[int | None, str]:
     if known[first] <= SHIFT:
         return (
             None,
-            f"no gain moves the period ({said}): the oscillation comes from outside these loops",
+            f"no gain moves the period ({changes}): the oscillation comes from outside these loops",
         )
     if known[first] < 2 * known[rest[0]]:
-        return None, f"more than one gain moves the period ({said})"
-    return int(first), f"the gain of loop {first + 1} sets the period ({said})"
+        return None, f"more than one gain moves the period ({changes})"
+    return int(first), f"the gain of loop {first + 1} sets the period ({changes})"
 
 
 def drawn_pair(rng: np.random.Generator, sticky: int) -> tuple[list[Loop], np.ndarray]:
@@ -181,9 +181,9 @@ def main() -> None:
     right = 0
     for pair in range(asked.pairs):
         sticky = int(rng.integers(2))
-        found = find_culprit(*drawn_pair(rng, sticky), seed=pair)
-        right += found.culprit == sticky
-        print(f"pair {pair + 1}: loop {sticky + 1} sticks; {found.reason}")
+        culprit = find_culprit(*drawn_pair(rng, sticky), seed=pair)
+        right += culprit.culprit == sticky
+        print(f"pair {pair + 1}: loop {sticky + 1} sticks; {culprit.reason}")
     print(f"culprit named in {right} of {asked.pairs} pairs")
 
 

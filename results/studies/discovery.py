@@ -67,12 +67,12 @@ _FLAT = (
 # share of the gap that the true effect leaves, up to which a law is asked to close it
 _SOLVED = 0.2
 _RUNS, _ANEW = 8, 5000  # runs of the true effect, and how far their seeds lie from the record's
-_PLAIN = 0.9  # probability of a block, from which it is said plainly
+_PLAIN = 0.9  # probability of a block, from which it is stated plainly
 _KINDS = {"foreign": "foreign kinds", "left": "effects left out"}
 
 
 def gap_left(gap: Shrinkage | None) -> float | None:
-    """Return the share of a gap above its floor that is left, None where nothing stands out of the
+    """Return the share of a gap above its floor that is left, None where nothing exceeds the
     floor.
     """
     return (
@@ -101,7 +101,7 @@ def oracle(s: Situation, world: str, answer: dict[str, Any], effect: str) -> flo
 def asked(
     world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED
 ) -> dict[str, Any]:
-    """Return what a discovery says of one drawn record, and what a file of its law keeps."""
+    """Return the discovery of one drawn record, and what a file of its law keeps."""
     drawn_by, began = WORLDS.load(world), time.process_time()
     drawn_as = {k: v for k, v in entry.items() if k != "asked"}
     item = drawn_by.draw(seed, index, drawn_as)
@@ -124,26 +124,26 @@ def asked(
                 law = search(situation, held_out(situation)).law
             return row | {"cpu_s": time.process_time() - drawn, "form": law.form if law else None}
         with left_out(*([effect] if row["asked"] == "left" else [])):
-            found = discover(record, loop)
+            discovery = discover(record, loop)
     except UserError as error:
         return row | {"error": str(error)}
     row |= {
         "cpu_s": time.process_time() - drawn,
-        "block": found.block,
-        "probability": found.probability,
+        "block": discovery.block,
+        "probability": discovery.probability,
         "form": None,
     }
-    row |= {"why": found.why, "oracle": oracle(found.situation, world, item.answer, effect)}
+    row |= {"why": discovery.why, "oracle": oracle(discovery.situation, world, item.answer, effect)}
     row |= {"true": drawn_by.FOREIGN.get(effect) or block_of(effect)}
-    if found.law is not None and found.gap is not None:
+    if discovery.law is not None and discovery.gap is not None:
         row |= {
-            "form": found.law.form,
-            "left": gap_left(found.gap),
-            "nats": found.law.nats,
-            "nearest": found.nearest,
+            "form": discovery.law.form,
+            "left": gap_left(discovery.gap),
+            "nats": discovery.law.nats,
+            "nearest": discovery.nearest,
         }
         file = place / f"law_{world}_{index}.py"
-        write_effect(found.law, file, found.law.text, file.stem)
+        write_effect(discovery.law, file, discovery.law.text, file.stem)
         row["kept"] = check_file(file).kept
         PLUGINS.forget(file.stem)
     return row
@@ -178,8 +178,8 @@ def entries(world: str, none: int, times: int = 3) -> list[dict[str, Any]]:
 
 
 def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
-    """Return F1 of the samples in which a law that comes and goes is said to act, None where no law
-    is named.
+    """Return F1 of the samples in which a law that comes and goes is active, None where no law is
+    named.
     """
     true: list[np.ndarray] = []
 
@@ -191,13 +191,11 @@ def agreement(form: str, numbers: dict[str, float], seed: int) -> float | None:
     with patch.object(forms, "spells", kept), lent_effect(FoundLaw(form, numbers, 0.0)) as name:
         loop = _LOOP | {"effect": [{"name": name, **numbers}]}
         record = simulate(Loop.from_table(loop), seed).record
-    found = discover(
-        record, Loop.from_table({k: v for k, v in _LOOP.items() if k != "disturbance"})
-    )
-    if found.law is None:
+    law = discover(record, Loop.from_table({k: v for k, v in _LOOP.items() if k != "disturbance"}))
+    if law.law is None:
         return None
     on = true[0][: record.n] > 0.0
-    return float(2.0 * np.sum(on & found.on) / (np.sum(on) + np.sum(found.on)))
+    return float(2.0 * np.sum(on & law.on) / (np.sum(on) + np.sum(law.on)))
 
 
 def summary(rows: list[dict[str, Any]]) -> list[str]:
@@ -209,14 +207,14 @@ def summary(rows: list[dict[str, Any]]) -> list[str]:
     for world in WORLD_NAMES:
         part = [row for row in good if row["world"] == world]
         out += [
-            f"{world}, {says}: {_strange([r for r in part if r['asked'] == k])}"
-            for k, says in _KINDS.items()
+            f"{world}, {title}: {_strange([r for r in part if r['asked'] == k])}"
+            for k, title in _KINDS.items()
         ]
         none = [row["form"] is not None for row in part if row["effect"] == "none"]
         out.append(f"{world}, none: law found {share(none)}")
     out += [
-        f"all, {says}: {_strange([r for r in good if r['asked'] == k])}"
-        for k, says in _KINDS.items()
+        f"all, {title}: {_strange([r for r in good if r['asked'] == k])}"
+        for k, title in _KINDS.items()
     ]
     out.append(
         "all, none: law found"
@@ -246,15 +244,15 @@ def share(hits: list[bool]) -> str:
 
 def _strange(rows: list[dict[str, Any]]) -> str:
     right = [row["block"] == row["true"] for row in rows]
-    told = [hit for hit, row in zip(right, rows) if row["block"]]
+    rightness = [hit for hit, row in zip(right, rows) if row["block"]]
     plain = [hit for hit, row in zip(right, rows) if row["block"] and row["probability"] > _PLAIN]
     laws = [row for row in rows if row["form"] is not None]
     left = [row["left"] for row in laws if row["left"] is not None]
     solved = [row for row in rows if row["oracle"] is not None and row["oracle"] <= _SOLVED]
     there = [row["left"] for row in solved if row["form"] is not None and row["left"] is not None]
     return (
-        f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell"
-        f" {len(rows) - len(told)}, right where it is above {_PLAIN} {share(plain)}; law found"
+        f"block right {share(right)}, wrong {len(rightness) - sum(rightness)}, cannot tell"
+        f" {len(rows) - len(rightness)}, right where it is above {_PLAIN} {share(plain)}; law found"
         f" {len(laws)}, with the right block"
         f" {share([row['block'] == row['true'] for row in laws])}, gap left {_median(left)}; where"
         f" the true effect leaves at most {_SOLVED}: {_median(there)}, law found"
@@ -267,7 +265,7 @@ def _median(x: list[float]) -> str:
 
 
 def recorded(where: Path) -> list[str]:
-    """Return what is said of the first record of every loop on a baseline identified from it, then
+    """Return the answers on the first record of every loop on a baseline identified from it, then
     the counts.
     """
     lines, silent, closed = [], 0, {"answer": [], "law": []}
@@ -281,7 +279,7 @@ def recorded(where: Path) -> list[str]:
         assessed, gap = report.behind.found, report.gap
         s = assessed.situation
         with one_thread():
-            law = described(s, search(s, held_out(s)), lambda found=assessed: found)
+            law = described(s, search(s, held_out(s)), lambda assessed=assessed: assessed)
         silent += report.effect == NONE and gap.resolvable
         if gap.resolvable:
             closed["answer"].append(report.shrinkage["value"] if report.shrinkage else 0.0)
@@ -308,15 +306,15 @@ def main(none: int = 67, times: int = 2) -> None:
     with TemporaryDirectory() as place:
         for world, i, entry in drawn:
             rows.append(asked(world, i, entry, Path(place)))
-            said = {k: round(v, 2) if isinstance(v, float) else v for k, v in rows[-1].items()}
-            print(f"{len(rows)} of {len(drawn)}", said, file=sys.stderr, flush=True)
+            scores = {k: round(v, 2) if isinstance(v, float) else v for k, v in rows[-1].items()}
+            print(f"{len(rows)} of {len(drawn)}", scores, file=sys.stderr, flush=True)
     print("\n".join(summary(rows)))
     for form, numbers in _SPELLS.items():
-        found = [agreement(form, numbers, SEED + i) for i in range(_WINDOWS)]
-        said = [f for f in found if f is not None]
+        laws = [agreement(form, numbers, SEED + i) for i in range(_WINDOWS)]
+        scores = [f for f in laws if f is not None]
         print(
-            f"windows of {form}: {len(said)} of {len(found)} laws found, F1"
-            f" {np.median(said) if said else np.nan:.2f} (median)"
+            f"windows of {form}: {len(scores)} of {len(laws)} laws found, F1"
+            f" {np.median(scores) if scores else np.nan:.2f} (median)"
         )
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LIKE = "choudhury"  # the family every other is compared with, in the same cells
-# cells are told apart by their number: each part is judged with what was fitted on the others
+# cells are distinguished by their number: each part is judged with what was fitted on the others
 PARTS = 2
 
 
@@ -44,17 +44,17 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
         odds = _odds(loops, loops.valve != family)
         hit = loops.assign(hit=(odds >= ODDS_HIGH) & loops.oscillating)
         cycling = hit[hit.cycled]
-        own, like = (
+        of_family, like = (
             cycling[cycling.valve == v].set_index("group").hit.astype(float) for v in (family, LIKE)
         )
-        less = (like - own).dropna()
+        less = (like - of_family).dropna()
         seen = cycling[(cycling.valve == family) & cycling.oscillating]
         still = hit[~hit.cycled]
         yield {
             "family": family,
-            "n": own.size,
-            "found": float(own.mean()),
-            "oscillating": seen.shape[0] / own.size,
+            "n": of_family.size,
+            "found": float(of_family.mean()),
+            "oscillating": seen.shape[0] / of_family.size,
             "found of these": float(seen.hit.mean()),
             "less than " + LIKE: float(less.mean()),
             "se": float(less.std() / max(less.size, 1) ** 0.5),
@@ -63,7 +63,7 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
-    """Yield how well S and J of each family are told over several draws of the grid.
+    """Yield how well S and J of each family are estimated over several draws of the grid.
 
     Keys: method, home (where its constants were fitted), parameter, family, n; median error and
     width in shares of the valve's S; held, of the intervals whose level is stated, and its 95 %
@@ -71,8 +71,8 @@ def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
     """
     import pandas as pd
 
-    found = pd.concat([estimates(book) for book in books])
-    for key, rows in found.groupby(["method", "parameter", "family"]):
+    matches = pd.concat([estimates(book) for book in books])
+    for key, rows in matches.groupby(["method", "parameter", "family"]):
         method, parameter, family = tuple(key)  # type: ignore[arg-type]
         held = rows.held.dropna()
         lo, hi = wilson(held.sum(), max(held.size, 1))
@@ -101,7 +101,7 @@ def _evidence(rows: pd.DataFrame) -> pd.DataFrame:
     """One row per scenario with what the procedure counts of it, x, by process type."""
     import pandas as pd
 
-    found = []
+    evidence = []
     for _, part in rows.groupby("scenario_id", sort=False):
         indices = dict(zip(part.method, part.indices, strict=True))
         first = part.iloc[0]
@@ -111,8 +111,8 @@ def _evidence(rows: pd.DataFrame) -> pd.DataFrame:
             min(max(v, e.low), e.high) - e.neutral if v is not None and np.isfinite(v) else 0.0
             for v, e in zip(values, EVIDENCE[case], strict=True)
         ]
-        found.append({**first[["group", "process", "valve", "cycled", "oscillating"]], "x": x})
-    return pd.DataFrame(found)
+        evidence.append({**first[["group", "process", "valve", "cycled", "oscillating"]], "x": x})
+    return pd.DataFrame(evidence)
 
 
 def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:

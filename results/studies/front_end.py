@@ -36,25 +36,25 @@ def loops(
             if cycled.answer not in ("yes", "no"):
                 continue
             record = run.record.without_mv()
-            found = prepare(record).oscillation
+            drawn = prepare(record).oscillation
             family = str(scenario.tags["valve"]) if cycled.answer == "yes" else REST
             yield (
                 family,
                 scenario.tags["disturbance"] == STRONG,
-                [found.sustained, found.swings > 0],
+                [drawn.sustained, drawn.swings > 0],
             )
 
 
 def rows(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> list[dict[str, Any]]:
     """Return per family: n, share sustained, of these by the swings; strong disturbances apart."""
-    found: dict[tuple[bool, str], list[list[bool]]] = {}
-    for family, strong, said in loops(grid, every, seed, repeats):
-        found.setdefault((strong, family), []).append(said)
+    rows_: dict[tuple[bool, str], list[list[bool]]] = {}
+    for family, strong, verdicts in loops(grid, every, seed, repeats):
+        rows_.setdefault((strong, family), []).append(verdicts)
     head = ("sustained", "by its swings")
     return [
-        {"disturbance": STRONG if strong else "other", "family": family, "n": len(said)}
-        | {key: f"{share:.3f}" for key, share in zip(head, np.mean(said, axis=0), strict=True)}
-        for (strong, family), said in sorted(found.items())
+        {"disturbance": STRONG if strong else "other", "family": family, "n": len(verdicts)}
+        | {key: f"{share:.3f}" for key, share in zip(head, np.mean(verdicts, axis=0), strict=True)}
+        for (strong, family), verdicts in sorted(rows_.items())
     ]
 
 

@@ -76,14 +76,14 @@ def exchanged(fit: Callable) -> Callable:
 
     >>> t = np.linspace(0, 6, 50)
     >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
-    >>> other, own = exchanged(ellipse.fit_ellipse)(x, y), ellipse.fit_ellipse(x, y)
-    >>> round(other.apparent_stiction / own.apparent_stiction, 9)
+    >>> other, plain = exchanged(ellipse.fit_ellipse)(x, y), ellipse.fit_ellipse(x, y)
+    >>> round(other.apparent_stiction / plain.apparent_stiction, 9)
     1.0
     """
 
     def fitted(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
-        found = fit(y, x)
-        return found and Ellipse(found.C, found.B, found.A, found.y0, found.x0)
+        e = fit(y, x)
+        return e and Ellipse(e.C, e.B, e.A, e.y0, e.x0)
 
     return fitted
 
@@ -154,7 +154,7 @@ def rewritten(
     ways = {
         how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in hows
     }
-    said, score = (
+    verdicts, score = (
         np.empty((len(plan), base.ids.size), np.int8),
         np.empty((len(plan), base.ids.size), np.float32),
     )
@@ -169,9 +169,9 @@ def rewritten(
                 answers += _answers(record, ways[how])
         if last_bits:
             answers += _answers(_last_bits(record, rng), ways["last bits"])
-        said[:, k], score[:, k] = zip(*answers, strict=True)
+        verdicts[:, k], score[:, k] = zip(*answers, strict=True)
     for j, (method, how) in enumerate(plan):
-        yield method, how, _with(base, base.methods.index(method), said[j], score[j])
+        yield method, how, _with(base, base.methods.index(method), verdicts[j], score[j])
 
 
 def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
@@ -186,10 +186,10 @@ def worsened(
     base: RunArrays, method: str, rng: np.random.Generator
 ) -> Iterator[tuple[str, RunArrays]]:
     """Yield a run in which one method has become a little worse on the loops that it covers, in
-    each way of its own.
+    each way separately.
     """
     i = base.methods.index(method)
-    said, score, truth, covered = (
+    verdicts, score, truth, covered = (
         base.verdict[i],
         base.score[i],
         base.truth["cycled"],
@@ -202,25 +202,25 @@ def worsened(
             round(share * (at | (covered & (truth == truth[at][0]))).sum()),
             replace=False,
         )
-        other = said.copy()
+        other = verdicts.copy()
         other[chosen] = CODES[to]
         return _with(base, i, other, score)
 
-    yield "finds 2 points less", moved(covered & (truth == 1) & (said == 1), 0.02, NO_STICTION)
+    yield "finds 2 points less", moved(covered & (truth == 1) & (verdicts == 1), 0.02, NO_STICTION)
     yield (
         "2.2 points more false alarms",
-        moved(covered & (truth == 0) & (said == 0), 0.022, STICTION),
+        moved(covered & (truth == 0) & (verdicts == 0), 0.022, STICTION),
     )
-    right = covered & (said == truth) & (truth >= 0)
+    right = covered & (verdicts == truth) & (truth >= 0)
     lost = rng.choice(
         np.flatnonzero(right), round(0.02 * (covered & (truth >= 0)).sum()), replace=False
     )
-    other = said.copy()
+    other = verdicts.copy()
     other[lost] = 1 - other[lost]
     yield "right on 2 points less", _with(base, i, other, score)
     mixed, shuffled = score.copy(), np.flatnonzero(covered & (rng.random(score.size) < 0.2))
     mixed[shuffled] = score[rng.permutation(shuffled)]
-    yield "AUC 5 points less", _with(base, i, said, mixed)
+    yield "AUC 5 points less", _with(base, i, verdicts, mixed)
 
 
 def few(base: RunArrays, method: str, cells: str | None) -> RunArrays:
@@ -267,7 +267,7 @@ def _at_random(folder: Path, method: str) -> bool:
         )
 
     with patch.object(module, "detect", moody):
-        return any(f"method {method} " in said for said in differing(folder))
+        return any(f"method {method} " in verdicts for verdicts in differing(folder))
 
 
 def _without(base: RunArrays, i: int) -> RunArrays:
@@ -397,9 +397,9 @@ def _broken(base: RunArrays, method: str, how: str) -> RunArrays:
     return _with(base, i, *BROKEN[how](base.verdict[i], base.score[i]))
 
 
-def _with(base: RunArrays, i: int, said: np.ndarray, score: np.ndarray) -> RunArrays:
+def _with(base: RunArrays, i: int, verdicts: np.ndarray, score: np.ndarray) -> RunArrays:
     verdict, scores = base.verdict.copy(), base.score.copy()
-    verdict[i], scores[i] = said, score
+    verdict[i], scores[i] = verdicts, score
     return replace(base, verdict=verdict, score=scores)
 
 
@@ -408,7 +408,7 @@ def _answers(
 ) -> list[tuple[int, float]]:
     blind = prepare(record.without_mv())
     sighted = blind.with_mv(record)
-    found = []
+    answers = []
     for name, values in chosen:
         module = registry.load(name)
         verdict = judge_one(
@@ -419,8 +419,8 @@ def _answers(
             and not blind.oscillation.sustained
             and verdict.verdict != NO_DECISION
         )
-        found.append((CODES[verdict.verdict], -np.inf if unheard else verdict.score))
-    return found
+        answers.append((CODES[verdict.verdict], -np.inf if unheard else verdict.score))
+    return answers
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -31,16 +31,16 @@ def read_case(path: str | Path) -> WorstCase:
 def recorded(path: str | Path) -> dict[str, Any]:
     """Return what the comments of a case say: method, seed, verdict, score."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()
-    said = tomllib.loads(
+    comments = tomllib.loads(
         "\n".join(line[2:] for line in lines if line.startswith("# ") and " = " in line)
     )
-    missing = [k for k in ("method", "seed", "verdict", "score") if k not in said]
+    missing = [k for k in ("method", "seed", "verdict", "score") if k not in comments]
     if missing:
         raise UserError(
             f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench"
             " worst`"
         )
-    return said
+    return comments
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -58,10 +58,10 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     for name in registry.names() if chosen.all else chosen.methods:
         path = HARD_NEGATIVES / f"{name}.toml"
-        found = read_case(path) if chosen.rejudge else worst(name, chosen.budget, chosen.seed)
+        case = read_case(path) if chosen.rejudge else worst(name, chosen.budget, chosen.seed)
         with whole_file(path) as f:
-            f.write(found.to_toml())
-        print(found.as_text().partition("\n\n")[0] + "\n", flush=True)
+            f.write(case.to_toml())
+        print(case.as_text().partition("\n\n")[0] + "\n", flush=True)
     return 0
 
 

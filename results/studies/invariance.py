@@ -93,7 +93,7 @@ def _dense(scenario: Scenario) -> LoopRecord | None:
     return None
 
 
-def _said(
+def _verdicts(
     record: LoopRecord, seen: LoopRecord, blind: list[str], mv: list[str], **how: bool
 ) -> list[str]:
     """Return the verdicts of methods that see OP and PV, then of those that see MV."""
@@ -101,20 +101,22 @@ def _said(
 
 
 def _read(record: LoopRecord, oscillation: Oscillation, names: list[str]) -> list[str]:
-    """Return the verdicts of methods on a whole record, whose oscillation was found forwards: what
-    sets in is one, what dies out is none, and the front end tells both directions of time apart.
+    """Return the verdicts of methods on a whole record whose oscillation was detected forwards.
+
+    A motion that sets in is an oscillation, one that dies out is none: the detection of
+    oscillations depends on the direction of time.
     """
     blind = Prepared(record.without_mv())
     blind.__dict__["oscillation"] = oscillation
-    sighted, said = blind.with_mv(record), []
+    sighted, verdicts = blind.with_mv(record), []
     for name in names:
         method = registry.load(name).METHOD
-        said.append(
+        verdicts.append(
             answers(name, sighted if method.needs_mv else blind, (True,), method.defaults())[0][
                 0
             ].verdict
         )
-    return said
+    return verdicts
 
 
 def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object]], list[str]]:
@@ -128,19 +130,19 @@ def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object
     )
     reversible = [n for n in (*blind, *mv) if registry.load(n).METHOD.reversible]
     asked: Counter[tuple[str, str]] = Counter()
-    found: Counter[tuple[str, str]] = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     flips: list[str] = []
     for number, record in enumerate(dense_records(grids, seed)):
-        said = {"": _said(record, record, blind, mv)}
+        verdicts = {"": _verdicts(record, record, blind, mv)}
         for what, change in TRANSFORMATIONS.items():
             # MV is in % whatever the unit of OP: the methods that see it keep OP's unit
-            said[what] = _said(
+            verdicts[what] = _verdicts(
                 change(record), record if what == UNIT else change(record), blind, mv
             )
         pairs = [
             (what, name, a, b)
             for what in TRANSFORMATIONS
-            for name, a, b in zip((*blind, *mv), said[""], said[what], strict=True)
+            for name, a, b in zip((*blind, *mv), verdicts[""], verdicts[what], strict=True)
         ]
         oscillation = Prepared(record.without_mv()).oscillation
         both = (_read(r, oscillation, reversible) for r in (record, backwards(record)))
@@ -154,15 +156,15 @@ def rows(grids: dict[str, int], seed: int = SEED) -> tuple[list[dict[str, object
             )
             for key in (what, name):
                 asked[key, ""] += 1
-                found[key, kind] += 1
+                counts[key, kind] += 1
     table_rows: list[dict[str, object]] = []
     for key in (*TRANSFORMATIONS, BACKWARDS, *names):
-        n, opened = asked[key, ""], found[key, "open"]
+        n, opened = asked[key, ""], counts[key, "open"]
         if n:
             row = {
                 "": key,
                 "n": n,
-                "flips": found[key, "flip"],
+                "flips": counts[key, "flip"],
                 "to or from no decision": f"{opened} ({opened / n:.2%})",
             }
             table_rows.append(row)

@@ -59,22 +59,22 @@ class Leak:
     def problems(self) -> list[str]:
         """What is beyond its limit, one clause each."""
         share = self.unmatched / max(sum(self.counts.values()) + self.unmatched, 1)
-        found = [
+        messages = [
             f"AUC {value:.3f} of {name}" for name, value in self.alone.items() if value > MOST_ALONE
         ]
-        found += [
+        messages += [
             f"AUC {value:.3f} of the set {name}"
             for name, value in self.sets.items()
             if value > MOST_OF_SET
         ]
-        found += [f"AUC {self.together:.3f} of all together"] * (self.together > MOST_OF_ALL)
-        found += [f"a tree on {' and '.join(self.tree[1])}"] * (
+        messages += [f"AUC {self.together:.3f} of all together"] * (self.together > MOST_OF_ALL)
+        messages += [f"a tree on {' and '.join(self.tree[1])}"] * (
             self.tree[0] > self.majority + MOST_OF_TREE
         )
-        found += [f"{self.positives:.3f} of the loops cycle"] * (
+        messages += [f"{self.positives:.3f} of the loops cycle"] * (
             not BALANCE[0] <= self.positives <= BALANCE[1]
         )
-        return found + [f"{share:.3f} of the loops are left out"] * (share > MOST_UNMATCHED)
+        return messages + [f"{share:.3f} of the loops are left out"] * (share > MOST_UNMATCHED)
 
     def as_text(self) -> str:
         """Return one line per set of features, and one per other number."""
@@ -127,7 +127,7 @@ def leak(grid: Grid, every: int = 1) -> Leak:
     X, y, g = np.array(rows), np.array(label), np.array(groups)
     names = (*FEATURES, *EXTREMES)
 
-    def told(of: tuple[str, ...]) -> float:
+    def auc_of(of: tuple[str, ...]) -> float:
         return auc(out_of_fold(X[:, [names.index(name) for name in of]], y, g), y).value
 
     return Leak(
@@ -135,9 +135,9 @@ def leak(grid: Grid, every: int = 1) -> Leak:
         planned - sum(counts.values()),
         y.size,
         max(float(y.mean()), 1.0 - float(y.mean())),
-        {name: told((name,)) for name in names},
-        {name: told(members) for name, members in FEATURE_SETS.items()},
-        told(FEATURES),
+        {name: auc_of((name,)) for name in names},
+        {name: auc_of(members) for name, members in FEATURE_SETS.items()},
+        auc_of(FEATURES),
         best_tree(X[:, : len(FEATURES)], y, g),
     )
 
@@ -177,11 +177,11 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     bad = 0
     for name in chosen.grid:
-        found = leak(
+        result = leak(
             load_grid(name, {} if chosen.seed is None else {"seed": chosen.seed}), chosen.every
         )
-        print(f"{name}\n{found.as_text()}", flush=True)
-        bad += bool(found.problems)
+        print(f"{name}\n{result.as_text()}", flush=True)
+        bad += bool(result.problems)
     return int(bad > 0)
 
 

@@ -53,7 +53,7 @@ def window_of(op: np.ndarray, pv: np.ndarray, period: float) -> np.ndarray | Non
     where it is too short.
 
     Both signals are standardised and have the same number of points in a period, so that the
-    classifier is told neither how far they swing, nor about what, nor how fast. The noise relative
+    classifier sees neither how far they swing, nor about what, nor how fast. The noise relative
     to the swing is left, and with it a trace of the sampling: a loop of more samples a period has
     less of it after the means.
     """
@@ -70,7 +70,7 @@ def window_of(op: np.ndarray, pv: np.ndarray, period: float) -> np.ndarray | Non
 
 
 def loops(grid: str, seed: int, count: int) -> Loops:
-    """Simulate a grid, its groups in random order, until so many loops are found."""
+    """Simulate a grid, its groups in random order, until there are so many loops."""
     content = load_grid(grid, {"seed": seed})
     windows, plain, cycling, records = [], [], [], []
     for index in np.random.default_rng(seed).permutation(content.group_count):
@@ -111,7 +111,7 @@ def features(window: np.ndarray) -> np.ndarray:
     34, 1454-1495: random lengths, weights, biases and dilations; here each kernel sees OP and PV
     together, and no padding.
     """
-    rng, found = np.random.default_rng(KERNEL_SEED), []
+    rng, columns = np.random.default_rng(KERNEL_SEED), []
     for _ in range(KERNELS):
         length = int(rng.choice([7, 9, 11]))
         weights = rng.standard_normal((2, length)).astype(np.float32)
@@ -122,8 +122,8 @@ def features(window: np.ndarray) -> np.ndarray:
         for tap in range(length):
             part = window[:, :, step * tap : step * tap + size]
             answer += weights[0, tap] * part[:, 0] + weights[1, tap] * part[:, 1]
-        found += [(answer > 0.0).mean(axis=1), answer.max(axis=1)]
-    return np.column_stack(found)
+        columns += [(answer > 0.0).mean(axis=1), answer.max(axis=1)]
+    return np.column_stack(columns)
 
 
 def rows(
@@ -144,13 +144,13 @@ def rows(
         )
         for grid, of in known.items()
     }
-    found = []
+    table = []
     for grid in grids:
         asked = loops(grid, JUDGE, ask)
         seen, truth = features(asked.window), asked.cycling
         for home, model in ridge.items():
             score = model.decision_function(seen)
-            found.append(
+            table.append(
                 _row(
                     grid,
                     "random kernels",
@@ -164,15 +164,15 @@ def rows(
             known[grid].plain, known[grid].cycling
         )
         score = trees.predict_proba(asked.plain)[:, 1]
-        found.append(_row(grid, "no waveform", f"{grid}, other seeds", score, score > 0.5, truth))
+        table.append(_row(grid, "no waveform", f"{grid}, other seeds", score, score > 0.5, truth))
         for method in methods:
-            said = [judge(record, [method])[0] for record in asked.records]
-            score = np.array([v.score if np.isfinite(v.score) else 0.0 for v in said])
-            decided = np.array([v.verdict != NO_DECISION for v in said])
-            answer = np.array([v.verdict == STICTION for v in said])
+            verdicts = [judge(record, [method])[0] for record in asked.records]
+            score = np.array([v.score if np.isfinite(v.score) else 0.0 for v in verdicts])
+            decided = np.array([v.verdict != NO_DECISION for v in verdicts])
+            answer = np.array([v.verdict == STICTION for v in verdicts])
             home = ", ".join(registry.load(method).METHOD.fitted_on) or "nothing"
-            found.append(_row(grid, method, home, score, answer, truth, decided))
-    return found
+            table.append(_row(grid, method, home, score, answer, truth, decided))
+    return table
 
 
 def _row(grid, method, home, score, answer, truth, decided=True) -> dict[str, str]:

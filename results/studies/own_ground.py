@@ -1,6 +1,4 @@
-"""Each method on its own ground: the sections of grid own-ground, scored by the method they are
-named after.
-"""
+"""Each method on loops that it was made for: a section of grid own-ground per method."""
 
 from __future__ import annotations
 
@@ -18,13 +16,13 @@ from simbench.usage import exit_code
 if TYPE_CHECKING:
     import pandas as pd
 
-# right of decided that a paper's own conditions should allow, and the most that may stay undecided
+# right of decided that the conditions of a paper should allow, and the most that may stay undecided
 BARS = {"integrating": 0.85, "": 0.90}
 MOST_UNDECIDED = 0.25
 
 
 def sections(run: str | Path) -> pd.DataFrame:
-    """Score every section of a run of grid own-ground by its own method.
+    """Score every section of a run of grid own-ground by the method it belongs to.
 
     Columns: section, method, home (where its constants were fitted), noise_ratio (or "all"), n,
     right (of decided) with Wilson's interval, no_decision, bar, met. Sections of methods that the
@@ -46,9 +44,9 @@ def sections(run: str | Path) -> pd.DataFrame:
             *((f"{x:g}", here & (noises == x)) for x in np.unique(noises[here])),
         ]
         for noise, use in levels:
-            said, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
-            decided = int((said != 2).sum())
-            right, undecided = int((said == positive).sum()), float((said == 2).mean())
+            verdicts, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
+            decided = int((verdicts != 2).sum())
+            right, undecided = int((verdicts == positive).sum()), float((verdicts == 2).mean())
             lo, hi = wilson(right, decided)
             bar = None if method == "horch" else BARS[kind]
             met = bar is None or (right >= bar * decided > 0 and undecided <= MOST_UNDECIDED)
@@ -74,9 +72,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is
     missed.
     """
-    found = sections((sys.argv[1:] if arguments is None else arguments)[0])
-    print(found.to_string(index=False, float_format="{:.3f}".format))
-    return int(not found[found.noise_ratio == "all"].met.all())
+    table = sections((sys.argv[1:] if arguments is None else arguments)[0])
+    print(table.to_string(index=False, float_format="{:.3f}".format))
+    return int(not table[table.noise_ratio == "all"].met.all())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What `gap predict` says of other settings, against fresh records of the true loops of three
+"""Predictions of `gap predict` for other settings, against fresh records of the true loops of three
 independent simulators.
 
 `python -m results.studies.prediction DIR` draws records of each world in the proportions of
@@ -102,7 +102,7 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
 
 
 def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[str, Any]]:
-    """Draw and diagnose one record, predict its changes, and put the truth beside each
+    """Draw and diagnose one record, predict its changes, and add the truth to each
     prediction.
     """
     item = WORLDS.load(world).draw(seed, i, entry)
@@ -112,15 +112,15 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
         loop = load_loop(baseline)
         try:
             report = diagnose_files([record], baseline)
-            said = {
+            predicted = {
                 name: predict(report, read_settings(words, loop)).as_json()
                 for name, (words, _, _) in tried.items()
             }
         except UserError as error:  # a record that is refused has no valid prediction
-            said = {name: {"valid": False, "reason": str(error)} for name in tried}
+            predicted = {name: {"valid": False, "reason": str(error)} for name in tried}
     about = {"world": world, "kind": item.answer["kind"]}
     return [
-        {**about, "change": name, **said[name], "truth": truth(item, world, *tried[name][1:])}
+        {**about, "change": name, **predicted[name], "truth": truth(item, world, *tried[name][1:])}
         for name in tried
     ]
 

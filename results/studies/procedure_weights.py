@@ -1,5 +1,5 @@
-"""What is learned on simulated loops: the weights of the procedure, and the bounds of our own on
-scores and log-odds.
+"""What is learned on simulated loops: the weights of the procedure, and the bounds on scores and
+log-odds that have no source.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TRIED = 60  # quantiles of the scores that are tried as bounds
 def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
     """Judge the oscillating loops of a grid and keep the indices that the procedure weighs.
 
-    `seed`: in place of the grid's own, so that no loop of a benchmark is trained on.
+    `seed`: in place of the grid's seed, so that no loop of a benchmark is trained on.
 
     By integrating: x (loops, indices) as the procedure counts them before weighting, and y,
     cycling.
@@ -59,7 +59,7 @@ def scores(
     """Return the scores of methods on the oscillating loops of a grid, shape (methods, loops), and
     cycling, shape (loops,).
     """
-    content, found, cycling = load_grid(grid, {"seed": seed, "repeats": 1}), [], []
+    content, columns, cycling = load_grid(grid, {"seed": seed, "repeats": 1}), [], []
     modules = [methods.load(name) for name in names]
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):
@@ -67,11 +67,11 @@ def scores(
             prepared = prepare(run.record.without_mv())
             if cycled.answer in ("yes", "no") and prepared.oscillation.sustained:
                 asked = zip(names, modules, strict=True)
-                found.append(
+                columns.append(
                     [judge_one(n, m, prepared, True, m.METHOD.defaults()).score for n, m in asked]
                 )
                 cycling.append(cycled.answer == "yes")
-    return np.array(found).T, np.array(cycling)
+    return np.array(columns).T, np.array(cycling)
 
 
 def bound(score: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -131,10 +131,10 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     if chosen.bounds is not None:
         names = chosen.bounds or BOUNDED
-        found = [scores(names, grid, chosen.seed, chosen.every) for grid in chosen.grid]
+        data = [scores(names, grid, chosen.seed, chosen.every) for grid in chosen.grid]
         value, y = (
-            np.concatenate([f[0] for f in found], axis=1),
-            np.concatenate([f[1] for f in found]),
+            np.concatenate([f[0] for f in data], axis=1),
+            np.concatenate([f[1] for f in data]),
         )
         for name, score in zip(names, value, strict=True):
             at, wrong = bound(score, y)

@@ -1,4 +1,4 @@
-"""Methods as published beside the same improved: what each rule of our own gains on simulated and
+"""Methods as published and improved: what each added rule gains on simulated and
 on real loops.
 """
 
@@ -30,16 +30,16 @@ from simbench.bench.statistics import mcnemar
 from simbench.usage import exit_code
 
 GRIDS = {"plant": 1, "chapter": 4}  # every so many-th group
-SEEDS = (20131, 771301)  # of no grid: no rule was found on these loops
+SEEDS = (20131, 771301)  # of no grid: no rule was developed on these loops
 IMPROVED, PUBLISHED, CHAPTER = "improved", "as published", "as in the chapter"
 NO_RULE = "as published: no rule of our own"
 
 
 def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
-    """Yield every method: improved, without one of its own rules, as published, and as in the
+    """Yield every method: improved, without one of the added rules, as published, and as in the
     chapter where that differs.
 
-    Yields (method, variant, thresholds). A method without a rule of its own is the published one on
+    Yields (method, variant, thresholds). A method without an added rule is the published one on
     the part that is judged.
     """
     for name in registry.names():
@@ -60,7 +60,7 @@ def simulated(grid: str, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
     Returns said (variants, loops): 1 stiction, 0 none, -1 no decision; applies (variants, loops);
     cycling (loops,).
     """
-    said, applies, cycling = [], [], []
+    verdicts, applies, cycling = [], [], []
     for content in (load_grid(grid, {"seed": seed, "repeats": 1}) for seed in SEEDS):
         for scenario in chain.from_iterable(
             resolve(content.group(i)) for i in range(0, content.group_count, every)
@@ -68,13 +68,13 @@ def simulated(grid: str, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
-            found = _answers(run.record)
-            said.append(
-                [-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found]
+            columns = _answers(run.record)
+            verdicts.append(
+                [-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in columns]
             )
-            applies.append([v.applicable is not False for v in found])
+            applies.append([v.applicable is not False for v in columns])
             cycling.append(cycled.answer == "yes")
-    return np.array(said).T, np.array(applies).T, np.array(cycling)
+    return np.array(verdicts).T, np.array(applies).T, np.array(cycling)
 
 
 def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, object]]:
@@ -95,11 +95,11 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
             {"method": m, "variant": v, "fitted on": ", ".join(g for g in grids if g in home)}
         )
     for grid, every in grids.items():
-        said, applies, cycling = simulated(grid, every)
+        verdicts, applies, cycling = simulated(grid, every)
         best = 0
         for i, row in enumerate(table_rows):
             best = i if row["variant"] in (IMPROVED, NO_RULE) else best
-            row |= _columns(grid, said[i], applies[i], cycling, said[best])
+            row |= _columns(grid, verdicts[i], applies[i], cycling, verdicts[best])
     if labels.exists():
         units = {unit["method"]: unit for unit in _real(records, labels)}
         for i, row in enumerate(table_rows):
@@ -123,36 +123,38 @@ def rows(grids: dict[str, int], records: Path, labels: Path) -> list[dict[str, o
 
 def _answers(record: LoopRecord) -> list[Verdict]:
     """Return the verdict of every variant; as published a method is given the whole record."""
-    blind, found = prepare(record.without_mv()), []
+    blind, verdicts = prepare(record.without_mv()), []
     for m, variant, chosen in variants():
         at = registry.load(f"{m}@{PUBLISHED_ID}" if variant == PUBLISHED else m)
         seen = replace(record, meta={}) if at.METHOD.needs_mv else record.without_mv()
-        found.append(judge_one(m, at, blind.seen_by(at.METHOD, seen), False, chosen))
-    return found
+        verdicts.append(judge_one(m, at, blind.seen_by(at.METHOD, seen), False, chosen))
+    return verdicts
 
 
 def _real(records: Path, labels: Path) -> list[dict[str, Any]]:
     """Score every variant, by its number, on real units."""
     read = judge_files(records, ["kano_a"], labels=labels).records
-    found = []
+    columns = []
     for name, record in read.items():
-        found += [(name, verdict.but(method=str(i))) for i, verdict in enumerate(_answers(record))]
-    return score_units(found, read_labels(labels))
+        columns += [
+            (name, verdict.but(method=str(i))) for i, verdict in enumerate(_answers(record))
+        ]
+    return score_units(columns, read_labels(labels))
 
 
 def _columns(
-    grid: str, said: np.ndarray, applies: np.ndarray, cycling: np.ndarray, best: np.ndarray
+    grid: str, verdicts: np.ndarray, applies: np.ndarray, cycling: np.ndarray, best: np.ndarray
 ) -> dict[str, object]:
-    said, best, cycling = said[applies], best[applies], cycling[applies]
-    right, other = said == cycling, best == cycling
+    verdicts, best, cycling = verdicts[applies], best[applies], cycling[applies]
+    right, other = verdicts == cycling, best == cycling
     lost, won = int((right & ~other).sum()), int((other & ~right).sum())
     gain = f"{other.mean() - right.mean():+.3f} p {mcnemar(lost, won):.2g}" if lost + won else ""
     return {
         grid: f"{right.mean():.3f} of {right.size}",
-        f"{grid} found": f"{(said[cycling] == 1).mean():.3f}",
-        f"{grid} false": f"{(said[~cycling] == 1).mean():.3f}",
-        f"{grid} open": f"{(said == -1).mean():.3f}",
-        f"{grid} cost": f"{(said != cycling).mean() - 0.5 * (said == -1).mean():.3f}",
+        f"{grid} found": f"{(verdicts[cycling] == 1).mean():.3f}",
+        f"{grid} false": f"{(verdicts[~cycling] == 1).mean():.3f}",
+        f"{grid} open": f"{(verdicts == -1).mean():.3f}",
+        f"{grid} cost": f"{(verdicts != cycling).mean() - 0.5 * (verdicts == -1).mean():.3f}",
         f"{grid} gain": gain,
     }
 

@@ -42,7 +42,7 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
     compare.
 
     Keys: scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the
-    second client found whole), equal (the tables are those of an undisturbed run on two processes,
+    second client read whole), equal (the tables are those of an undisturbed run on two processes,
     bit for bit), dask_us and processes_us: CPU time of the client per scenario, to start (imports,
     a run of the grid's first repeat), to hand out and collect, to score.
     """
@@ -64,7 +64,7 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
                 killed.append(_wait(target, total // 2, first))
                 first.kill()
                 first.communicate()
-                found = len(list(target.glob("receipts/*.json")))
+                whole = len(list(target.glob("receipts/*.json")))
                 second = _started(target, *what, address)
                 killed.append(_wait(target, total * 3 // 4, second))
                 os.kill(next(iter(control.run(os.getpid).values())), signal.SIGKILL)
@@ -73,15 +73,15 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
         equal = same_tables(target, alone)
         count = read_manifest(target)["counts"]["scenarios"]
     costs = {"dask_us": on_dask, "processes_us": on_processes}
-    told = {
+    times = {
         "scenarios": count,
         "pieces": total,
         "killed_after": killed,
-        "found": found,
+        "found": whole,
         "equal": equal,
     }
     return {
-        **told,
+        **times,
         **{
             k: {name: round(1e6 * s / count, 2) for name, s in cost.items()}
             for k, cost in costs.items()
@@ -138,8 +138,8 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
     Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making
     included).
 
-    The rows of a small run of grid `smoke`, again and again, with ids of their own and random
-    scores. The scoring is a run's own; of its time on the loops nothing is said.
+    The rows of a small run of grid `smoke`, again and again, with other ids and random
+    scores. The scoring is that of a run; its time on the loops is not measured.
     """
     with tempfile.TemporaryDirectory() as home:
         place = place_of(Path(home) / "run")
@@ -167,10 +167,10 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
 def _model(methods: str) -> Iterator[tuple[Path, dict[str, Any]]]:
     with tempfile.TemporaryDirectory() as home:
         model = run_grid("smoke", Path(home) / "run", [methods])
-        said = read_manifest(model)
+        verdicts = read_manifest(model)
         yield (
             model,
-            {k: v for k, v in said.items() if k not in ("tables", "counts", "records_hash")}
+            {k: v for k, v in verdicts.items() if k not in ("tables", "counts", "records_hash")}
             | {"complete": False},
         )
 
@@ -181,12 +181,14 @@ def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
     many = scenarios.take(at), verdicts.take((at[:, None] * each + np.arange(each)).ravel())
     for k in range(number):
         ids = np.array([f"{k * PIECE + i:016x}" for i in range(PIECE)])
-        said = _with(
+        verdict = _with(
             _with(many[1], "scenario_id", np.repeat(ids, each)),
             "score",
             rng.normal(size=PIECE * each),
         )
-        both = (tables.as_parquet(table, k) for table in (_with(many[0], "scenario_id", ids), said))
+        both = (
+            tables.as_parquet(table, k) for table in (_with(many[0], "scenario_id", ids), verdict)
+        )
         yield Chunk(k, *both, PIECE, 0, 0.0, 0.0, 0.0)
 
 
@@ -216,13 +218,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--grid", default="smoke", help="name or file")
     parser.add_argument("--method", default="horch", choices=registry.names())
     asked = parser.parse_args(chosen)
-    found = (
+    result = (
         cluster(asked.n or 100_000, asked.grid, asked.method)
         if asked.what == "cluster"
         else rows(asked.n or 10_000_000)
     )
-    print(json.dumps(found, indent=1))
-    return int(not found.get("equal", True))
+    print(json.dumps(result, indent=1))
+    return int(not result.get("equal", True))
 
 
 if __name__ == "__main__":

@@ -281,8 +281,8 @@ def main() -> None:
         above, below = existence_p(loops, asked.seed)
         print(f"K Kc J/S in 1.05..4: {above} of {loops} cycle; in 0.3..0.95: {below} of {loops}")
     else:
-        found = existence_pi(loops, asked.seed)
-        print(f"right: {np.trace(found.table)} of {loops}\n{found}")
+        errors = existence_pi(loops, asked.seed)
+        print(f"right: {np.trace(errors.table)} of {loops}\n{errors}")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@ grids, worlds and real units.
 
 Every method that does without MV judges as many loops of each home, half of them sticky; its cost
 is that of the score table (an error 1, no decision .5), sticky and sound loops counting the same.
-Spearman's rank correlation of the costs between two homes says how far an order won on one holds on
-the other. Learned yardsticks stand beside the methods: gradient boosting on features of OP and PV,
-and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Slow
-methods judge the first loops only and are left out of the correlations. An order cannot agree with
-another home's better than with itself: the last table has how far two halves of a home agree, the
-whole home by Spearman and Brown, and how many loops an agreement of .9 would take. Answers are kept
-in the folder; it goes on where it stopped.
+Spearman's rank correlation of the costs between two homes measures how far an order of one holds
+on the other. Learned yardsticks are compared with the methods: gradient boosting on features of
+OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on
+all. Slow methods judge the first loops only and are left out of the correlations. An order cannot
+agree with another home's better than with itself: the last table has how far two halves of a home
+agree, the whole home by Spearman and Brown, and how many loops an agreement of .9 would take.
+Answers are kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -95,14 +95,14 @@ def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
 
 
 def _judged(record: LoopRecord, sticky: bool, group: Any, names: list[str]) -> dict[str, Any]:
-    said = {
+    verdicts = {
         v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION)
         for v in judge(record, names)
     }
     return {
         "sticky": sticky,
         "group": group,
-        "said": said,
+        "said": verdicts,
         "features": features(record),
         "trace": trace(record),
     }
@@ -115,27 +115,30 @@ def features(record: LoopRecord) -> list[float]:
     swing = find_oscillation(record.op, record.pv, record.Ts)
     period = swing.period_s / record.Ts if np.isfinite(swing.period_s) else record.n / CYCLES
     op, pv = (_scaled(detrend(np.asarray(x, dtype=float))) for x in (record.op, record.pv))
-    found = [float(swing.sustained), swing.regularity, record.n / period, period]
+    columns = [float(swing.sustained), swing.regularity, record.n / period, period]
     for x in (op, pv):
         moves = np.diff(x)
         power = np.abs(np.fft.rfft(x * np.hanning(x.size))) ** 2
         at, total = np.fft.rfftfreq(x.size) * period, power.sum() or 1.0
         lines = [power[np.abs(at - k) < 0.25].sum() / total for k in (1, 2, 3, 5)]
-        found += [
+        columns += [
             stats.skew(x),
             stats.kurtosis(x),
             stats.skew(moves),
             stats.kurtosis(moves),
             *lines,
         ]
-        found += [np.mean(np.abs(moves) < 0.1 * (moves.std() or 1.0)), power[at > 10].sum() / total]
+        columns += [
+            np.mean(np.abs(moves) < 0.1 * (moves.std() or 1.0)),
+            power[at > 10].sum() / total,
+        ]
     lags = [round(k * period / 8) for k in range(-4, 5)]
-    found += [
+    columns += [
         float(np.mean(op[max(k, 0) : op.size + min(k, 0)] * pv[max(-k, 0) : pv.size + min(-k, 0)]))
         for k in lags
     ]
-    found.append(float(np.mean(op[:-1] * pv[1:] - op[1:] * pv[:-1])) * period)
-    return [float(np.clip(x, -1e6, 1e6)) if np.isfinite(x) else 0.0 for x in found]
+    columns.append(float(np.mean(op[:-1] * pv[1:] - op[1:] * pv[:-1])) * period)
+    return [float(np.clip(x, -1e6, 1e6)) if np.isfinite(x) else 0.0 for x in columns]
 
 
 def trace(record: LoopRecord) -> list[list[float]]:
@@ -163,7 +166,7 @@ def convolved(traces: np.ndarray) -> np.ndarray:
     waves spend half of their time above 0.
     """
     signals = [traces[:, 0], traces[:, 1], traces.sum(axis=1)]
-    found = []
+    columns = []
     for x in signals:
         for step in DILATIONS:
             size = x.shape[1] - 8 * step
@@ -172,8 +175,8 @@ def convolved(traces: np.ndarray) -> np.ndarray:
             for three in combinations(range(9), 3):
                 out = 3.0 * sum(shifted[k] for k in three) - whole
                 spread = out.std(axis=1, keepdims=True)
-                found += [(out > bias * spread).mean(axis=1) for bias in BIASES]
-    return np.column_stack(found)
+                columns += [(out > bias * spread).mean(axis=1) for bias in BIASES]
+    return np.column_stack(columns)
 
 
 def _boosting() -> Any:
@@ -197,7 +200,7 @@ LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {
 
 
 class Home:
-    """The loops of one grid, world or set of records, and what was said of them."""
+    """The loops of one grid, world or set of records, and the verdicts on them."""
 
     def __init__(self, rows: list[dict[str, Any]]) -> None:
         self.sticky = np.array([r["sticky"] for r in rows])
@@ -206,28 +209,28 @@ class Home:
         self.x = {"features": np.array([r["features"] for r in rows])}
         self.x["kernels"] = convolved(np.array([r["trace"] for r in rows]))
         # NaN where a slow method was not asked
-        said = {m: np.array([r["said"].get(m, np.nan) for r in rows]) for m in rows[0]["said"]}
+        verdicts = {m: np.array([r["said"].get(m, np.nan) for r in rows]) for m in rows[0]["said"]}
         self.costs = {
-            m: np.where(np.isnan(x), np.nan, _cost(x, self.sticky)) for m, x in said.items()
+            m: np.where(np.isnan(x), np.nan, _cost(x, self.sticky)) for m, x in verdicts.items()
         }
 
     def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
-        """Train a yardstick here and judge every home; its own by folds."""
+        """Train a yardstick here and judge every home; this one by folds."""
         kind, make = LEARNED[name]
         model = make().fit(self.x[kind], self.sticky)
         for where, home in homes.items():
-            said = model.predict(home.x[kind])
+            predicted = model.predict(home.x[kind])
             if where == source:
                 for k in range(FOLDS):
                     here = home.groups % FOLDS == k
                     if not here.any():
                         continue
-                    said[here] = (
+                    predicted[here] = (
                         make()
                         .fit(self.x[kind][~here], self.sticky[~here])
                         .predict(self.x[kind][here])
                     )
-            home.costs[f"{name}, {source}"] = _cost(said.astype(int), home.sticky)
+            home.costs[f"{name}, {source}"] = _cost(predicted.astype(int), home.sticky)
 
     def mean(self, names: list[str], at: np.ndarray | None = None) -> np.ndarray:
         """Return balanced costs of some methods, of all loops or of some, where they were asked."""
@@ -250,8 +253,8 @@ class Home:
                 return at
 
 
-def _cost(said: np.ndarray, sticky: np.ndarray) -> np.ndarray:
-    return np.where(said < 0, 0.5, said != sticky)
+def _cost(verdicts: np.ndarray, sticky: np.ndarray) -> np.ndarray:
+    return np.where(verdicts < 0, 0.5, verdicts != sticky)
 
 
 def _rank(one: np.ndarray, other: np.ndarray) -> float:
@@ -344,7 +347,7 @@ def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
             answered(out / f"{REAL}-{m.id}.json", one)
             for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)
         ]
-    return {h: Home(found) for h, found in rows.items()}
+    return {h: Home(homes) for h, homes in rows.items()}
 
 
 def table(homes: dict[str, Home], names: list[str]) -> list[str]:
@@ -372,13 +375,15 @@ def table(homes: dict[str, Home], names: list[str]) -> list[str]:
     return columns(lines)
 
 
-def agreement(found: list[dict[str, Any]]) -> list[str]:
+def agreement(correlations: list[dict[str, Any]]) -> list[str]:
     """Return the correlations of homes with each other, and the agreement of each with itself."""
-    cells = {k: tuple(f"{f[k]:.2f}" for f in found) for k in ("spearman", "lo", "hi")}
-    rows = [(f["first"], f["second"], *(cells[k][i] for k in cells)) for i, f in enumerate(found)]
-    between = [row for row, f in zip(rows, found, strict=True) if "whole" not in f]
-    own = [(*row[:1], *row[2:], f"{f['whole']:.2f}", f"{f['loops']:.0f}")
-           for row, f in zip(rows, found, strict=True) if "whole" in f]  # fmt: skip
+    cells = {k: tuple(f"{f[k]:.2f}" for f in correlations) for k in ("spearman", "lo", "hi")}
+    rows = [
+        (f["first"], f["second"], *(cells[k][i] for k in cells)) for i, f in enumerate(correlations)
+    ]
+    between = [row for row, f in zip(rows, correlations, strict=True) if "whole" not in f]
+    reliable = [(*row[:1], *row[2:], f"{f['whole']:.2f}", f"{f['loops']:.0f}")
+           for row, f in zip(rows, correlations, strict=True) if "whole" in f]  # fmt: skip
     text = (
         "agreement of each home with itself: halves (median, spread), the whole by Spearman and"
         " Brown, and loops for .9"
@@ -389,11 +394,11 @@ def agreement(found: list[dict[str, Any]]) -> list[str]:
         "",
         text,
         "",
-        *columns([head, *own]),
+        *columns([head, *reliable]),
     ]
 
 
-def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
+def draw(rows: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
     """Write a picture of the correlations and of every method's cost from home to home, and its
     numbers beside it.
     """
@@ -405,7 +410,7 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
     def picture() -> Any:
         figure, ((left, right),) = panels(1, 2, 10.0, 3.8)
         where = list(homes)
-        for row in found:
+        for row in rows:
             i, j = where.index(row["first"]), where.index(row["second"])
             for x, y in {(i, j), (j, i)}:
                 left.fill(
@@ -415,8 +420,8 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
                     alpha=float(np.clip(row["spearman"], 0.0, 1.0)) * 0.6,
                     linewidth=0,
                 )
-                says = f"{row['spearman']:.2f}\n{row['lo']:.2f} to {row['hi']:.2f}"
-                left.text(x, y, says, ha="center", va="center", fontsize=6)
+                title = f"{row['spearman']:.2f}\n{row['lo']:.2f} to {row['hi']:.2f}"
+                left.text(x, y, title, ha="center", va="center", fontsize=6)
         label(left, "", "", "Spearman of the methods' costs; diagonal: halves")
         for axis in (left.xaxis, left.yaxis):
             axis.set_ticks(range(len(where)), where)
@@ -431,7 +436,7 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
         return figure
 
     write_picture(picture(), file)
-    write_table(pd.DataFrame(found), file.with_suffix(".csv"), float_format="%.4f")
+    write_table(pd.DataFrame(rows), file.with_suffix(".csv"), float_format="%.4f")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -459,7 +464,7 @@ def main(arguments: list[str] | None = None) -> int:
     for name in LEARNED:
         for source in (*GRIDS, *BLIND):
             homes[source].learn(name, homes, source)
-    found = list(order(homes, fast))
+    rows = list(order(homes, fast))
     sizes = (f"{h} {x.sticky.size} loops ({x.sticky.sum()} sticky)" for h, x in homes.items())
     print(f"{', '.join(sizes)}; seed {SEED}")
     print(
@@ -480,9 +485,9 @@ def main(arguments: list[str] | None = None) -> int:
         f"\nSpearman's correlation of the costs of {len(fast)} fast methods, 95 % by drawing loops"
         " again\n"
     )
-    print("\n".join(agreement(found)))
+    print("\n".join(agreement(rows)))
     if given.picture is not None:
-        draw(found, homes, fast, given.picture)
+        draw(rows, homes, fast, given.picture)
     return 0
 
 

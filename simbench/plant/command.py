@@ -29,21 +29,19 @@ def trust_file(
     stiction is.
     """
     refuse_own_input([html], [path, loop])
-    found = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
+    trusted = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
     if html is not None:
         from simbench.plant.trust.page import write_page
 
-        write_page(found, html)
-    return found
+        write_page(trusted, html)
+    return trusted
 
 
 def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
     orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
 ) -> tuple[Fleet, Path]:  # fmt: skip
-    """Judge a plant's loops and write them on one page; what was judged is kept beside it and used
-    again.
-    """
+    """Judge a plant's loops and write them on one page; answers are kept for the next call."""
     from simbench.plant.report.page import write_fleet
     from simbench.plant.report.work_orders import refuse_orders, write_orders
 
@@ -51,12 +49,12 @@ def report_folder(
     refuse_orders(orders)
     judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
     fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
-    beside = write_fleet(
+    table_path = write_fleet(
         fleet, page, None if labels is None else read_labels(labels), jobs=jobs, keep=judged
     )
     if orders is not None:
         write_orders(fleet, orders)
-    return fleet, beside
+    return fleet, table_path
 
 
 def study_folder(
@@ -68,31 +66,31 @@ def study_folder(
     write_grid: str | Path | None = None,
     jobs: int = 2,
 ) -> Study:
-    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its
-    page, or grid, till then.
+    """Compare a folder of records with a grid; what a killed call had diagnosed is kept next to
+    its page, or grid, till then.
     """
     from simbench.plant.study.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])
     written = html or write_grid
     kept = None if written is None else Path(written).with_name(f"{Path(written).name}.diagnosed")
-    found = study(folder, grid, labels, jobs=jobs, keep=kept)
+    result = study(folder, grid, labels, jobs=jobs, keep=kept)
     if html is not None:
         from simbench.plant.study.page import write_study
 
-        write_study(found, html)
+        write_study(result, html)
     if write_grid is not None:
         from simbench.plant.study.written_grid import NoGrid
         from simbench.plant.study.written_grid import write_grid as write
 
         try:
-            said = [f"the grid written cannot draw {e}" for e in write(found, write_grid)]
+            messages = [f"the grid written cannot draw {e}" for e in write(result, write_grid)]
         except NoGrid as why:  # an answer of the study, no wrong usage
-            said = [str(why)]
-        found = replace(found, notes=(*found.notes, *said))
+            messages = [str(why)]
+        result = replace(result, notes=(*result.notes, *messages))
     if kept is not None:
         rmtree(kept, ignore_errors=True)
-    return found
+    return result
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from detectors.verdict import NO_DECISION, STICTION
 
 _CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
 _SHIFT = 0.5  # of a window from one to the next
@@ -21,7 +21,7 @@ _WINDOWS = 60  # at most; a longer record is judged in longer steps
 
 @dataclass(frozen=True)
 class _Episode:
-    """One window: start and end (s), and what was said of it."""
+    """One window: start and end (s), and its verdict."""
 
     start: float
     end: float
@@ -113,7 +113,7 @@ def swing(x: np.ndarray) -> float:
     return float(abs(turn @ (x - x.mean()))) * 2.0 / max(x.size, 1)
 
 
-def marks(found: OverTime) -> list[tuple[float, float, str]]:
-    """Return the windows to shade behind a trend, with their colours; sound ones stay blank."""
+def marks(verdicts: OverTime) -> list[tuple[float, float, str]]:
+    """Return the windows to shade in a trend, with their colours; healthy ones stay blank."""
     colour = {STICTION: "#D55E00", NO_DECISION: "#6E6E6E"}
-    return [(e.start, e.end, colour[e.verdict]) for e in found.episodes if e.verdict != NO_STICTION]
+    return [(e.start, e.end, colour[e.verdict]) for e in verdicts.episodes if e.verdict in colour]

@@ -24,13 +24,13 @@ ROOM = "simbench.plant"
 
 @dataclass(frozen=True)
 class SectionTable:
-    """A table of a section: which columns hold long text, small text `beside` a column's cells by
-    its name, and whether the cells form a matrix.
+    """A table of a section: which columns hold long text, the `cell_notes` (small text next to the
+    cells of a column, by its name), and whether the cells form a matrix.
     """
 
     frame: pd.DataFrame
     long: Sequence[str] = ()
-    beside: dict[str, Sequence[str]] | None = None
+    cell_notes: dict[str, Sequence[str]] | None = None
     matrix: bool = False
 
 
@@ -46,12 +46,12 @@ def section(
 ) -> dict[str, Any]:
     """Return one section of a page: paragraphs, tiles, pictures with captions, a table, a list."""
     drawn = [
-        {"svg": inline_svg(f, f"{name}-{i}", says), "caption": says}
-        for i, (f, says) in enumerate(pictures)
+        {"svg": inline_svg(f, f"{name}-{i}", caption), "caption": caption}
+        for i, (f, caption) in enumerate(pictures)
     ]
     rows = None
     if table is not None:
-        rows = sortable(table.frame, long=table.long, beside=table.beside, matrix=table.matrix)
+        rows = sortable(table.frame, long=table.long, beside=table.cell_notes, matrix=table.matrix)
     body: Markup = render(
         ROOM,
         "section.html",

@@ -86,18 +86,18 @@ def _classes(hint: Any) -> set[type]:
     """Return the data classes and models that an annotation speaks of, and those of their
     fields.
     """
-    found, todo = set(), [hint]
+    classes, todo = set(), [hint]
     while todo:
         hint = todo.pop()
         todo += get_args(hint)
         if (
             isinstance(hint, type)
             and (is_dataclass(hint) or issubclass(hint, BaseModel))
-            and hint not in found
+            and hint not in classes
         ):
-            found.add(hint)
+            classes.add(hint)
             todo += get_type_hints(hint).values()
-    return found
+    return classes
 
 
 def _encoded(value: Any) -> Any:

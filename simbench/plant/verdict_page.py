@@ -25,17 +25,17 @@ def write_page(
     for the records drawn.
     """
     groups = report.groups()
-    said = []
+    sentences = []
     for number, (name, verdicts, record) in enumerate(groups):
-        found = report.conclusions.get(name)
-        if found is None and record is not None and number < _SHOWN:
-            found = conclude(record)
+        conclusion = report.conclusions.get(name)
+        if conclusion is None and record is not None and number < _SHOWN:
+            conclusion = conclude(record)
         lines = [
-            *([] if found is None else found.as_lines()),
+            *([] if conclusion is None else conclusion.as_lines()),
             f"Methods: {summary.sentence(verdicts)}.",
         ]
-        said += [f"{name + ': ' if name else ''}{line}" for line in lines]
-    parts = [section("answer", "The answer", said)]
+        sentences += [f"{name + ': ' if name else ''}{line}" for line in lines]
+    parts = [section("answer", "The answer", sentences)]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"

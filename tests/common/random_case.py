@@ -135,12 +135,6 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
     Returns
     -------
     Case
-
-    Examples
-    --------
-    >>> case = random_case(5, ("deadband",))
-    >>> case.effects, case.truth.effect[0].name
-    (('deadband',), 'deadband')
     """
     rng = np.random.default_rng([7, seed])
     while True:

@@ -123,6 +123,9 @@ OPTIONS = {
 }
 
 
+RUN = ["--method", "horch,he,yamashita,bicoherence,oracle"]
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("public")
@@ -130,33 +133,10 @@ def place(tmp_path_factory) -> Path:
     sticky, slow = LOOP.replace("n = 1200", "n = 1500"), LOOP.replace("Kc = 1.0", "Kc = 0.6")
     for name, text in {"sticky": sticky + STICKY + STEP, "slow": slow + STICKY + STEP}.items():
         (folder / f"{name}.toml").write_text(text)
-        assert (
-            main(
-                [
-                    "simulate",
-                    str(folder / f"{name}.toml"),
-                    "-o",
-                    str(folder / f"{name}.csv"),
-                    "--seed",
-                    "1",
-                ]
-            )
-            == 0
-        )
+        files = [str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.csv")]
+        assert main(["simulate", *files, "--seed", "1"]) == 0
     (folder / "model.toml").write_text(LOOP)
-    assert (
-        main(
-            [
-                "run",
-                "smoke",
-                "-o",
-                str(folder / "run"),
-                "--method",
-                "horch,he,yamashita,bicoherence,oracle",
-            ]
-        )
-        == 0
-    )
+    assert main(["run", "smoke", "-o", str(folder / "run"), *RUN]) == 0
     return folder
 
 
@@ -167,9 +147,9 @@ def answer(place, capsys):
     def run(words: str, code: int = 0):
         capsys.readouterr()
         files = [str(place / w) if (place / w).exists() else w for w in words.split()]
-        found = main([*files, "--json"])
+        status = main([*files, "--json"])
         out, err = capsys.readouterr()
-        assert found == code, err
+        assert status == code, err
         return json.loads(out)
 
     return run
@@ -218,35 +198,35 @@ def test_names(answer):
 
 
 def test_predict(answer, place):
-    found = answer("predict sticky.toml")
-    assert set(found) == {"table_11_3", "refined", "describing_function", "exact", "reason"}
-    assert set(found["describing_function"][0]) == {"period", "amplitude", "stable"}
-    assert set(found["exact"]) == {"period", "amplitude", "kick_min"}
+    answered = answer("predict sticky.toml")
+    assert set(answered) == {"table_11_3", "refined", "describing_function", "exact", "reason"}
+    assert set(answered["describing_function"][0]) == {"period", "amplitude", "stable"}
+    assert set(answered["exact"]) == {"period", "amplitude", "kick_min"}
     # OP's half peak-to-peak, and the smallest kick that starts the cycle, as runs show them
     quiet = place / "quiet.toml"
     quiet.write_text(LOOP.replace("std = 0.1", "std = 0.0") + STICKY)
     swings = []
-    for kick in (found["exact"]["kick_min"] - 0.02, found["exact"]["kick_min"] + 0.02):
+    for kick in (answered["exact"]["kick_min"] - 0.02, answered["exact"]["kick_min"] + 0.02):
         assert (
             main(["simulate", str(quiet), "-o", str(place / "quiet.csv"), "--kick", str(kick)]) == 0
         )
         swings.append(np.ptp(pd.read_csv(place / "quiet.csv").op[-500:]) / 2)
     assert swings[0] == pytest.approx(0.0, abs=1e-6)
-    assert swings[1] == pytest.approx(found["exact"]["amplitude"], rel=0.1)
+    assert swings[1] == pytest.approx(answered["exact"]["amplitude"], rel=0.1)
     (place / "zone.toml").write_text(LOOP + '[valve]\nmodel = "deadzone"\nD = 5.0\n')
     zone = answer("predict zone.toml")
     assert (zone["table_11_3"], zone["refined"], zone["exact"]) == (None, None, None)
 
 
 def test_detect(answer, place):
-    found = answer("detect sticky.csv --method all")
-    assert {v["method"] for v in found} == METHODS
-    for v in found:
+    answered = answer("detect sticky.csv --method all")
+    assert {v["method"] for v in answered} == METHODS
+    for v in answered:
         assert set(v) == VERDICT
         assert v["verdict"] in ("stiction", "no_stiction", "no_decision")
         assert v["applicable"] in (True, False, None)
         assert INDICES.get(v["method"], set()) | {"regularity", "period_s"} <= set(v["indices"])
-    assert finite(found)
+    assert finite(answered)
     (place / "two").mkdir(exist_ok=True)
     for name in ("a", "b"):
         (place / "two" / f"{name}.csv").write_bytes((place / "sticky.csv").read_bytes())
@@ -272,24 +252,24 @@ def test_diagnose_and_confirm(answer, place):
         "gain-change sticky.toml",
         "gain-change --records sticky.csv slow.csv --ratio 0.6",
     ):
-        found = answer(f"confirm {words}")
-        assert found["verdict"] == "stiction"
-        assert {"reason", "shift", "shift_interval", "before", "after"} <= set(found)
+        answered = answer(f"confirm {words}")
+        assert answered["verdict"] == "stiction"
+        assert {"reason", "shift", "shift_interval", "before", "after"} <= set(answered)
         assert (
-            found["before"]["period_interval"][0]
-            < found["before"]["period"]
-            < found["before"]["period_interval"][1]
+            answered["before"]["period_interval"][0]
+            < answered["before"]["period"]
+            < answered["before"]["period_interval"][1]
         )
-    found = answer("confirm travel sticky.toml")
-    assert found["verdict"] == "stiction"
-    assert found["S_interval"][0] <= 5.0 <= found["S_interval"][1] + 1e-9
+    answered = answer("confirm travel sticky.toml")
+    assert answered["verdict"] == "stiction"
+    assert answered["S_interval"][0] <= 5.0 <= answered["S_interval"][1] + 1e-9
 
 
 def test_score_and_the_run_tables(answer, place, capsys):
-    found = answer("score run")
-    assert isinstance(found["resolution"], float)
-    assert set(found["benchmark"]) >= {"name", "version", "hash"}
-    rows = pd.DataFrame(found["rows"])
+    answered = answer("score run")
+    assert isinstance(answered["resolution"], float)
+    assert set(answered["benchmark"]) >= {"name", "version", "hash"}
+    rows = pd.DataFrame(answered["rows"])
     assert set(rows) == {
         "method",
         "truth",
@@ -334,7 +314,7 @@ def test_score_and_the_run_tables(answer, place, capsys):
         .isna()
         .all()
     )
-    assert finite(found)
+    assert finite(answered)
     verdicts, scenarios = (
         pd.read_parquet(place / "run" / f"{t}.parquet") for t in ("verdicts", "scenarios")
     )
@@ -354,20 +334,7 @@ def test_score_and_the_run_tables(answer, place, capsys):
     cycling = scenarios.cycled[scenarios.cycled.isin(["yes", "no"])]
     assert 0.45 <= (cycling == "yes").mean() <= 0.55
     assert (scenarios.Td_over_T.isna() == (scenarios.process == "integrating")).all()
-    assert (
-        main(
-            [
-                "run",
-                "smoke",
-                "-o",
-                str(place / "again"),
-                "--method",
-                "horch,he,yamashita,bicoherence,oracle",
-                "--resume",
-            ]
-        )
-        == 0
-    )
+    assert main(["run", "smoke", "-o", str(place / "again"), *RUN, "--resume"]) == 0
     for t in ("verdicts", "scenarios"):
         a, b = (
             pd.read_parquet(place / run / f"{t}.parquet").drop(columns="runtime_s", errors="ignore")
@@ -377,8 +344,8 @@ def test_score_and_the_run_tables(answer, place, capsys):
 
 
 def test_gap_diagnose(answer, place):
-    found = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
-    assert set(found) == {
+    answered = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
+    assert set(answered) == {
         "block",
         "effect",
         "effects",
@@ -392,11 +359,13 @@ def test_gap_diagnose(answer, place):
         "probability_of_stiction",
         "conclusion",
     }
-    assert (found["block"], found["effect"]) == ("valve", "stiction")
-    assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
-    assert 1 <= len(found["effects"]) <= 2
-    assert {r["effect"] for r in found["ranking"]} == {"none", "unknown"}.union(*EFFECTS.values())
-    for row in found["ranking"]:
+    assert (answered["block"], answered["effect"]) == ("valve", "stiction")
+    assert set(answered["effects"][0]) == {"block", "effect", "parameters", "probability"}
+    assert 1 <= len(answered["effects"]) <= 2
+    assert {r["effect"] for r in answered["ranking"]} == {"none", "unknown"}.union(
+        *EFFECTS.values()
+    )
+    for row in answered["ranking"]:
         assert set(row) == {
             "effect",
             "block",
@@ -407,13 +376,13 @@ def test_gap_diagnose(answer, place):
         }
         if row["effect"] not in ("none", "unknown"):
             assert row["effect"] in EFFECTS[row["block"]]
-    assert {r["block"] for r in found["ranking"] if r["effect"] == "none"} == {"none"}
-    assert sum(r["probability"] for r in found["ranking"]) == pytest.approx(1.0)
-    assert set(found["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
-    assert set(found["shrinkage"]) == {"value", "lo", "hi"}
-    assert set(found["blocks"]) == set(EFFECTS)
-    assert sum(found["blocks"].values()) == pytest.approx(1.0)
-    assert finite(found)
+    assert {r["block"] for r in answered["ranking"] if r["effect"] == "none"} == {"none"}
+    assert sum(r["probability"] for r in answered["ranking"]) == pytest.approx(1.0)
+    assert set(answered["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
+    assert set(answered["shrinkage"]) == {"value", "lo", "hi"}
+    assert set(answered["blocks"]) == set(EFFECTS)
+    assert sum(answered["blocks"].values()) == pytest.approx(1.0)
+    assert finite(answered)
     # set point, operating point and length are the record's
     other = (
         LOOP.replace("n = 1200", "n = 77")
@@ -422,7 +391,7 @@ def test_gap_diagnose(answer, place):
     (place / "other.toml").write_text(other)
     again = answer("gap diagnose sticky.csv --baseline other.toml")
     assert {k: v for k, v in again.items() if k != "notes"} == {
-        k: v for k, v in found.items() if k != "notes"
+        k: v for k, v in answered.items() if k != "notes"
     }
 
 
@@ -436,8 +405,8 @@ def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
 
 
 def test_trust(answer):
-    found = answer("trust sticky.csv --method he,procedure")
-    assert set(found) == {
+    answered = answer("trust sticky.csv --method he")
+    assert set(answered) == {
         "methods",
         "best",
         "smallest_visible",
@@ -447,8 +416,8 @@ def test_trust(answer):
         "notes",
         "conclusion",
     }
-    assert set(found["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
-    for m in found["methods"]:
+    assert set(answered["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
+    for m in answered["methods"]:
         assert set(m) == {
             "method",
             "applicable",
@@ -458,11 +427,11 @@ def test_trust(answer):
             "likelihood_ratio",
         }
         assert all(set(p) == {"S", "J", "found", "lo", "hi"} for p in m["power"])
-    assert found["best"] in {m["method"] for m in found["methods"]}
-    assert 0.0 <= found["probability"] <= 1.0
-    assert found["smallest_visible"] is None or set(found["smallest_visible"]) == {"S", "J"}
-    assert found["twins"] > 0
-    assert finite(found)
+    assert answered["best"] in {m["method"] for m in answered["methods"]}
+    assert 0.0 <= answered["probability"] <= 1.0
+    assert answered["smallest_visible"] is None or set(answered["smallest_visible"]) == {"S", "J"}
+    assert answered["twins"] > 0
+    assert finite(answered)
 
 
 @pytest.mark.parametrize(

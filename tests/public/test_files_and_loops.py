@@ -54,8 +54,8 @@ def simulate(tmp_path, capsys):
         code = main(
             ["simulate", str(tmp_path / "loop.toml"), "-o", str(tmp_path / "rec.csv"), *options]
         )
-        said = capsys.readouterr().err
-        assert code == 0, said
+        message = capsys.readouterr().err
+        assert code == 0, message
         return pd.read_csv(tmp_path / "rec.csv")
 
     return run
@@ -163,29 +163,29 @@ INTEGRATING = {"type": "integrating", "K": 0.1, "T": None}
 def test_a_run_is_the_loop_as_it_is_described(simulate, tables):
     n = 300  # a sticky loop is chaotic: beyond that rounding shows
     loop = changed(valve=STICKY, **tables)
-    found = simulate(valve=STICKY, sampling={"n": n}, **tables)
-    assert list(found.columns) == ["t_s", "sp", "op", "pv", "mv"]
+    simulated = simulate(valve=STICKY, sampling={"n": n}, **tables)
+    assert list(simulated.columns) == ["t_s", "sp", "op", "pv", "mv"]
     wave = 3.0 * np.sin(2 * np.pi * np.arange(n) / 60.0)
     at = [d["at"] for d in tables.get("disturbance", [])]
     loads = [wave if where in at else np.zeros(n) for where in ("input", "output")]
     for name, expected in by_hand(loop, *loads).items():
-        np.testing.assert_allclose(found[name], expected, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(simulated[name], expected, atol=1e-9, err_msg=name)
 
 
 def test_what_may_be_absent_has_its_default_and_a_run_begins_at_rest(simulate):
-    found = simulate()
-    assert len(found) == 4000
-    assert (found[["sp", "op", "pv", "mv"]] == 50.0).all().all()
+    run = simulate()
+    assert len(run) == 4000
+    assert (run[["sp", "op", "pv", "mv"]] == 50.0).all().all()
 
 
 @pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
 @pytest.mark.parametrize("at", ["input", "output"])
 def test_every_disturbance_acts_at_either_place(simulate, kind, at):
-    found = simulate(
+    run = simulate(
         sampling={"n": 400},
         disturbance=[{"type": kind, "amplitude": 2.0, "period": 60.0, "at": at}],
     )
-    assert found.pv.std() > 0
+    assert run.pv.std() > 0
 
 
 MODELS = {
@@ -206,8 +206,8 @@ MODELS = {
 
 @pytest.mark.parametrize("model", MODELS)
 def test_every_valve_of_the_loop_file_runs(simulate, model):
-    found = simulate(valve={"model": model, **MODELS[model]}, sampling={"n": 60}, setpoint=STEP)
-    assert np.isfinite(found.to_numpy()).all()
+    run = simulate(valve={"model": model, **MODELS[model]}, sampling={"n": 60}, setpoint=STEP)
+    assert np.isfinite(run.to_numpy()).all()
 
 
 @pytest.mark.parametrize(
@@ -285,10 +285,10 @@ def test_three_samples_are_bridged_and_flagged_and_more_split_the_record(
     record, tmp_path, column, length, kept
 ):
     lost(record, slice(104 - length, 104), column).to_csv(tmp_path / "rec.csv", index=False)
-    found = read_record(tmp_path / "rec.csv")
-    assert found.n == kept
-    assert found.mv is not None
-    assert "gaps" in inspect(found)
+    read = read_record(tmp_path / "rec.csv")
+    assert read.n == kept
+    assert read.mv is not None
+    assert "gaps" in inspect(read)
 
 
 @pytest.mark.parametrize(
@@ -303,8 +303,8 @@ def test_three_samples_are_bridged_and_flagged_and_more_split_the_record(
     ],
 )
 def test_what_is_refused_and_what_is_no_decision(record, detect, change, code, words):
-    found, err, verdicts = detect(change(record))
-    assert found == code
+    status, err, verdicts = detect(change(record))
+    assert status == code
     if code:
         assert words in err
         assert err.count("\n") == 1
@@ -317,9 +317,9 @@ def test_uneven_time_is_a_gap_above_one_per_cent(record, tmp_path):
     for shift, flagged in ((0.004, False), (0.3, True)):
         late = record.assign(t_s=record.t_s + np.where(record.index >= 450, shift, 0.0))
         late.to_csv(tmp_path / "rec.csv", index=False)
-        found = read_record(tmp_path / "rec.csv")
-        assert found.Ts == pytest.approx(1.0)
-        assert ("gaps" in inspect(found)) is flagged
+        read = read_record(tmp_path / "rec.csv")
+        assert read.Ts == pytest.approx(1.0)
+        assert ("gaps" in inspect(read)) is flagged
 
 
 @pytest.mark.parametrize(
@@ -341,13 +341,13 @@ def test_uneven_time_is_a_gap_above_one_per_cent(record, tmp_path):
     ],
 )
 def test_a_method_of_mv_uses_what_it_may(record, detect, mv, options, verdict, applicable, reason):
-    found = detect(record if mv else record.drop(columns="mv"), *options)[2]["yamashita"]
-    assert (found["verdict"] != "no_decision") is verdict
-    assert found["applicable"] is applicable
-    assert reason in found["reason"]
+    answer = detect(record if mv else record.drop(columns="mv"), *options)[2]["yamashita"]
+    assert (answer["verdict"] != "no_decision") is verdict
+    assert answer["applicable"] is applicable
+    assert reason in answer["reason"]
 
 
-def test_units_are_said_and_change_no_verdict(record, detect):
+def test_units_are_reported_and_change_no_verdict(record, detect):
     methods = "he,horch,ellipse,hammerstein,procedure"
     plain = detect(record, methods=methods)[2]
     assert all("OP taken as 0..100 %" in v["reason"] for v in plain.values())

@@ -4,17 +4,8 @@ from types import SimpleNamespace
 
 import pandas as pd
 
-from results.studies.asking import Mixture, table
+from results.studies.asking import table
 from results.studies.asking_tests import _shifted
-
-
-def test_a_mixture_follows_from_its_seed_and_holds_what_it_says():
-    entries = Mixture(5).entries(["slew_limit", "derivative"])
-    assert entries == Mixture(5).entries(["slew_limit", "derivative"])
-    kinds = [e["kind"] for e in entries]
-    assert {k: kinds.count(k) for k in set(kinds)} == {"single": 6, "none": 3, "foreign": 1}
-    assert {e["strength"] for e in entries if e["kind"] == "single"} == {"medium", "strong"}
-    assert len({e["effect"] for e in entries if e["kind"] == "single"}) == 6
 
 
 def test_the_table_counts_each_kind_by_itself(tmp_path):
@@ -34,11 +25,11 @@ def test_the_table_counts_each_kind_by_itself(tmp_path):
     ]
     (tmp_path / "own-score").mkdir()
     pd.DataFrame(rows).to_csv(tmp_path / "own-score" / "records.csv", index=False)
-    found = table(tmp_path, ["own"]).loc["own"]["alone"]
-    assert (found["first"], found["block"]) == ("1/1 [0.21, 1.00]", "0/1 [0.00, 0.79]")
-    assert (found["named where none is"], found["both of two"]) == ("1/1 [0.21, 1.00]", "-")
-    assert found["foreign unknown or block"].startswith("1/1")
-    assert found["right where p > .9"].startswith("1/2")
+    counts = table(tmp_path, ["own"]).loc["own"]["alone"]
+    assert (counts["first"], counts["block"]) == ("1/1 [0.21, 1.00]", "0/1 [0.00, 0.79]")
+    assert (counts["named where none is"], counts["both of two"]) == ("1/1 [0.21, 1.00]", "-")
+    assert counts["foreign unknown or block"].startswith("1/1")
+    assert counts["right where p > .9"].startswith("1/2")
 
 
 def test_a_shifted_mode_is_the_operators_a_minute_early_or_late():

@@ -1,36 +1,15 @@
 """The measurements of the benchmark itself, in this process and on a few scenarios."""
 
-import itertools
-import json
 import shutil
-import time
 from types import SimpleNamespace
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pytest
 
 from results.studies import benchmark_cost as study
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
-
-
-@pytest.fixture
-def in_process(monkeypatch, capsys):
-    """Runs in this process, each noted."""
-    asked = []
-
-    def run(target, grid, methods, jobs, sets, measure=False, group=False):
-        asked.append((target.name, jobs, sets))
-        study._child(str(target), grid, methods, "1", json.dumps({**sets, "disturbance": "none"}))
-        said = capsys.readouterr().out.encode()
-        return SimpleNamespace(wait=lambda timeout=None: 0, communicate=lambda: (said, None))
-
-    monkeypatch.setattr(study, "_run", run)
-    # time of processes that have ended: there are none
-    monkeypatch.setattr(study, "_cpu", map(float, itertools.count()).__next__)
-    return asked
 
 
 def changed(folder, copy, kind, column, value):
@@ -61,37 +40,7 @@ def test_tables_are_the_same_but_for_their_running_time(finished, tmp_path):
     )
 
 
-def test_sizes_are_told_per_scenario(in_process):
-    few, more = study.sizes([1, 100], "he", "smoke")
-    assert [sets["repeats"] for _, _, sets in in_process] == [1, 2]  # smoke has 48
-    assert more["scenarios"] == 2 * few["scenarios"]
-    for row in (few, more):
-        assert 20 < row["peak_MB"] < 20_000
-        assert 0.05 < row["ms_per_scenario"] < 5000
-        assert 0.0 <= row["overhead"] < 1.0
-        assert 50 < row["bytes"] < 50_000
-    # the processor time of this very process, told after either run
-    spent = [row["cpu_ms"] * row["scenarios"] / 1e3 for row in (few, more)]
-    assert 0.5 < spent[0] <= spent[1] <= time.process_time()
-
-
-def test_speed_compares_like_with_like(in_process):
-    found = study.speed(90, "he", "smoke", 2)
-    assert in_process == [
-        ("together", 2, {"repeats": 2}),
-        ("alone0", 1, {"repeats": 1, "seed": 900}),
-        ("alone1", 1, {"repeats": 1, "seed": 901}),
-    ]
-    assert found["cpu_share"] == 1.0
-    assert found["seconds_for_10000"] == pytest.approx(
-        1e4 * found["seconds"] / found["scenarios"], rel=0.2
-    )
-    assert found["share"] == pytest.approx(
-        found["independent_seconds"] / found["seconds"], rel=0.1, abs=0.05
-    )
-
-
-def test_kills_that_come_too_late_are_none(monkeypatch, in_process):
+def test_kills_that_come_too_late_are_none(monkeypatch):
     killed = []
 
     def slow(target, *a, group=False, **k):
@@ -109,42 +58,9 @@ def test_kills_that_come_too_late_are_none(monkeypatch, in_process):
     monkeypatch.setattr(study.os, "killpg", lambda pid, how: killed.append((pid, how)))
     monkeypatch.setattr(study, "same_tables", lambda one, other: True)
     # a killed process is waited for without a limit
-    found = study.kills(3)
-    assert found == {"kills": 3, "runs": 1, "kills_after_first_piece": 0, "equal": True}
+    result = study.kills(3)
+    assert result == {"kills": 3, "runs": 1, "kills_after_first_piece": 0, "equal": True}
     assert killed == [(7, study.signal.SIGKILL)] * 3
     killed.clear()
     monkeypatch.setattr(study, "same_tables", lambda one, other: False)
     assert study.kills(3)["equal"] is False
-
-
-@pytest.mark.parametrize(
-    ("asked", "name", "args", "more"),
-    [
-        (["kills"], "kills", (50, 0), {"jobs": 2}),
-        (
-            ["kills", "--n", "3", "--seed", "4", "--grid", "smoke"],
-            "kills",
-            (3, 4),
-            {"jobs": 2, "grid": "smoke"},
-        ),
-        (["sizes"], "sizes", ([1000, 10_000, 100_000],), {}),
-        (["sizes", "--n", "5", "6", "--methods", "he"], "sizes", ([5, 6],), {"methods": "he"}),
-        (["speed", "--jobs", "1"], "speed", (10_000,), {"jobs": 1}),
-        (["adaptive", "--width", "0.3"], "adaptive_cost", (0.3,), {"jobs": 2}),
-    ],
-)
-def test_the_command_asks_and_writes(monkeypatch, capsys, tmp_path, asked, name, args, more):
-    heard = []
-    monkeypatch.setattr(study, name, lambda *a, **k: heard.append((a, k)) or {"equal": True})
-    assert study.main([*asked, "--out", str(tmp_path / "found.json")]) == 0
-    assert heard == [(args, more)]
-    assert (
-        json.loads(capsys.readouterr().out)
-        == json.loads((tmp_path / "found.json").read_text())
-        == {"equal": True}
-    )
-
-
-def test_tables_that_differ_are_an_exit_code(monkeypatch):
-    monkeypatch.setattr(study, "kills", lambda *a, **k: {"equal": False})
-    assert study.main(["kills"]) == 1

@@ -31,22 +31,32 @@ def test_a_method_as_published_is_the_method_with_the_sources_numbers():
     )
     for name in (n for n in methods.names() if methods.load(n).METHOD.published):
         asked = judge(record, [f"{name}@published"])[0]
-        told = judge(record, [name], thresholds={name: methods.load(name).METHOD.published})[0]
-        assert (asked.verdict, asked.score, asked.reason) == (told.verdict, told.score, told.reason)
+        expected = judge(record, [name], thresholds={name: methods.load(name).METHOD.published})[0]
+        assert (asked.verdict, asked.score, asked.reason) == (
+            expected.verdict,
+            expected.score,
+            expected.reason,
+        )
 
 
 def test_the_gain_is_counted_over_loops_that_only_one_of_the_two_gets_right():
-    said, best = np.array([1, 0, -1, 0]), np.array([1, 1, 1, 0])
-    found = _columns("g", said, np.ones(4, dtype=bool), np.array([True, True, True, False]), best)
-    assert found["g"] == "0.500 of 4"
-    assert found["g cost"] == "0.375"
-    assert found["g gain"].startswith("+0.500")
-    assert (found["g found"], found["g false"], found["g open"]) == ("0.333", "0.000", "0.250")
+    verdicts, best = np.array([1, 0, -1, 0]), np.array([1, 1, 1, 0])
+    columns = _columns(
+        "g", verdicts, np.ones(4, dtype=bool), np.array([True, True, True, False]), best
+    )
+    assert columns["g"] == "0.500 of 4"
+    assert columns["g cost"] == "0.375"
+    assert columns["g gain"].startswith("+0.500")
+    assert (columns["g found"], columns["g false"], columns["g open"]) == (
+        "0.333",
+        "0.000",
+        "0.250",
+    )
 
 
 @pytest.mark.slow
 def test_the_table_has_a_row_per_variant_and_leaves_absent_records_out(tmp_path):
-    found = rows({"smoke": 12}, tmp_path, tmp_path / "records.csv")
-    assert [(r["method"], r["variant"]) for r in found] == [(m, v) for m, v, _ in variants()]
-    assert {"smoke", "smoke found"} <= set(found[0])
-    assert "real found" not in found[0]
+    table = rows({"smoke": 12}, tmp_path, tmp_path / "records.csv")
+    assert [(r["method"], r["variant"]) for r in table] == [(m, v) for m, v, _ in variants()]
+    assert {"smoke", "smoke found"} <= set(table[0])
+    assert "real found" not in table[0]

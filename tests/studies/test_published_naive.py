@@ -24,6 +24,7 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.loop.simulate import simulate
 
 COUNT, HALVES = 40, 4
+FEW = 8  # records of the test of every change
 SELF_REGULATING = ("horch", "singhal_salsbury")
 INDEX = {
     "horch": "dtau",
@@ -51,9 +52,9 @@ def records():
                 kind.append((record, ready.oscillation.period_s / record.Ts))
         if len(halves) >= HALVES and len(others) >= COUNT - HALVES:
             break
-    found = halves[:HALVES] + others[: COUNT - HALVES]
-    assert len(found) == COUNT
-    return found
+    chosen = halves[:HALVES] + others[: COUNT - HALVES]
+    assert len(chosen) == COUNT
+    return chosen
 
 
 def answers(records, name, points=None):
@@ -62,8 +63,8 @@ def answers(records, name, points=None):
         integrating = record.process == "integrating"
         if integrating and name in SELF_REGULATING:
             continue
-        said = judge(record, [f"{name}@published"])[0]
-        if "record unfit" in said.reason:
+        verdict = judge(record, [f"{name}@published"])[0]
+        if "record unfit" in verdict.reason:
             continue
         if name == "horch":
             other = naive.horch(record.op, record.pv)
@@ -72,27 +73,35 @@ def answers(records, name, points=None):
         else:
             x = record.op if name == "he" and not integrating else record.pv
             other = getattr(naive, name)(x, period, points)
-        if INDEX[name] not in said.indices:  # fewer than four half cycles
-            assert (said.verdict, other[0]) == ("no_decision", "no_decision")
+        if INDEX[name] not in verdict.indices:  # fewer than four half cycles
+            assert (verdict.verdict, other[0]) == ("no_decision", "no_decision")
             continue
-        yield said.verdict, said.indices[INDEX[name]], *other
+        yield verdict.verdict, verdict.indices[INDEX[name]], *other
 
 
 @pytest.mark.parametrize("name", ["horch", "yamashita"])
 def test_verdict_and_index_are_those_of_the_paper(records, name):
-    found = list(answers(records, name))
-    assert len(found) > (15 if name == "horch" else 30)
-    for verdict, index, its_verdict, its_index in found:
+    pairs = list(answers(records, name))
+    assert len(pairs) > (15 if name == "horch" else 30)
+    for verdict, index, its_verdict, its_index in pairs:
         assert (verdict, index) == (its_verdict, pytest.approx(its_index, abs=1e-9))
 
 
 @pytest.mark.filterwarnings("ignore:Covariance of the parameters")
-@pytest.mark.parametrize("name", [pytest.param("he", marks=pytest.mark.slow), "rossi_scali"])
-def test_verdict_is_that_of_the_paper_unless_the_index_is_next_to_a_bound(records, name):
-    found = list(answers(records, name))
-    assert len(found) > 30
-    assert np.median([abs(index - its) for _, index, _, its in found]) < 0.03
-    for verdict, index, its_verdict, its_index in found:
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("rossi_scali", FEW),
+        pytest.param("he", COUNT, marks=pytest.mark.slow),
+        pytest.param("rossi_scali", COUNT, marks=pytest.mark.slow),
+    ],
+)
+def test_verdict_is_that_of_the_paper_unless_the_index_is_next_to_a_bound(records, name, count):
+    records = records[-count:]
+    pairs = list(answers(records, name))
+    assert len(pairs) > 0.75 * count
+    assert np.median([abs(index - its) for _, index, _, its in pairs]) < 0.03
+    for verdict, index, its_verdict, its_index in pairs:
         assert index == pytest.approx(its_index, abs=CLOSE[name])
         assert verdict == its_verdict or any(
             min(index, its_index) <= b <= max(index, its_index) for b in BOUNDS[name]
@@ -106,11 +115,11 @@ def test_verdict_is_that_of_the_paper_unless_the_index_is_next_to_a_bound(record
 
 
 def test_area_ratio_is_that_of_the_paper_unless_one_half_cycle_decides(records):
-    found = list(answers(records, "singhal_salsbury"))
-    assert len(found) > 15
+    pairs = list(answers(records, "singhal_salsbury"))
+    assert len(pairs) > 15
     # else one quotient of noise is the mean
-    usual = [(v, R, other, its) for v, R, other, its in found if max(R, its) < 10.0]
-    assert len(usual) >= 0.8 * len(found)
+    usual = [(v, R, other, its) for v, R, other, its in pairs if max(R, its) < 10.0]
+    assert len(usual) >= 0.8 * len(pairs)
     assert np.median([abs(R - its) / its for _, R, _, its in usual]) < 0.1
     for verdict, R, other, its in usual:
         assert verdict == other or 0.8 < min(R, its) <= 1.0 < max(R, its) < 1.3

@@ -8,6 +8,7 @@ from results.studies import store_study
 from simbench.bench.store.reading import RunArrays
 
 
+@pytest.mark.slow
 def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
     books = []
     finish = store_study.pieces.finish
@@ -17,20 +18,12 @@ def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
         books.append(RunArrays.read(place))
 
     monkeypatch.setattr(store_study.pieces, "finish", noted)
-    told = store_study.rows(2500, "he,yamashita")
-    assert (told["rows"], told["scenarios"]) == (4000, 2000)
-    assert told["cpu_s"] > 0
-    assert 50 < told["peak_MB"] < 50_000
+    printed = store_study.rows(2500, "he,yamashita")
+    assert (printed["rows"], printed["scenarios"]) == (4000, 2000)
+    assert printed["cpu_s"] > 0
+    assert 50 < printed["peak_MB"] < 50_000
     assert len(set(books[-1].ids)) == 2000
     assert books[-1].methods == ("he", "yamashita")
-
-
-@pytest.mark.slow  # a smoke run
-def test_the_client_tells_its_time_apart(tmp_path, capsys):
-    assert store_study._client(str(tmp_path / "run"), "smoke", "horch", "1", "") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert list(told) == ["start", "handing_out", "scoring"]
-    assert all(seconds > 0 for seconds in told.values())
 
 
 def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
@@ -55,15 +48,13 @@ def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
 def test_a_cluster_killed_and_resumed_has_the_tables_of_an_undisturbed_run(capsys):
     pytest.importorskip("distributed")
     assert store_study.main(["cluster", "--n", "3000"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["equal"]
-    assert told["scenarios"] >= 3000
-    assert 0 < told["killed_after"][0] < told["killed_after"][1] <= told["found"] < told["pieces"]
-
-
-def test_a_client_that_ends_too_soon_is_an_error(tmp_path):
-    class Ended:
-        poll = staticmethod(lambda: 0)
-
-    with pytest.raises(RuntimeError, match="ended after 0 pieces"):
-        store_study._wait(tmp_path, 1, Ended)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["equal"]
+    assert printed["scenarios"] >= 3000
+    assert (
+        0
+        < printed["killed_after"][0]
+        < printed["killed_after"][1]
+        <= printed["found"]
+        < printed["pieces"]
+    )

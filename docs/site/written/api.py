@@ -9,7 +9,7 @@ from types import ModuleType
 from text import heading, plain, table
 
 PACKAGES = ("simbench", "simbench.gap", "detectors", "scenarios")
-# what a plug-in's author calls beside them
+# what a plug-in's author calls in addition to them
 FURTHER = {
     "detectors.contract.detector": ("check_detector",),
     "detectors.judge": ("judge",),
@@ -32,7 +32,7 @@ def public() -> dict[str, tuple[str, ...]]:
 def api_pages() -> dict[str, str]:
     """Return the pages by name, "api" and one for each public name."""
     pages, seen = {}, {}
-    lines = [*heading("API"), "Every public name; each has a page of its own.", ""]
+    lines = [*heading("API"), "Every public name; each has a separate page.", ""]
     for package, names in public().items():
         rows = []
         for name in names:
@@ -65,7 +65,7 @@ def api_pages() -> dict[str, str]:
 
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
-    # the package of that name stands before it
+    # the package of that name comes before it
     home = thing.__module__ if name == "confirm" else package
     lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])

@@ -50,15 +50,15 @@ def layers() -> list[list[str]]:
 
 def purposes() -> dict[str, str]:
     """Return the first sentence of the docstring of every part that the picture shows."""
-    found = {}
+    sentences = {}
     for part in (part for layer in layers()[:-1] for part in layer):  # the last are small helpers
         text = (importlib.import_module(f"simbench.{part}").__doc__ or "").split("\n\n")[0]
-        found[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
-    return found
+        sentences[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
+    return sentences
 
 
 def words() -> str:
-    """Return what the picture says, as the description in its file."""
+    """Return the texts of the picture, as the description in its file."""
     return json.dumps([FLOW, ALONE, purposes()])
 
 
@@ -92,21 +92,21 @@ def draw() -> Figure:
                 linespacing=1.1,
             )
         y -= 0.62
-        for k, (name, says) in enumerate(ALONE):
+        for k, (name, role) in enumerate(ALONE):
             left = 0.1 + k * (WIDE - 0.1) / 2
             _box(axes, (left, y, (WIDE - 0.3) / 2, 0.5), COLOUR[name])
             axes.text(left + 0.15, y + 0.32, name, va="center", weight="bold")
-            axes.text(left + 0.15, y + 0.14, f"{says}; does not import simbench", va="center")
+            axes.text(left + 0.15, y + 0.14, f"{role}; does not import simbench", va="center")
         return figure
 
 
 def _flow(axes: Axes, y: float) -> None:
     wide = (WIDE - 0.2 - 4 * 0.22) / 5
-    for k, (name, says) in enumerate(FLOW):
+    for k, (name, content) in enumerate(FLOW):
         left = 0.1 + k * (wide + 0.22)
         _box(axes, (left, y, wide, 0.95), COLOUR[name])
         axes.text(left + wide / 2, y + 0.74, name, ha="center", va="center", weight="bold")
-        axes.text(left + wide / 2, y + 0.34, textwrap.dedent(says), ha="center", va="center")
+        axes.text(left + wide / 2, y + 0.34, textwrap.dedent(content), ha="center", va="center")
         if k:
             arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", (left, y + 0.47), (left - 0.22, y + 0.47), arrowprops=arrow)

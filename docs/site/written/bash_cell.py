@@ -7,8 +7,8 @@ import sys
 
 
 def bash(line, cell):
-    """Run a cell; IPython's own magic hands its output on in pieces of 100 bytes, which end up in
-    lines of their own.
+    """Run a cell; the magic of IPython hands its output on in pieces of 100 bytes, which end up in
+    separate lines.
     """
     done = subprocess.run(["bash", "-e"], input=cell, text=True, capture_output=True)
     print(done.stdout, end="")

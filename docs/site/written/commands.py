@@ -1,4 +1,4 @@
-"""The command line: what every command says when asked for --help."""
+"""The command line: the --help of every command."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def commands_page() -> str:
     """Return the page."""
     lines = [*heading("Command line"), "Every verb and its options, as ``--help`` prints them.", ""]
     for words in verbs():
-        said = CliRunner().invoke(app, [*words, "--help"], prog_name="simbench", env=WIDTH)
-        assert said.exit_code == 0, said.output
+        help_text = CliRunner().invoke(app, [*words, "--help"], prog_name="simbench", env=WIDTH)
+        assert help_text.exit_code == 0, help_text.output
         lines += [*heading(" ".join(["simbench", *words]), "-"), ".. code-block:: text", ""]
-        lines += [f"   {line}".rstrip() for line in said.output.strip().splitlines()] + [""]
+        lines += [f"   {line}".rstrip() for line in help_text.output.strip().splitlines()] + [""]
     return "\n".join(lines)
 
 
@@ -30,10 +30,10 @@ def verbs() -> list[list[str]]:
         if inside is None:
             return [words]
         return [
-            found
+            commands
             for name, one in inside.items()
             if not one.hidden
-            for found in below(one, [*words, name])
+            for commands in below(one, [*words, name])
         ]
 
     return below(get_command(app), [])

@@ -25,13 +25,13 @@ EXAMPLE = Path(__file__).parents[2] / "example" / "loop.toml"
 
 
 def loop_page() -> str:
-    """Return the page on loop files: sections, then what may be said of each valve, load and
+    """Return the page on loop files: sections, then the parameters of each valve, load and
     effect.
     """
-    says = (
+    introduction = (
         "TOML; unknown keys are refused with the nearest known one. Times are in s, OP and MV in %."
     )
-    lines = [*heading("Loop file"), says, ""]
+    lines = [*heading("Loop file"), introduction, ""]
     lines += [
         ".. code-block:: toml",
         "",
@@ -55,7 +55,7 @@ def loop_page() -> str:
     ):
         lines += [
             *heading(title, "-"),
-            f"``{key}`` says which; the other keys are that one's parameters.",
+            f"``{key}`` is its name; the other keys are its parameters.",
             "",
         ]
         for part, module in parts.items():
@@ -89,7 +89,7 @@ def grid_page() -> str:
     }
     lines += table(
         ("key", "what it is", "limits"),
-        [(f"``{k}``", plain(says), limits[k]) for k, says in cell.SETTINGS.items()],
+        [(f"``{k}``", plain(meaning), limits[k]) for k, meaning in cell.SETTINGS.items()],
     )
     lines += [
         *heading("The smallest grid that comes with the package", "-"),

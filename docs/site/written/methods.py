@@ -1,4 +1,4 @@
-"""Which detector when: what every method says of itself, beside what was measured of it."""
+"""Which detector when: what every method states of itself, and what was measured."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ RESULTS = Path(__file__).parents[3] / "results"
 PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")
 ABOUT = """\
 The table is what was measured, on loops whose truth is known (grid ``chapter``, {n} loops) and on
-real loops ({real}). Accuracy counts no decision as not right. Below it every method says itself
+real loops ({real}). Accuracy counts no decision as not right. Below it every method states
 what it needs and when not to use it. In short:
 
-- OP and PV alone: begin with ``procedure``, which weighs the others; on one loop of your own,
-  ``simbench trust`` says whom to believe there.
+- OP and PV alone: begin with ``procedure``, which weighs the others; on one of your loops,
+  ``simbench trust`` names the method to trust there.
 - MV or a flow is recorded: ``yamashita``.
-- The process integrates (level): a method made for self-regulating loops says so and is left out.
+- The process integrates (level): a method made for self-regulating loops is left out.
 - An answer that hangs on one method hangs on one wave form: read its reason (``--why``).
 """
 
@@ -30,15 +30,15 @@ def methods_page() -> str:
     """Return the page."""
     shares, real = measured(), real_loops()
     counts = next(iter(real.values()), {})
-    said = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
-    lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=said), ""]
+    counted = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
+    lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=counted), ""]
     order = [*shares, *(name for name in methods.names() if name not in shares)]
     head = (
         "method",
         "right",
-        "cycling found",
+        "sensitivity, cycling",
         "healthy left alone",
-        "real found",
+        "sensitivity, real",
         "real alarms",
         "made for",
         "looks for",
@@ -53,17 +53,17 @@ def methods_page() -> str:
     ]
     for name in methods.names():
         lines += [f".. _method-{name}:", "", *heading(name, "-")]
-        found = re.split(
+        sections = re.split(
             rf"^({'|'.join(PARTS)}):",
             (methods.load(name).__doc__ or "").split("Example", 1)[0],
             flags=re.M,
         )
         lines += [
-            plain(found[0]),
+            plain(sections[0]),
             "",
-            *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2])),
+            *(f":{part}: {plain(text)}" for part, text in zip(sections[1::2], sections[2::2])),
         ]
-        lines += [f":Own rules: {_own_rules(methods.load(name).METHOD)}", ""]
+        lines += [f":Rules not of the source: {_changed_rules(methods.load(name).METHOD)}", ""]
     return "\n".join(lines)
 
 
@@ -87,7 +87,7 @@ def _row(
     return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
 
 
-def _own_rules(about: Method) -> str:
+def _changed_rules(about: Method) -> str:
     """Say which rules are none of the source's, and what they are there; `NAME@published` is the
     method without them.
     """
@@ -95,9 +95,9 @@ def _own_rules(about: Method) -> str:
         f"{k} = {about.thresholds[k].default:g}, {v:g} in the source"
         for k, v in about.published.items()
     )
-    told = plain("; ".join(rules)) or "none"
+    changes = plain("; ".join(rules)) or "none"
     chapter = ", ".join(f"{k} = {v:g}" for k, v in about.chapter.items())
-    return told + (f"; in the chapter {plain(chapter)}" if chapter else "")
+    return changes + (f"; in the chapter {plain(chapter)}" if chapter else "")
 
 
 def loops() -> int:
@@ -112,7 +112,7 @@ def measured() -> dict[str, dict[str, float]]:
     """
     table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
     table = table[table.method.isin(methods.names()) & (table.applicable > 0)]
-    found: dict[str, dict[str, float]] = {}
+    shares_of: dict[str, dict[str, float]] = {}
     for name, rows in table.groupby("method", sort=False):
         parts = {
             "cycling": rows.loops.str.startswith("cycling"),
@@ -123,18 +123,13 @@ def measured() -> dict[str, dict[str, float]]:
             key: float((rows.right[which] * weights[key]).sum() / weights[key].sum())
             for key, which in parts.items()
         }
-        found[str(name)] = {"right": float(rows.accuracy.iloc[0]), **shares}
-    return dict(sorted(found.items(), key=lambda item: -item[1]["right"]))
+        shares_of[str(name)] = {"right": float(rows.accuracy.iloc[0]), **shares}
+    return dict(sorted(shares_of.items(), key=lambda item: -item[1]["right"]))
 
 
 def real_loops() -> dict[str, dict[str, str]]:
-    """Return the last table of the real records by method."""
-    rows = (
-        (RESULTS / "real_records.txt")
-        .read_text(encoding="utf-8")
-        .rstrip()
-        .split("\n\n")[-1]
-        .splitlines()
-    )
+    """Return the table of the real records by method."""
+    blocks = (RESULTS / "real_records.txt").read_text(encoding="utf-8").split("\n\n")
+    rows = next(block for block in blocks if block.startswith("method ")).splitlines()
     head = rows[0].split()
     return {line.split()[0]: dict(zip(head, line.split())) for line in rows[1:]}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 
 def plain(text: object) -> str:
-    """Return a text in one line in which nothing is markup but what stands in backticks, which is
+    """Return a text in one line in which nothing is markup but what is in backticks, which is
     code.
     """
     words = re.split(r"`([^`]+)`", " ".join(str(text).split()))

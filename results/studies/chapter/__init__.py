@@ -1,4 +1,4 @@
-"""The page "chapter against code": every published number beside ours, and why they differ."""
+"""The page "chapter against code": published numbers, ours, and why they differ."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def rows(isdb: Source = None) -> list[Row]:
 
     `isdb`: ISDB file or folder of real records; without it their rows stay empty.
 
-    In the order of the chapter, what it says in passing last.
+    In the order of the chapter, its remarks in passing last.
     """
     return [row for part in (theory, methods, confirmation, further) for row in part.rows(isdb)]
 
 
-def page(found: list[Row]) -> str:
+def page(table: list[Row]) -> str:
     """Return the page in Markdown."""
     word = {True: "yes", False: "**no**", None: "not tried"}
-    yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
+    yes, no, none = (sum(row.agrees is answer for row in table) for answer in (True, False, None))
     lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried.", ""]
     lines += [
         "| place | quantity | printed | ours | reproduced | why |",
         "|---|---|---|---|---|---|",
     ]
-    for row in found:
+    for row in table:
         cells = (row.place, row.what, row.printed, row.ours, word[row.agrees], row.why)
         lines.append("| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |")
     return "\n".join(lines) + "\n"

@@ -62,7 +62,7 @@ def cycle_of(loop: Loop) -> ExactCycle | None:
 def record_of(
     loop: Loop, noise: float = 0.0, seed: int = 0, periods: int = 15, **about: Any
 ) -> LoopRecord:
-    """Return the loop on its own cycle, with white noise on PV of so many standard deviations of
+    """Return the loop on its limit cycle, with white noise on PV of so many standard deviations of
     it.
     """
     cycle = sustained_cycle(loop, periods)
@@ -83,7 +83,7 @@ def healthy(
     noise: float = 0.0, lag: float | None = None, period: float = 40.0
 ) -> Iterator[LoopRecord]:
     """Yield the loops with an ideal valve under a sine at the plant's input, or under another
-    sticky loop's PV behind a lag.
+    sticky loop's PV through a lag.
     """
     wave = {"type": "sine"} if lag is None else {"type": "propagated", "lag": lag}
     for seed, loop in enumerate(

@@ -46,17 +46,17 @@ def _gain_change() -> Iterator[Row]:
 
 
 def _travel() -> Iterator[Row]:
-    found = travel_test(FIGURES.load("fig_11_26").LOOP)
+    travel = travel_test(FIGURES.load("fig_11_26").LOOP)
     why = (
         "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the"
         " procedure as printed (same direction) measures the slip jump J; reversed steps measure"
-        f" the whole band S ({found.S:.1f} %)"
+        f" the whole band S ({travel.S:.1f} %)"
     )
     yield Row(
         "Fig. 11.26",
         "stiction by the travel test (%)",
         "1.2",
-        f"{found.J:.1f}, on a simulated valve",
+        f"{travel.J:.1f}, on a simulated valve",
         None,
         why,
     )
@@ -78,5 +78,7 @@ def _nonlinearity_first() -> Row:
         "a symmetric cycle has odd harmonics only, and the bicoherence sees quadratic coupling; the"
         " procedure here does not stop where no nonlinearity is seen"
     )
-    said = "sticky loops of Fig. 11.9 that the bicoherence calls nonlinear"
-    return Row("Sects. 11.7, 11.9", said, f"all {count}", f"{seen} of {count}", seen == count, why)
+    quantity = "sticky loops of Fig. 11.9 that the bicoherence calls nonlinear"
+    return Row(
+        "Sects. 11.7, 11.9", quantity, f"all {count}", f"{seen} of {count}", seen == count, why
+    )

@@ -1,4 +1,4 @@
-"""Rows on what the chapter says in passing: every sentence that a dozen simulated loops can bear
+"""Rows on remarks of the chapter in passing: every sentence that a dozen simulated loops can bear
 out or not.
 """
 
@@ -72,11 +72,11 @@ def _sticky(noise: float = NOISE, S: float = 5.0) -> Iterator[LoopRecord]:
             yield record_of(loop, noise, seed)
 
 
-def _count(name: str, records: list[LoopRecord], said: str = STICTION, **thresholds: float) -> int:
+def _count(name: str, records: list[LoopRecord], **thresholds: float) -> int:
     method = name.partition("@")[0]
     chosen = {name: thresholds} if thresholds else None
     return (
-        sum(judge(r, [name], thresholds=chosen)[0].verdict == said for r in records)
+        sum(judge(r, [name], thresholds=chosen)[0].verdict == STICTION for r in records)
         if method
         else 0
     )
@@ -154,8 +154,8 @@ def _flow(x: float, R: float, N: float) -> float:
 
 
 def _cycling(*args: float, **about: str) -> tuple[int, int]:
-    found = [cycle_of(loop) is not None for loop in loops(*args, **about)]
-    return sum(found), len(found)
+    cycles = [cycle_of(loop) is not None for loop in loops(*args, **about)]
+    return sum(cycles), len(cycles)
 
 
 def _grades() -> Iterator[Row]:
@@ -178,8 +178,8 @@ def _grades() -> Iterator[Row]:
     right = n = 0
     for S in (0.6, 2.0):
         for record in _sticky(S=S):
-            found = judge(record, ["hammerstein"])[0].indices.get("S_hat", np.nan)
-            right, n = right + ((found > 1.0) == (S > 1.0)), n + 1
+            grades = judge(record, ["hammerstein"])[0].indices.get("S_hat", np.nan)
+            right, n = right + ((grades > 1.0) == (S > 1.0)), n + 1
     why = "S of 0.6 and 2 % from OP and PV by hammerstein, J from a fifth of S to S; limit 1 %"
     yield Row(
         "Table 11.1",
@@ -282,7 +282,7 @@ def _models() -> Iterator[Row]:
                 find_oscillation(record.op[500:], record.pv[500:], record.Ts).period_s
             )
     base = np.array(period["choudhury"])
-    said = {m: np.array(p) / base for m, p in period.items() if m != "choudhury"}
+    verdicts = {m: np.array(p) / base for m, p in period.items() if m != "choudhury"}
     for place, models, what, printed in (
         (
             "Sect. 11.3.2",
@@ -294,7 +294,7 @@ def _models() -> Iterator[Row]:
     ):
         parts, good = [], True
         for m in models:
-            both = said[m][np.isfinite(said[m])]
+            both = verdicts[m][np.isfinite(verdicts[m])]
             parts.append(f"{m}: period {np.median(both):.2f} times (n = {both.size})")
             good = good and abs(np.median(both) - 1.0) < 0.1
         why = (
@@ -342,11 +342,11 @@ def _waves() -> Iterator[Row]:
         "triangle": np.arcsin(np.sin(2 * np.pi * t)),
     }
     shapes["smooth triangle"] = smooth(shapes["triangle"], 40.0 / 3.0)
-    told = []
+    separated = []
     for name, x in shapes.items():
         noisy = x / x.std() + 0.05 * np.random.default_rng(1).standard_normal(x.size)
         share = label_shares(cycles(noisy, 40.0))
-        told.append(
+        separated.append(
             f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of"
             f" {len(cycles(noisy, 40.0))})"
         )
@@ -359,7 +359,7 @@ def _waves() -> Iterator[Row]:
         "Table 11.2",
         "sharp and smooth triangle, parabola",
         "told apart",
-        "; ".join(told),
+        "; ".join(separated),
         False,
         why,
     )
@@ -432,11 +432,11 @@ def _p_only() -> Iterator[Row]:
 
 def _movements() -> Iterator[Row]:
     rng = np.random.default_rng(0)
-    found = []
+    moved = []
     for _ in range(20):
         op = np.repeat(rng.standard_normal(60).cumsum(), 5)
-        found.append(movement_indices(op, np.zeros(op.size)))
-    rho = np.array(found)
+        moved.append(movement_indices(op, np.zeros(op.size)))
+    rho = np.array(moved)
     good = bool(np.all(rho[:, 0] == 1.0) and np.all(rho[:, 1] == 0.0))
     ours = (
         f"rho1 = {rho[:, 0].mean():.2f}, rho2 = {rho[:, 1].mean():.2f}, rho3 ="
@@ -519,15 +519,15 @@ def _rho3(record: LoopRecord, share: float) -> float:
 
 
 def _correlation() -> Iterator[Row]:
-    said = []
+    dtau = []
     for loop in loops(model="ideal", n=3000):
         record = simulate(loop.with_("controller.Kc", 12.0 * loop.controller.Kc), kick=4.0).record
         if np.ptp(record.op[1500:]) > 99.0:
-            said.append(correlation_indices(record.op[1500:], record.pv[1500:])[0])
-    even = sum(d <= 1.0 / 3.0 for d in said)
+            dtau.append(correlation_indices(record.op[1500:], record.pv[1500:])[0])
+    even = sum(d <= 1.0 / 3.0 for d in dtau)
     ours = (
-        f"even cross-correlation (dtau at most 1/3) in {_share(even, len(said))}; median dtau"
-        f" {np.median(said):.2f}"
+        f"even cross-correlation (dtau at most 1/3) in {_share(even, len(dtau))}; median dtau"
+        f" {np.median(dtau):.2f}"
     )
     why = "Kc twelve times as large, OP running from limit to limit, ideal valve"
     yield Row(
@@ -535,7 +535,7 @@ def _correlation() -> Iterator[Row]:
         "a saturated aggressive loop gives phase pi",
         "yes",
         ours,
-        even == len(said),
+        even == len(dtau),
         why,
     )
 
@@ -654,8 +654,8 @@ def _nonlinear() -> Iterator[Row]:
             op = 50.0 + 0.5 * swing * x / np.abs(x).max()
             flow = 10.0 * np.sqrt(op)
             flow += 0.1 * flow.std() * np.random.default_rng(seed + 100).standard_normal(flow.size)
-            found = error_bicoherence(flow, 16.0)
-            hits += found is not None and found.nonlinear()
+            counts = error_bicoherence(flow, 16.0)
+            hits += counts is not None and counts.nonlinear()
         seen[swing] = hits
     ours = ", ".join(f"{k:g} %: {v} of 20" for k, v in seen.items())
     good = seen[25.0] <= seen[10.0] + 2 and seen[80.0] > seen[25.0]
@@ -673,7 +673,7 @@ def _nonlinear() -> Iterator[Row]:
     )
 
 
-def _biased(Ts: float = 0.5, n: int = 1500, noise: float = 0.02) -> Iterator[LoopRecord]:
+def _biased(Ts: float = 0.5, n: int = 1500) -> Iterator[LoopRecord]:
     """Sticky loops whose cycles are not symmetric: a valve that sticks harder upwards."""
     for J in JUMPS:
         for seed, loop in enumerate(loops(Ts=Ts, n=n)):
@@ -684,7 +684,7 @@ def _biased(Ts: float = 0.5, n: int = 1500, noise: float = 0.02) -> Iterator[Loo
                 "S_down": 3.5,
                 "J_down": 0.5 * J,
             }
-            table = loop.to_table() | {"valve": valve, "noise": {"std": noise}}
+            table = loop.to_table() | {"valve": valve, "noise": {"std": 0.02}}
             record = simulate(Loop.from_table(table), seed, kick=5.0).record
             yield LoopRecord(
                 record.op,
@@ -740,10 +740,11 @@ def _filters() -> Iterator[Row]:
         "succeeds: a fitness of 60 %; sticky loops all",
     )
     dense = list(_biased(Ts=0.0625, n=24000))
-    found = [_count("choudhury", [thinned(r, k) for r in dense]) for k in (8, 2, 1)]
+    counts = [_count("choudhury", [thinned(r, k) for r in dense]) for k in (8, 2, 1)]
     spread = [find_oscillation(r.op, r.pv, 1.0).period_s for r in dense]
     ours = (
-        f"found {found[0]}, {found[1]}, {found[2]} of {len(dense)} at 1, 4 and 8 times the density"
+        f"found {counts[0]}, {counts[1]}, {counts[2]} of {len(dense)} at 1, 4 and 8 times the"
+        " density"
     )
     why = (
         f"periods of {min(spread):.0f} to {max(spread):.0f} samples at the last, thinned by twos to"
@@ -754,7 +755,7 @@ def _filters() -> Iterator[Row]:
         "periods above 250 samples are down-sampled",
         "can be",
         ours,
-        len(set(found)) == 1,
+        len(set(counts)) == 1,
         why,
     )
     near = 0
@@ -812,8 +813,8 @@ def _tests() -> Iterator[Row]:
     for seed in range(12):
         sticky = seed % 2
         pair, influence = drawn_pair(np.random.default_rng(seed), sticky)
-        found = find_culprit(pair, influence)
-        right, n = right + (found.culprit == sticky), n + 1
+        counts = find_culprit(pair, influence)
+        right, n = right + (counts.culprit == sticky), n + 1
         for trace, loop in zip(
             run_rig([resolve_loop(loop, 7) for loop in pair], influence=influence),
             pair,
@@ -827,7 +828,7 @@ def _tests() -> Iterator[Row]:
                 op_span=(0.0, 100.0),
             )
             accused += judge(record, ["procedure"])[0].verdict != NO_STICTION
-        tested += 1 if found.culprit is not None else 2
+        tested += 1 if counts.culprit is not None else 2
     why = (
         "two loops that push each other, one valve sticky; each gain is changed in turn"
         " (results.studies.coupled_loops)"

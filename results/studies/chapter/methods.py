@@ -110,7 +110,7 @@ def _correlation(isdb: Source) -> Iterator[Row]:
                 name,
             )
             continue
-        found = judge(record, ["horch"])[0]
+        indices = judge(record, ["horch"])[0]
         raw = dict(zip(("dtau", "drho"), correlation_indices(record.op, record.pv)))
         for index in ("dtau", "drho"):
             printed, why = about[index]
@@ -118,17 +118,17 @@ def _correlation(isdb: Source) -> Iterator[Row]:
                 "Example 11.2",
                 f"{name} {index}",
                 printed,
-                found.indices[index],
+                indices.indices[index],
                 0.02,
                 why.format(raw=raw[index]),
             )
-        said, ours = str(about["verdict"]), found.verdict
+        verdict, ours = str(about["verdict"]), indices.verdict
         yield Row(
             "Example 11.2",
             f"{name} verdict",
-            said.replace("_", " "),
+            verdict.replace("_", " "),
             ours.replace("_", " "),
-            ours == said,
+            ours == verdict,
         )
 
 
@@ -139,9 +139,9 @@ def _tunings() -> Iterator[Row]:
         1.0: ("3 pi/4", "undetermined"),
         0.1: ("pi/2", "no stiction"),
     }
-    for w_Ti, (shift, said) in printed.items():
+    for w_Ti, (shift, answers) in printed.items():
         ours = str(verdicts[w_Ti]).replace("_", " ")
-        same = ours == said or (ours, said) == ("no decision", "undetermined")
+        same = ours == answers or (ours, answers) == ("no decision", "undetermined")
         why = (
             ""
             if same
@@ -153,7 +153,7 @@ def _tunings() -> Iterator[Row]:
         yield Row(
             "Example 11.3",
             f"phase shift {shift} (w Ti = {w_Ti:g}), healthy valve",
-            said,
+            answers,
             ours,
             same,
             why,
@@ -169,10 +169,10 @@ def _fits(isdb: Source) -> Iterator[Row]:
         if record is None:
             yield missing("Example 11.4", f"{name} eta", f"{printed:.2f}", name)
             continue
-        found = judge(record, ["he"])[0].indices
+        indices = judge(record, ["he"])[0].indices
         why = (
             "two free lines per half cycle, as in the chapter; He's own triangle, which decides"
-            f" here, gives {found['eta']:.2f}"
+            f" here, gives {indices['eta']:.2f}"
         )
         humps = Prepared(record).half_cycles("pv" if process == "integrating" else "op")
         sine, lines = typical_means(misfit(humps, sines()), two_line_misfit(humps))
@@ -180,7 +180,7 @@ def _fits(isdb: Source) -> Iterator[Row]:
             "; without the tenth of the half cycles that fits worst the lines give"
             f" {sine / (sine + lines):.2f}"
         )
-        yield number("Example 11.4", f"{name} eta", printed, found["eta_two_line"], 0.01, why)
+        yield number("Example 11.4", f"{name} eta", printed, indices["eta_two_line"], 0.01, why)
     ratio = (1 - 0.66) / (1 + 0.66)
     yield number(
         "Eq. 11.14",
@@ -197,10 +197,10 @@ def _ellipse() -> Iterator[Row]:
     t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     a, b, alpha = 3.0, 1.0, 0.6
     turned = a * np.cos(t) * np.exp(1j * alpha) + 1j * b * np.sin(t) * np.exp(1j * alpha)
-    found = fit_ellipse(turned.real, turned.imag)
-    assert found is not None
+    fit = fit_ellipse(turned.real, turned.imag)
+    assert fit is not None
     fitted, chord = (
-        found.apparent_stiction,
+        fit.apparent_stiction,
         2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)),
     )
     why = (

@@ -75,14 +75,14 @@ def _describing() -> Iterator[Row]:
         ", ".join(dead),
         dead == ["(b) integrating"],
     )
-    found = predict(Loop.from_table(SLOW))
+    prediction = predict(Loop.from_table(SLOW))
     why = (
         "PI with Ti > T + Td leads enough at low frequency to stay in the fourth quadrant: with K"
         " = 2, T = 10, Td = 2, Kc = 0.4, Ti = 20, S = 5, J = 3 the curves do not meet, yet a cycle"
-        f" of {found['exact']['period']:.0f} s exists"
+        f" of {prediction['exact']['period']:.0f} s exists"
     )
     what = "the curve of a self-regulating PI loop with J > 0 meets -1/N"
-    meets = bool(found["describing_function"])
+    meets = bool(prediction["describing_function"])
     yield Row("Sect. 11.3.3", what, "guaranteed", "always" if meets else "not always", meets, why)
 
 
@@ -90,9 +90,9 @@ def _waves() -> Iterator[Row]:
     d = FIGURES.load("fig_11_9").data()
     cycles = [c for _, c in d.groupby(["panel", "Td_over_T", "S_over_2J"], sort=False)]
     for panel, part, ratio in (("a", cycles[:3], "Td/T"), ("b", cycles[3:], "S/2J")):
-        found = [_best_wave(c, "PV") for c in part]
-        good = [name for name, _ in found] == ["square", "sine", "triangle"]
-        ours = ", ".join(f"{name} ({alike:.3f})" for name, alike in found)
+        waves = [_best_wave(c, "PV") for c in part]
+        good = [name for name, _ in waves] == ["square", "sine", "triangle"]
+        ours = ", ".join(f"{name} ({alike:.3f})" for name, alike in waves)
         why = (
             "best of three half-cycle waves, mean correlation in brackets; the chapter's own ratios"
             " are not printed"
@@ -105,14 +105,14 @@ def _waves() -> Iterator[Row]:
             good,
             why,
         )
-    found = [_best_wave(c, "OP (%)") for c in cycles]
-    good = all(name == "triangle" for name, _ in found)
-    least = min(alike for _, alike in found)
+    waves = [_best_wave(c, "OP (%)") for c in cycles]
+    good = all(name == "triangle" for name, _ in waves)
+    least = min(alike for _, alike in waves)
     yield Row(
         "Fig. 11.9",
         "OP",
         "always triangular",
-        f"triangle in all {len(found)}",
+        f"triangle in all {len(waves)}",
         good,
         f"least correlation {least:.3f}",
     )
@@ -151,7 +151,7 @@ def _best_wave(cycle: pd.DataFrame, column: str) -> tuple[str, float]:
 
 
 def _even_over_odd(x: np.ndarray) -> float:
-    power = np.abs(np.fft.rfft(x - x.mean())) ** 2  # three periods: harmonic k stands in bin 3 k
+    power = np.abs(np.fft.rfft(x - x.mean())) ** 2  # three periods: harmonic k is in bin 3 k
     return float(power[6:60:6].sum() / power[3:60:6].sum())
 
 

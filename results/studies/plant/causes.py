@@ -48,7 +48,7 @@ CAUSES = (
     "saturation",
     "healthy",
 )
-SAYS = {
+NAMES = {
     "stiction": ("stiction",),
     "dead-band": ("stiction",),
     "tuning": ("tuning",),
@@ -79,8 +79,8 @@ def tuned(rng: np.random.Generator, tightness: float) -> dict[str, Any]:
     }
 
 
-def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopRecord, Loop]:
-    """Return the record and the loop of one cause, or of two: `beside` is "tuning" or "outside"."""
+def drawn(cause: str, rng: np.random.Generator, second: str = "") -> tuple[LoopRecord, Loop]:
+    """Return the record and the loop of one cause, or of two: `second` is "tuning" or "outside"."""
     table = tuned(rng, float(rng.uniform(2.5, 4.0)))
     T, kick = table["plant"]["T"], 0.0
     if cause in ("stiction", "dead-band"):
@@ -97,9 +97,9 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
         table["controller"]["Ti"] = 4 * T
         table["valve"] = {"model": "deadband", "S": table["valve"]["S"]}
         table["disturbance"] = [{"type": "coloured", "amplitude": 0.1, "period": T}]
-    if "tuning" in (cause, beside):
+    if "tuning" in (cause, second):
         table["controller"]["Kc"] *= table_margin(table) / float(rng.uniform(1.08, 1.3))
-    if "outside" in (cause, beside):
+    if "outside" in (cause, second):
         period = float(rng.uniform(4, 15) * T)
         sine = {
             "type": "sine",
@@ -122,7 +122,7 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
         )
     loop = Loop.from_table(table)
     record = simulate(loop, int(rng.integers(2**31)), kick=kick).record.without_mv()
-    # stuck: PV stands while the controller integrates on
+    # stuck: PV rests while the controller integrates on
     if cause == "sensor" and table["noise"]["std"] < 1.0:
         pv, at = np.array(record.pv), int(0.4 * record.n)
         size = int(rng.uniform(0.1, 0.25) * record.n)
@@ -137,9 +137,9 @@ def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopR
 
 def table_margin(table: dict[str, Any]) -> float:
     """Return the gain margin of a table's loop."""
-    found = margins(Loop.from_table(table))
-    assert found is not None
-    return found.gain
+    known = margins(Loop.from_table(table))
+    assert known is not None
+    return known.gain
 
 
 def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
@@ -159,7 +159,7 @@ def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
 
 def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
     """Return loops of every cause by name, each pair of source and victim in one week, every other
-    loop in its own.
+    loop in another.
     """
     rng, out = np.random.default_rng(seed), {}
     for i in range(n):
@@ -175,10 +175,10 @@ def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
     return out
 
 
-def sticky(n: int, seed: int, beside: str = "") -> dict[str, tuple[str, LoopRecord, Loop]]:
-    """Return more loops whose valve sticks by name, and beside which something else is wrong."""
+def sticky(n: int, seed: int, second: str = "") -> dict[str, tuple[str, LoopRecord, Loop]]:
+    """Return more loops whose valve sticks by name, in which something else is wrong too."""
     rng = np.random.default_rng([seed, 1])
-    return {f"more {i}": ("stiction", *drawn("stiction", rng, beside)) for i in range(n)}
+    return {f"more {i}": ("stiction", *drawn("stiction", rng, second)) for i in range(n)}
 
 
 BLIND = {
@@ -190,7 +190,7 @@ BLIND = {
 
 
 def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
-    """Return loops of an independent simulator by name, each in a week of its own."""
+    """Return loops of an independent simulator by name, each in a separate week."""
     out: dict[str, tuple[str, LoopRecord, Loop | None]] = {}
     with tempfile.TemporaryDirectory() as place:
         for i in range(n):
@@ -214,50 +214,52 @@ def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loo
 def identified(
     loops: dict[str, tuple[str, LoopRecord, Loop | None]],
 ) -> dict[str, CandidateLoops | None]:
-    """Return the loops that may stand behind every record, None where none can be identified."""
-    behind: dict[str, CandidateLoops | None] = {}
+    """Return the loops that may have made every record, None where none can be identified."""
+    candidates: dict[str, CandidateLoops | None] = {}
     for name, (_, record, _) in tqdm(loops.items(), file=sys.stderr, desc="loops"):
         try:
-            behind[name] = candidate_loops(record)
+            candidates[name] = candidate_loops(record)
         except UserError:
-            behind[name] = None
-    return behind
+            candidates[name] = None
+    return candidates
 
 
 def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
-    """Return the causes found, the events, and the identified loops."""
+    """Return the named causes, the events, and the identified loops."""
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
-    behind = identified(loops)
+    candidates = identified(loops)
     events = shared_oscillations(prepared)
     root: dict[str, str] = {}
-    sure = {name: 0.0 if found is None else found.probability for name, found in behind.items()}
+    sure = {name: 0.0 if named is None else named.probability for name, named in candidates.items()}
     for event in events:
         first = max(event, key=lambda name: sure[name])
         root |= {name: first for name in event if name != first}
     causes = {
         n: find_causes(
-            prepared[n], behind[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)
+            prepared[n], candidates[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)
         )
         for n in loops
     }
-    return causes, events, behind
+    return causes, events, candidates
 
 
-def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str]]) -> list[str]:
+def summary_lines(
+    loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str]]
+) -> list[str]:
     """Return the table of causes and the events across weeks."""
     lines, right, wrong = [], 0, 0
     for cause in CAUSES:
-        said = Counter(
+        named = Counter(
             causes[name].named.name for name, (truth, _, _) in loops.items() if truth == cause
         )
-        if not said:
+        if not named:
             continue
-        good = sum(said[word] for word in SAYS[cause])
-        open_ = said["cannot tell"]
-        right, wrong = right + good, wrong + sum(said.values()) - good - open_
+        good = sum(named[word] for word in NAMES[cause])
+        open_ = named["cannot tell"]
+        right, wrong = right + good, wrong + sum(named.values()) - good - open_
         lines.append(
-            f"{cause:<12} n {sum(said.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said"
-            f" {dict(said)}"
+            f"{cause:<12} n {sum(named.values()):>3}  right {good:>3}  cannot tell {open_:>3}  said"
+            f" {dict(named)}"
         )
     across = sum(len({name.rstrip("sv") for name in event}) > 1 for event in events)
     lines.append(
@@ -269,26 +271,26 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
 
 
 def helped(
-    loops: dict[str, Any], behind: dict[str, CandidateLoops | None], beside: str
+    loops: dict[str, Any], candidates: dict[str, CandidateLoops | None], second: str
 ) -> list[str]:
     """Return how often the action ranked first is the true loop's best, and how far its claims lie
     from the true ones.
     """
     n = best = always = inside = claims = near = 0
     sticky = [
-        (loop, behind[name])
+        (loop, candidates[name])
         for name, (truth, _, loop) in loops.items()
         if truth == "stiction" and loop is not None
     ]
-    for loop, found in tqdm(sticky, file=sys.stderr, desc="what if"):
-        if found is None or found.probability <= 0.7:
+    for loop, ranked in tqdm(sticky, file=sys.stderr, desc="what if"):
+        if ranked is None or ranked.probability <= 0.7:
             continue
-        actions, table = what_if(found), loop.to_table()
+        actions, table = what_if(ranked), loop.to_table()
         if not actions:
             continue
         S, J = table["valve"]["S"], table["valve"]["J"]
         # the settings claimed, on the true loop
-        settings = retuned(found.sticky or found.healthy[0])
+        settings = retuned(ranked.sticky or ranked.healthy[0])
         table["valve"] = {"model": "ideal"}
         true = {
             a.name: a
@@ -307,7 +309,7 @@ def helped(
                 claims, inside = claims + 1, inside + (a.lo <= true[a.name].variance <= a.hi)
     share = max(n, 1)
     return [
-        f"what if, {beside or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first"
+        f"what if, {second or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first"
         f" action best within 10 % of PV variance {best} ({best / share:.2f}; to repair always"
         f" {always}); variance without friction within .1 {near} ({near / share:.2f}); {inside} of"
         f" {claims} intervals hold ({inside / max(claims, 1):.2f})"
@@ -366,10 +368,10 @@ def sizes(n: int, seed: int) -> list[str]:
     archive.
     """
     loops = sticky(n, seed).values()
-    lines, all_said, all_inside = [], 0, 0
+    lines, all_stated, all_inside = [], 0, 0
     with tempfile.TemporaryDirectory() as place:
         for how in ARCHIVES:
-            said = inside = refused = 0
+            stated = inside = refused = 0
             for _, record, loop in tqdm(loops, file=sys.stderr, desc=how):
                 S = loop.to_table()["valve"]["S"]
                 try:
@@ -381,15 +383,16 @@ def sizes(n: int, seed: int) -> list[str]:
                     continue
                 if level is not None:
                     lo, hi = level if isinstance(level, tuple) else (level, level)
-                    said, inside = said + 1, inside + (lo <= S <= hi)
+                    stated, inside = stated + 1, inside + (lo <= S <= hi)
             lines.append(
-                f"S, {how:<13} n {n}  stated {said:>3}  within its interval {inside:>3}  refused"
+                f"S, {how:<13} n {n}  stated {stated:>3}  within its interval {inside:>3}  refused"
                 f" {refused}"
             )
-            all_said, all_inside = all_said + said, all_inside + inside
+            all_stated, all_inside = all_stated + stated, all_inside + inside
     return [
         *lines,
-        f"S: {all_inside} of {all_said} stated lie within ({all_inside / max(all_said, 1):.2f})",
+        f"S: {all_inside} of {all_stated} stated lie within"
+        f" ({all_inside / max(all_stated, 1):.2f})",
     ]
 
 
@@ -421,17 +424,19 @@ def main() -> int:
         loops = blind(world, given.blind, given.seed)
         causes, events, _ = judged(loops)
         print(
-            "\n".join([f"{world}, a simulator that is not ours:", *told(loops, causes, events)]),
+            "\n".join(
+                [f"{world}, a simulator that is not ours:", *summary_lines(loops, causes, events)]
+            ),
             flush=True,
         )
     loops = plant(given.n, given.seed)
-    causes, events, behind = judged(loops)
-    print("\n".join(["own grids:", *told(loops, causes, events)]), flush=True)
-    for beside in ("", "tuning", "outside"):
-        more = sticky(given.more // 3, given.seed, beside)
-        every, known = ({}, {}) if beside else (loops, behind)
+    causes, events, candidates = judged(loops)
+    print("\n".join(["own grids:", *summary_lines(loops, causes, events)]), flush=True)
+    for second in ("", "tuning", "outside"):
+        more = sticky(given.more // 3, given.seed, second)
+        every, known = ({}, {}) if second else (loops, candidates)
         print(
-            "\n".join(helped({**every, **more}, {**known, **identified(more)}, beside)), flush=True
+            "\n".join(helped({**every, **more}, {**known, **identified(more)}, second)), flush=True
         )
     print("\n".join(sizes(given.archived, given.seed)))
     return 0

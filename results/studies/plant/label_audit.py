@@ -3,7 +3,7 @@ asks of every one.
 
 The log-odds of stiction of all records of a loop, calibrated on the loops of other units, against
 its label; then three labels at random are turned, again and again, to see whether those would be
-found.
+detected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from simbench.usage import exit_code
 
 WRONG = 0.1  # of labels, before looking
 SUSPECTED = 0.5  # probability of a wrong label, from which it is suspected
-PULL = 4.0  # loops that an uncalibrated reader is worth beside those labelled
+PULL = 4.0  # loops that an uncalibrated reader is worth in addition to those labelled
 WINDOWS = 3  # of half the record, overlapping by half
 TURNED, FIRST, DRAWS = 3, 6, 100
 
@@ -37,11 +37,11 @@ TURNED, FIRST, DRAWS = 3, 6, 100
 def measured(record: LoopRecord) -> dict[str, Any]:
     """Return the log-odds of one record and what was measured, None where it cannot be judged."""
     try:
-        found = friction(record)
+        rows = friction(record)
     except UserError as why:
         return {"odds": None, "why": str(why)}
-    e = found.evidence
-    return {"odds": found.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share}
+    e = rows.evidence
+    return {"odds": rows.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share}
 
 
 def windows(record: LoopRecord) -> list[LoopRecord]:
@@ -86,25 +86,25 @@ def _calibrated(odds: np.ndarray, sticky: np.ndarray) -> tuple[float, float]:
     return max(float(slope), 0.0), float(offset)
 
 
-def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
+def turned(loops: pd.DataFrame) -> tuple[float, float]:
     """Return the share of turned labels among the first suspected, and the share of true ones that
     are suspected.
     """
-    rng, truth = np.random.default_rng(seed), loops.sticky.to_numpy(bool)
-    found, false = [], []
+    rng, truth = np.random.default_rng(0), loops.sticky.to_numpy(bool)
+    detected, false = [], []
     for _ in range(DRAWS):
         which = rng.choice(truth.size, TURNED, replace=False)
         labels = truth.copy()
         labels[which] = ~labels[which]
         p = doubts(loops, labels)
-        found.append(np.isin(which, np.argsort(-p)[:FIRST]).mean())
+        detected.append(np.isin(which, np.argsort(-p)[:FIRST]).mean())
         false.append((np.delete(p, which) > SUSPECTED).mean())
-    return float(np.mean(found)), float(np.mean(false))
+    return float(np.mean(detected)), float(np.mean(false))
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Print every loop by how doubtful its label is, with what speaks and where, and how many
-    turned labels are found.
+    turned labels are detected.
     """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.label_audit", description=__doc__
@@ -165,11 +165,11 @@ def _speaks(parts: list[dict[str, Any]], sticky: bool) -> str:
         return "no half can be judged alone"
     odds, i, p = (min if sticky else max)(judged, key=lambda x: x[0])
     where = ("first", "middle", "last")[i]
-    said = (
+    halves = (
         f"friction {p['gain']:+.0f} nats, from outside {p['outside']:+.0f}, band {p['share']:.0%}"
         " of OP's range"
     )
-    return f"{where} half {probability(odds):.2f} ({said})"
+    return f"{where} half {probability(odds):.2f} ({halves})"
 
 
 if __name__ == "__main__":

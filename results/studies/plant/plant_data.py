@@ -45,8 +45,8 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
     DataFrame
         One row per record: id, unit_group, label, credible (no doubt about the label), effects,
         friction (named or not), error (the sentence of a record that was refused), type (of the
-        plant), and for each of `FLAGS` the flag and `named_` flag: whether an effect or a note says
-        so.
+        plant), and for each of `FLAGS` the flag and `named_` flag: whether an effect or a note
+        states so.
     """
     table = pd.read_csv(Path(folder) / "records.csv")
     table["sp_steps"] = table.sp_kind == "steps"
@@ -57,12 +57,12 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
         delay=1.0,
     ):
         process = str(m.dynamics).replace("_", "-")
-        effects, said, error, kind = [], set(), "", ""
+        effects, notes, error, kind = [], set(), "", ""
         try:
             known = {"process": process} if process in PROCESSES and not blind else {}
             report = diagnose(read_record(Path(folder) / f"{m.id}.csv", **known), None)
             effects = [e["effect"] for e in report.effects]
-            said = {
+            notes = {
                 *effects,
                 *(
                     word
@@ -85,7 +85,7 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
             "type": kind,
         }
         for flag, words in FLAGS.items():
-            row |= {flag: bool(getattr(m, flag)), f"named_{flag}": bool(said & set(words))}
+            row |= {flag: bool(getattr(m, flag)), f"named_{flag}": bool(notes & set(words))}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -106,12 +106,12 @@ def by_unit_group(frame: pd.DataFrame) -> pd.DataFrame:
         friction).
     """
     share = frame[frame.credible].groupby(["label", "unit_group"]).friction.mean().reset_index()
-    found = share.groupby("label").friction
+    groups = share.groupby("label").friction
     table = pd.DataFrame(
         {
-            "groups": found.size(),
-            "share": found.mean(),
-            "majority": found.apply(lambda x: (x >= 0.5).mean()),
+            "groups": groups.size(),
+            "share": groups.mean(),
+            "majority": groups.apply(lambda x: (x >= 0.5).mean()),
         }
     )
     return table.reset_index()

@@ -39,7 +39,7 @@ STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
     "oscillation": {"amplitude": (0.3, 0.8), "period": (0.5, 2.0)},
     COMES_AND_GOES: {"S": (0.5, 1.5), "slip": (0.2, 1.0), "period": (8.0, 16.0)},
 }
-# by which of a diagnosis's names an effect is called right, where that is not its own
+# by which of a diagnosis's names an effect is called right, where that is not its name
 CALLED = {COMES_AND_GOES: FRICTION_EFFECT}
 WIDEST = 25.0  # % of travel
 POOL = 400  # loops from which healthy fleets and grids are drawn
@@ -73,7 +73,7 @@ def plant(loop: Loop, effect: str, strength: dict[str, float], size: Size) -> Lo
 
 
 def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
-    """Return what a study says of one fleet, and what is true of it.
+    """Return the study of one fleet, and the truth.
 
     Parameters
     ----------
@@ -85,8 +85,8 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     Returns
     -------
     dict
-        planted; p (distance); order of the effects found; predicted and true change of every
-        method's accuracy on the grid's loops, 0 predicted where the effect was not found.
+        planted; p (distance); order of the named effects; predicted and true change of every
+        method's accuracy on the grid's loops, 0 predicted where the effect was not named.
 
     Notes
     -----
@@ -104,17 +104,18 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
             loop = plant(s.loop, effect, strength, size)
             write_record(simulate(loop, s.seed).record.without_mv(), Path(place) / f"L{i}.csv")
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
-        found = against(read_fleet(place), simulated, GRID, methods, seed=seed)
+        result = against(read_fleet(place), simulated, GRID, methods, seed=seed)
     # friction is what is asked for: a sibling stays sound
     now = [
-        _with(s, effect, strength) if s.stands or effect != COMES_AND_GOES else s for s in simulated
+        _with(s, effect, strength) if s.representative or effect != COMES_AND_GOES else s
+        for s in simulated
     ]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
-    first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
+    first = next((e for e in result.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {
         "planted": effect,
-        "p": found.distance["p"],
-        "order": [e.effect for e in found.effects],
+        "p": result.distance["p"],
+        "order": [e.effect for e in result.effects],
         "predicted": {m: first.costs[m] if first else 0.0 for m in methods},
         "true": {m: after[m] - before[m] for m in methods},
     }
@@ -145,7 +146,7 @@ def sound(groups: int, seed: int) -> list[Simulated]:
     """
     out = []
     for s in islice((s for s in draw(GRID, MORE * groups, seed) if not s.sticky), groups):
-        out += [replace(s, stands=True), replace(s, stands=False)]
+        out += [replace(s, representative=True), replace(s, representative=False)]
     return out
 
 
@@ -155,8 +156,8 @@ def _with(s: Simulated, effect: str, strength: dict[str, float]) -> Simulated:
     return replace(s, loop=loop, record=simulate(loop, s.seed).record.without_mv(), sticky=sticky)
 
 
-def told(rows: list[dict[str, Any]]) -> list[str]:
-    """Return how often the planted effect stands first, and how well its cost was predicted.
+def summary_lines(rows: list[dict[str, Any]]) -> list[str]:
+    """Return how often the planted effect ranks first, and how well its cost was predicted.
 
     Parameters
     ----------
@@ -196,8 +197,9 @@ def _right(row: dict[str, Any], named: list[str]) -> bool:
 
 
 def healthy(runs: int, records: int, groups: int) -> list[str]:
-    """Return how often a fleet that hides nothing is told apart from its grid, both drawn from one
-    pool without return.
+    """Return how often a fleet without effect differs from its grid, both drawn from one pool.
+
+    The two have no loop in common.
     """
     x, rng = units(draw(GRID, POOL, 0)), np.random.default_rng(0)
     small = np.zeros(2, dtype=int)
@@ -210,21 +212,21 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
             classifier_test(ruler.measured(sim), ruler.measured(real), rng)[1],
         )
         small += np.array(p) <= LEVEL
-    said = []
+    shares = []
     for name, k in zip(("kernel distance", "classifier"), small):
         lo, hi = wilson(k, runs)
-        said.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
+        shares.append(f"{k / runs:.3f} ({lo:.3f} to {hi:.3f}) by {name}")
     return [
         "",
         (
             f"{runs} fleets of {records} without effect, grids of {groups}: told apart at p <="
-            f" {LEVEL}: {', '.join(said)}"
+            f" {LEVEL}: {', '.join(shares)}"
         ),
     ]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Plant each effect in fleets of several seeds, ask a study of each, and print what it found;
+    """Plant each effect in fleets of several seeds, ask a study of each, and print its answers;
     goes on where it stopped.
     """
     parser = argparse.ArgumentParser(
@@ -253,10 +255,10 @@ def main(arguments: list[str] | None = None) -> int:
         f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of"
         f" grid {GRID}"
     )
-    said = [head, *told(rows)] if rows else []
+    results = [head, *summary_lines(rows)] if rows else []
     print(
         "\n".join(
-            said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])
+            results + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])
         )
     )
     return 0

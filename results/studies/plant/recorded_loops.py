@@ -1,4 +1,4 @@
-"""Is stiction found in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o
+"""Is stiction detected in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o
 KEPT` asks of every label.
 """
 
@@ -93,18 +93,18 @@ def _exception(x: np.ndarray, share: float) -> np.ndarray:
 
 
 def weighed(record: LoopRecord) -> dict[str, Any]:
-    """Return whether the procedure says stiction of a record, and the log-odds of it; None where it
+    """Return whether the procedure reports stiction, and the log-odds of it; None where the record
     cannot be judged.
     """
-    said = judge(record, [PROCEDURE])[0].verdict == STICTION
+    verdict = judge(record, [PROCEDURE])[0].verdict == STICTION
     try:
-        return {PROCEDURE: said, "odds": friction(record).log_odds}
+        return {PROCEDURE: verdict, "odds": friction(record).log_odds}
     except UserError:
-        return {PROCEDURE: said, "odds": None}
+        return {PROCEDURE: verdict, "odds": None}
 
 
 def counted(rows: pd.DataFrame, method: str) -> list[str]:
-    """Return found and false alarms of one method, by record, by loop and by unit.
+    """Return detections and false alarms of one method, by record, by loop and by unit.
 
     A loop or unit is called by most of its records, by the likelihood from their pooled log-odds.
     """
@@ -202,12 +202,12 @@ def panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
             if _sure(row) and not before:
                 added.append(f"added: {m.id}, {m.label}, {name}")
                 sound += m.label != "stiction"
-    said = (
+    sentence = (
         f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says"
         f" none; {lost} lost"
     )
     more = f"; of {silent} of {len(chosen) * len(PANEL)} nothing can be told"
-    return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}{more}", *added]
+    return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {sentence}{more}", *added]
 
 
 def _sure(row: dict[str, Any]) -> bool:

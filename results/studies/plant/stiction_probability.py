@@ -163,10 +163,10 @@ def _rerun(
 
 def _period(record: LoopRecord) -> float:
     """Return the period (s) of the record, or where it does not oscillate a fifth of its length."""
-    found = find_oscillation(record.op, record.pv, record.Ts)
+    oscillation = find_oscillation(record.op, record.pv, record.Ts)
     return (
-        found.period_s
-        if np.isfinite(found.period_s) and found.period_s < record.duration
+        oscillation.period_s
+        if np.isfinite(oscillation.period_s) and oscillation.period_s < record.duration
         else 0.2 * record.duration
     )
 
@@ -207,10 +207,10 @@ def asked(simulator: str, number: int) -> dict[str, Any]:
         "n": record.n,
     }
     try:
-        found = friction(record)
+        evidence = friction(record)
     except UserError as why:
         return about | {"evidence": None, "why": str(why)}
-    e = found.evidence
+    e = evidence.evidence
     return about | {
         "evidence": [e.gain, e.outside, e.share],
         "cycles": record.duration / _period(record),
@@ -348,7 +348,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
 
 def main(arguments: list[str] | None = None) -> int:
     """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`,
-    beside what others would do.
+    and what others would do.
     """
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.stiction_probability", description=__doc__

@@ -35,7 +35,7 @@ from simbench.usage import exit_code
 
 GRID = "plant"
 TESTING = 12  # seed of the order in which loops are drawn
-PROCEDURE = "procedure"  # beside which trust stands
+PROCEDURE = "procedure"  # with which trust is compared
 RUNS = 10  # of the true loop, sticky and healthy each
 FITTED = 3  # of the sticky ones, in which friction's likelihood is asked for as well
 CLOSE = 0.1  # by which a claim may differ from what was measured
@@ -43,7 +43,7 @@ BOOTSTRAPS = 1000
 PLAIN, BURIED = (
     0.8,
     0.3,
-)  # found less false alarms by the best method: plainly visible above, buried below
+)  # sensitivity minus false alarms of the best method: plainly visible above, buried below
 BINS = 4  # of probability, for its calibration
 
 
@@ -77,7 +77,7 @@ def looked_at(scenario: Scenario) -> dict[str, Any]:
 def kept(
     out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Return what is found of loops of the grid; those looked at before are read from the
+    """Return the answers on loops of the grid; earlier ones are read from the
     folder.
     """
     folder(out)
@@ -93,7 +93,7 @@ def kept(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Ask trust about simulated loops, run the same loops again and again, and print claims beside
+    """Ask trust about simulated loops, run the same loops again and again, and print claims with
     what was measured.
     """
     parser = argparse.ArgumentParser(
@@ -112,19 +112,19 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    said = [
+    claims_of_loops = [
         *_probability(weighed),
         "",
         *_claims([r for r in rows if r["best"]]),
         *_visible(rows),
         *who_is_right(rows),
     ]
-    print("\n".join(said))
+    print("\n".join(claims_of_loops))
     return 0
 
 
 def checked(scenario: Scenario) -> dict[str, Any]:
-    """Return what trust says of one loop's record without MV, and what is true of the loop.
+    """Return the answer of trust on one loop's record without MV, and the truth.
 
     Parameters
     ----------
@@ -146,20 +146,20 @@ def checked(scenario: Scenario) -> dict[str, Any]:
 
 
 def claimed(record: LoopRecord) -> dict[str, Any]:
-    """Return what trust says of a record: what `checked` returns, but what is true."""
-    found = trust(record, help_wanted=False)
-    answer = found.as_json()
+    """Return the answer of trust on a record: what `checked` returns without the truth."""
+    trusted = trust(record, help_wanted=False)
+    answer = trusted.as_json()
     best = (
         None
-        if found.best is None
-        else {"method": found.best.verdict.method, "says": found.best.says}
+        if trusted.best is None
+        else {"method": trusted.best.verdict.method, "says": trusted.best.verdict_here}
     )
     shown = {k: answer[k] for k in ("probability", "methods", "smallest_visible")}
-    return {"said": found.conclusion.verdict, "best": best, **shown}
+    return {"said": trusted.conclusion.verdict, "best": best, **shown}
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
-    """Return how often every method calls the true loop stiction, with its own valve and, if that
+    """Return how often every method calls the true loop stiction, with its valve and, if that
     sticks, with a sound one.
 
     Parameters
@@ -186,12 +186,12 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
-    found = [
+    diagnosis = [
         probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv())
         for i in range(FITTED)
     ]
-    said = [p > CLAIMED_FROM for p in found if p is not None]
-    return float(np.mean(said)) if said else 0.0
+    verdict = [p > CLAIMED_FROM for p in diagnosis if p is not None]
+    return float(np.mean(verdict)) if verdict else 0.0
 
 
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
@@ -244,7 +244,7 @@ def _alarms(rows: list[dict[str, Any]], method: str) -> np.ndarray:
 
 
 def _power(rows: list[dict[str, Any]], method: str) -> np.ndarray:
-    """Return power claimed and measured at the loop's own S and J, shape (sticky loops, 2)."""
+    """Return power claimed and measured at S and J of the loop, shape (sticky loops, 2)."""
     sticky = [r for r in rows if r["with_friction"] is not None]
     pairs = [
         (_at(_of(r, method)["power"], r["S"], r["J"]), r["with_friction"][method]) for r in sticky
@@ -258,7 +258,7 @@ def _near(pairs: list[np.ndarray]) -> str:
 
 
 def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
-    """Return the share found in the cell nearest to (S, J) in logarithms."""
+    """Return the sensitivity in the cell nearest to (S, J) in logarithms."""
     ratio = max(J, 0.05 * S) / S
     return min(cells, key=lambda c: abs(np.log(c["S"] / S)) + abs(np.log(c["J"] / c["S"] / ratio)))[
         "found"

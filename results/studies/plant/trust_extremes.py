@@ -1,4 +1,4 @@
-"""Is "cannot be seen" said where it is true? `python -m results.studies.plant.trust_extremes
+"""Is "cannot be seen" answered where it is true? `python -m results.studies.plant.trust_extremes
 FOLDER` buries it, or shows it.
 """
 
@@ -30,8 +30,7 @@ SMALLEST, LARGEST = 0.02, 25.0  # S in % of travel
 
 
 def asked(scenario: Scenario) -> dict[str, Any]:
-    """Return what trust says of one loop with little and with much friction, and whether that could
-    be seen.
+    """Return the answers of trust on one loop with little and with much friction, and the truth.
 
     Parameters
     ----------
@@ -62,8 +61,8 @@ def asked(scenario: Scenario) -> dict[str, Any]:
 
 
 def _one(loop: Loop, seed: int, methods: list[str], alarms: dict[str, float]) -> dict[str, Any]:
-    found = shares(loop, seed, methods)
-    seen = max(found[m] - alarms[m] for m in methods)
+    trusted = shares(loop, seed, methods)
+    seen = max(trusted[m] - alarms[m] for m in methods)
     answer = trust(simulate(loop, seed).record.without_mv(), help_wanted=False)
     smallest = answer.smallest_visible
     return {
@@ -76,7 +75,7 @@ def _one(loop: Loop, seed: int, methods: list[str], alarms: dict[str, float]) ->
     }
 
 
-def told(rows: list[dict[str, Any]]) -> list[str]:
+def summary_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return how often friction was denied or called invisible, where it is buried and where it is
     plain.
 
@@ -96,12 +95,12 @@ def told(rows: list[dict[str, Any]]) -> list[str]:
     for kind in SIZES:
         here = [r[kind] for r in rows if _is(kind, r[kind])]
         denied = [r["said"] == NO_STICTION and _below(r) for r in here]
-        said = ", ".join(
+        counts = ", ".join(
             f"{a} {sum(r['said'] == a for r in here)}" for a in sorted({r["said"] for r in here})
         )
         lines.append(
             f"{kind}, as runs of the loop itself confirm: unseen {out_of(sum(denied), len(here))};"
-            f" said: {said}"
+            f" said: {counts}"
         )
     return lines
 
@@ -120,7 +119,7 @@ def _below(row: dict[str, Any]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Ask trust about loops at both extremes, and print what it says; goes on where it stopped."""
+    """Ask trust about loops at both extremes, and print its answers; goes on where it stopped."""
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.plant.trust_extremes", description=__doc__
     )
@@ -132,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("-n", type=int, default=60, help="Loops, each asked about twice [60].")
     given = parser.parse_args(arguments)
-    print("\n".join(told(kept(given.out, given.n, DRAWN, asked))))
+    print("\n".join(summary_lines(kept(given.out, given.n, DRAWN, asked))))
     return 0
 
 

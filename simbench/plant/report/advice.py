@@ -57,14 +57,14 @@ def advise(
         why.NEIGHBOUR: (root,),
         why.FROM_OUTSIDE: (f"{prepared.oscillation.period_s:.3g} s",),
     }
-    told = about.get(named.name, ())
+    details = about.get(named.name, ())
     if concluded.probability is None and named.name == why.NOT_TOLD:
         return Advice(MEASUREMENT, f"{concluded.next}: {concluded.reason}")
     job = _JOBS.get(named.name)
     if job is None:
         open_valve = VALVE if concluded.verdict == NO_DECISION else TUNING
         job = open_valve if swings else MEASUREMENT if concluded.verdict != NO_STICTION else NOBODY
-    return Advice(job, ": ".join([concluded.next, *map(str, told)]))
+    return Advice(job, ": ".join([concluded.next, *map(str, details)]))
 
 
 def best(actions: Sequence[Action]) -> Action | None:

@@ -37,20 +37,20 @@ class Cost:
 
     def sentence(self) -> str:
         """Return the cost in words."""
-        said = [
+        parts = [
             f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's"
             " variance"
         ]
         if self.travel is not None:
-            said.append(
+            parts.append(
                 f"the valve travels {self.travel / 100:.3g} full strokes and turns"
                 f" {self.reversals:.3g} times a day"
             )
         if self.automatic is not None:
-            said.append(f"in automatic {self.automatic:.0%} of the time")
+            parts.append(f"in automatic {self.automatic:.0%} of the time")
         if self.saturated > 0:
-            said.append(f"OP at a limit {self.saturated:.0%} of the time")
-        return "; ".join(said)
+            parts.append(f"OP at a limit {self.saturated:.0%} of the time")
+        return "; ".join(parts)
 
 
 def cost_of(prepared: Prepared, record: LoopRecord) -> Cost:

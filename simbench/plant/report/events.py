@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -33,20 +34,14 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
         for name, p in records.items()
         if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
     ]
-    parent = {name: name for name, _ in swinging}
-
-    def root(name: str) -> str:
-        while parent[name] != name:
-            name = parent[name]
-        return name
-
+    joined = DisjointSet(name for name, _ in swinging)
     for i, (a, one) in enumerate(swinging):
         for b, other in swinging[:i]:
-            if root(a) != root(b) and _together(one, other):
-                parent[root(a)] = root(b)
+            if not joined.connected(a, b) and _together(one, other):
+                joined.merge(a, b)
     groups: dict[str, list[str]] = {}
     for name, _ in swinging:
-        groups.setdefault(root(name), []).append(name)
+        groups.setdefault(joined[name], []).append(name)
     return sorted((g for g in groups.values() if len(g) > 1), key=lambda g: -len(g))
 
 
@@ -81,7 +76,7 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
     """Return the pairs of outer and inner loop: the set point of the inner is the output of the
     outer.
     """
-    found = []
+    pairs = []
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
             continue
@@ -91,8 +86,8 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
             else (0.0, "")
         )
         if best[1] != inner and best[0] > _FOLLOWS:
-            found.append((best[1], inner))
-    return found
+            pairs.append((best[1], inner))
+    return pairs
 
 
 def _follows(master: LoopRecord, slave: LoopRecord) -> float:

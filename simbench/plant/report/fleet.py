@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,13 +43,13 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
-# ends the name of the folder beside a page in which the answers on its loops are kept
+# ends the name of the folder next to a page in which the answers on its loops are kept
 JUDGED = ".judged"
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
-_FOLLOWER, _OPEN = (
-    0.2,
-    0.3,
-)  # of a loop's own cost, where another drives it, and confidence where no cause is named
+# of a loop's own cost, where another drives it, and confidence where no cause is named
+_FOLLOWER, _OPEN = 0.2, 0.3
+# rows, sentences of each kind, and loops with advice that a terminal shows; the page has everything
+_LISTED, _SENTENCES, _ADVISED = 15, 5, 2
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
@@ -65,7 +66,7 @@ class FleetLoop:
     """
 
     name: str
-    found: Trust
+    trust: Trust
     conclusion: Conclusion
     verdicts: tuple[Verdict, ...]
     over_time: OverTime
@@ -88,8 +89,8 @@ class FleetLoop:
 
     @property
     def probability(self) -> float:
-        """Of stiction; a record that cannot be judged stands last."""
-        return -1.0 if self.found.probability is None else self.found.probability
+        """Probability of stiction; a record that cannot be judged ranks last."""
+        return -1.0 if self.trust.probability is None else self.trust.probability
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,22 +140,37 @@ class Fleet:
         ]
 
     def as_text(self) -> str:
-        """Return the ranking for people, one line a loop."""
-        head = (
-            f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
-        )
-        lines = [head]
-        for rank, m in enumerate(self.members, 1):
-            p = "" if m.found.probability is None else f"{m.probability:.2f}"
+        """Return what to do first for people: `_LISTED` loops in a table, then shared oscillations
+        and records that were left out.
+        """
+        tests = self.to_test()
+        lines = [
+            f"Test {len(tests)} of {len(self.members)} valves first: {_some(tests)}."
+            if tests
+            else f"None of the {len(self.members)} valves needs a test first.",
+            "",
+            f"{'rank':<4} {'loop':<34} {'P(stiction)':>11} {'S':>5}  {'cause':<24} work on",
+        ]
+        for rank, m in enumerate(self.members[:_LISTED], 1):
+            p = "" if m.trust.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
-            lines.append(
-                f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12}"
-                f" {m.advice.do}"
-            )
-        lines += self.shared()
-        if self.to_test():
-            lines.append(f"fewest valves to test: {', '.join(self.to_test())}")
-        return "\n".join([*lines, *(f"left out {n}: {why}" for n, why in self.refused.items())])
+            cause, name = m.cause.name, textwrap.shorten(m.name, 34, placeholder="...")
+            lines.append(f"{rank:<4} {name:<34} {p:>11} {S:>5}  {cause:<24} {m.advice.job}")
+        hidden = len(self.members) - _LISTED
+        lines += [f"{hidden} more loops are on the page and in the table."] if hidden > 0 else []
+        lines += ["", *(f"Next for {m.name}: {m.advice.do}." for m in self.members[:_ADVISED])]
+        lines += self.shared()[:_SENTENCES]
+        if self.refused:
+            lines.append(f"{len(self.refused)} records were left out; the page names them all:")
+        return "\n".join(
+            [*lines, *(f"left out {n}: {why}" for n, why in [*self.refused.items()][:_SENTENCES])]
+        )
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first names and how many more there are."""
+    more = len(names) - _SENTENCES
+    return ", ".join(names[:_SENTENCES]) + (f" and {more} more" if more > 0 else "")
 
 
 def survey(
@@ -162,7 +178,6 @@ def survey(
     labels: str | Path | None = None,
     *,
     jobs: int = 2,
-    seed: int = 0,
     keep: str | Path | None = None,
     previous: str | Path | None = None,
     **about: Any,
@@ -175,9 +190,7 @@ def survey(
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
-    asked = [
-        (name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()
-    ]
+    asked = [(name, r, names, known.get(name, {}).get("label", "")) for name, r in records.items()]
     members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
     # with the time of the calendar
@@ -200,7 +213,7 @@ def survey(
 
 def _causes_before(previous: str | Path) -> dict[str, str]:
     """Return the causes that the tables of an earlier report's folder name, by loop."""
-    found: dict[str, str] = {}
+    causes: dict[str, str] = {}
     if not Path(previous).is_dir():
         raise ParameterError(
             f"--previous {previous}: the folder of an earlier report's page and table is needed"
@@ -209,20 +222,20 @@ def _causes_before(previous: str | Path) -> dict[str, str]:
         with contextlib.suppress(UserError):
             columns = read_table(file)
             if {"loop", "cause"} <= set(columns):
-                found |= dict(
+                causes |= dict(
                     zip(map(str, columns["loop"]), map(str, columns["cause"]), strict=True)
                 )
-    if not found:
+    if not causes:
         raise ParameterError(
-            f"--previous {previous}: no table of an earlier report in it; the .csv beside its page"
+            f"--previous {previous}: no table of an earlier report in it; the .csv next to its page"
             " is needed"
         )
-    return found
+    return causes
 
 
 def _adopt(previous: Path, keep: Path) -> None:
-    """Put the answers of an earlier report beside those of this one, which asks again where a
-    record or setting is another.
+    """Copy the answers of an earlier report to those of this one, which asks again where a record
+    or setting differs.
     """
     for file in previous.glob(f"*{JUDGED}/*.json"):
         if not (keep / file.name).exists():
@@ -236,29 +249,35 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
     return "again" if before.get(m.name) == m.cause.name else "new, watch"
 
 
-def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
-    found = trust(
-        record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed
-    )
-    asked = {m.verdict.method: m.verdict for m in found.methods}
+def _one(name: str, record: LoopRecord, methods: list[str], label: str) -> FleetLoop:
+    judged = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False)
+    asked = {m.verdict.method: m.verdict for m in judged.methods}
     others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
-    said = tuple(by_method[name] for name in methods)
+    verdicts = tuple(by_method[name] for name in methods)
     size = None
-    behind = found.behind
+    candidates = judged.candidates
     cost = cost_of(Prepared(record.without_mv()), record)
-    actions = what_if(behind, seed) if behind is not None else ()
-    if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
-        size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
+    actions = what_if(candidates) if candidates is not None else ()
+    if (
+        candidates is not None
+        and candidates.fitted
+        and candidates.gain > 0
+        and candidates.probability >= 0.5
+    ):
+        size = (
+            candidates.fitted[0] * candidates.percent,
+            candidates.fitted[1] * candidates.percent,
+        )
         hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
-        # an archive that leaves out as much says no size
+        # an archive that leaves out as much gives no size
         size = None if hidden > 0.5 * size[0] else size
-    when = found.over_time or OverTime(_NOTHING, (), 0, 0)
+    when = judged.over_time or OverTime(_NOTHING, (), 0, 0)
     return FleetLoop(
         name,
-        found,
-        found.conclusion,
-        said,
+        judged,
+        judged.conclusion,
+        verdicts,
         when,
         size,
         label,
@@ -274,8 +293,8 @@ def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[Fle
     """Return the members with what the records of one loop say together."""
     odds: dict[str, list[float]] = {}
     for m in members:
-        if m.found.behind is not None:
-            odds.setdefault(loops.get(m.name, m.name), []).append(m.found.behind.log_odds)
+        if m.trust.candidates is not None:
+            odds.setdefault(loops.get(m.name, m.name), []).append(m.trust.candidates.log_odds)
     together = {name: probability(pooled(every)) for name, every in odds.items()}
     return [replace(m, pooled=together.get(loops.get(m.name, m.name))) for m in members]
 
@@ -301,9 +320,9 @@ def _joined(
     out = []
     for m in members:
         number, root = place.get(m.name, (None, None))
-        # a loop as surely sticky as its root is a case of its own
+        # a loop as surely sticky as its root is a separate case
         driven = (
-            root if root not in (None, m.name) and m.found.conclusion.verdict != STICTION else None
+            root if root not in (None, m.name) and m.trust.conclusion.verdict != STICTION else None
         )
         # a cascade's outer loop swings with its inner one, whose valve it is
         slave = inner.get(m.name)
@@ -313,9 +332,9 @@ def _joined(
             and prepared[m.name].oscillation.sustained
         ):
             driven = slave
-        behind = m.found.behind or m.found.conclusion.reason
+        evidence = m.trust.candidates or m.trust.conclusion.reason
         concluded, causes = from_record(
-            prepared[m.name], behind, driven, probability.get(driven or "", 0.0)
+            prepared[m.name], evidence, driven, probability.get(driven or "", 0.0)
         )
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()

@@ -1,4 +1,4 @@
-"""A plant's loops on one page, and beside it the same as a table."""
+"""A plant's loops on one page, and the same as a table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from simbench.plant.report.fleet import Fleet, FleetLoop
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
-_BESIDE = (  # in the table beside the page, and in the loop's own part of it
+_TABLE_ONLY = (  # in the CSV next to the page, and in the part of the page on the loop
     "speaks for",
     "speaks against",
     "OP share",
@@ -69,7 +69,7 @@ def write_fleet(
     jobs: int = 1,
     keep: Path | None = None,
 ) -> Path:
-    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it;
+    """Write a plant's loops as one self-contained page, and a CSV of the same name next to it;
     pictures drawn are in `keep`.
     """
     sticky = [m for m in fleet.members if m.conclusion.verdict == STICTION]
@@ -78,13 +78,13 @@ def write_fleet(
         (str(len(sticky)), "with stiction claimed"),
         (str(len(fleet.events)), "oscillations shared by several loops"),
         (
-            str(sum(m.found.probability is None for m in fleet.members)),
+            str(sum(m.trust.probability is None for m in fleet.members)),
             "records that cannot be judged",
         ),
     ]
     frame = table(fleet)
     # words that wrap, so that a screen of 1200 px holds every column
-    shown = frame.drop(columns=[*fleet.methods, *_BESIDE]).rename(
+    shown = frame.drop(columns=[*fleet.methods, *_TABLE_ONLY]).rename(
         columns=lambda name: name.replace("_", " ")
     )
     of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
@@ -108,7 +108,7 @@ def write_fleet(
                 table=SectionTable(pd.DataFrame(score_units(pairs, labels))),
             )
         )
-    asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]
+    asked = [(m.name, m.trust.record, m.over_time) for m in fleet.members]
     drawn = resumed(_drawn, asked, jobs=jobs, keep=keep, what="pictures")
     # kept pictures may be of another's folder
     drawn = [
@@ -129,9 +129,9 @@ def write_fleet(
             )
         )
     write(path, "A plant's loops", f"{len(fleet.members)} records, the most urgent first", parts)
-    beside = Path(path).with_suffix(".csv")
-    write_table(frame, beside)
-    return beside
+    table_path = Path(path).with_suffix(".csv")
+    write_table(frame, table_path)
+    return table_path
 
 
 def _jobs(fleet: Fleet) -> list[str]:
@@ -156,17 +156,17 @@ def table(fleet: Fleet) -> pd.DataFrame:
     """Return one row per loop: what the page's ranking shows, and every method's verdict."""
     rows = []
     for rank, m in enumerate(fleet.members, 1):
-        seen, when = m.found.smallest_visible, m.over_time
+        seen, when = m.trust.smallest_visible, m.over_time
         row: dict[str, Any] = {
             "rank": rank,
             "loop": m.name,
-            PROBABILITY: m.found.probability,
+            PROBABILITY: m.trust.probability,
             "answer": WORDS[m.conclusion.verdict],
             "reason": m.conclusion.reason,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
             **dict(zip(("S from", "S to"), _interval(m), strict=True)),
-            "S unit": m.found.record.S_unit,
+            "S unit": m.trust.record.S_unit,
             "cause": m.cause.name,
             "confidence": m.cause.confidence if m.cause.confidence else None,
             "priority": m.priority,
@@ -180,7 +180,7 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "sticky cycles": when.sticky if when.several else None,
             "cycles": when.cycles if when.several else None,
         }
-        if any(other.pooled != other.found.probability for other in fleet.members):
+        if any(other.pooled != other.trust.probability for other in fleet.members):
             row["pooled over its loop's records"] = m.pooled
         if any(other.label for other in fleet.members):
             row["label"] = m.label.replace("_", " ")
@@ -227,13 +227,13 @@ def _why(m: FleetLoop) -> list[str]:
     lines = [] if m.causes is None else m.causes.as_lines()
     lines.append(f"Cost: {m.cost.sentence()}.")
     lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
-    return lines + [f"Assumed: {note}." for note in m.found.record.notes]
+    return lines + [f"Assumed: {note}." for note in m.trust.record.notes]
 
 
 def _legend() -> str:
-    says = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
+    words = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
     return (
-        ", ".join(f"{_SIGN[v]} {word}" for v, word in says.items())
+        ", ".join(f"{_SIGN[v]} {word}" for v, word in words.items())
         + ", blank: not made for this loop."
     )
 
@@ -249,11 +249,11 @@ def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
     """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next
     week.
     """
-    own = f"{crc32(name.encode()):08x}"
+    suffix = f"{crc32(name.encode()):08x}"
     trend = inline_svg(
-        draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time"
+        draw_trend(record, marks(when)), f"trend-{suffix}", f"PV, SP and OP of {name} over time"
     )
-    return trend, inline_svg(draw_pv_op(record), f"plane-{own}", f"PV of {name} against OP")
+    return trend, inline_svg(draw_pv_op(record), f"plane-{suffix}", f"PV of {name} against OP")
 
 
 def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
@@ -262,7 +262,7 @@ def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
         caption += (
             f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
         )
-    said = [f"{v.method}: {_word(v)}" for v in m.verdicts if v.applicable is not False]
+    verdicts = [f"{v.method}: {_word(v)}" for v in m.verdicts if v.applicable is not False]
     return {
         "rank": rank,
         "name": m.name,
@@ -274,6 +274,6 @@ def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
             {"svg": Markup(svg), "caption": c}
             for svg, c in zip(drawn, (caption, "PV against OP"), strict=True)
         ],
-        "verdicts": "; ".join(said),
-        "power": m.found.power_line(),
+        "verdicts": "; ".join(verdicts),
+        "power": m.trust.power_line(),
     }

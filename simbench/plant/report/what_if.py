@@ -37,8 +37,8 @@ _WARM_UP = 0.3  # of a run, before it counts
 # standard deviations of the logarithms drawn, of two development draws of 70 sticky loops
 _UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.05, "load": 0.2}
 _JUMP = 0.06  # standard deviation of J over S
-# where OP spans less than so many S the valve has two positions: J stands anywhere in the band, K
-# and load at what the swing makes of it, and the load holds what friction of another jump does not
+# where OP spans less than so many S the valve has two positions: J lies anywhere in the band, K
+# and load follow from the swing, and the load holds what friction of another jump does not
 # explain
 _TWO_POSITIONS, _BEYOND, _TOO_LARGE = 2.0, 0.15, 0.45
 _LEFT = 0.2  # of the band that is no jump, that compensation leaves
@@ -71,22 +71,22 @@ class Action:
         )
 
 
-def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
+def what_if(candidates: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
     """Return what the actions would do to the variance of PV, best first.
 
     Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an
     action on a loop whose valve nobody knows is no advice.
     """
-    claimed = behind.sticky is not None and behind.probability > CLAIMED_FROM
-    if not claimed and behind.probability >= DENIED_BELOW:
+    claimed = candidates.sticky is not None and candidates.probability > CLAIMED_FROM
+    if not claimed and candidates.probability >= DENIED_BELOW:
         return ()
-    base = behind.sticky if claimed and behind.sticky is not None else behind.healthy[0]
-    S, J = behind.fitted if claimed and behind.fitted is not None else (0.0, 0.0)
-    lo, hi = np.quantile(behind.record.op, (0.01, 0.99))
-    hidden = not behind.trusted and bool(hi - lo < _TWO_POSITIONS * S)
-    load = _recorded_load(with_friction(base, S, min(J, S)), behind.record) if S > 0 else None
+    base = candidates.sticky if claimed and candidates.sticky is not None else candidates.healthy[0]
+    S, J = candidates.fitted if claimed and candidates.fitted is not None else (0.0, 0.0)
+    lo, hi = np.quantile(candidates.record.op, (0.01, 0.99))
+    hidden = not candidates.trusted and bool(hi - lo < _TWO_POSITIONS * S)
+    load = _recorded_load(with_friction(base, S, min(J, S)), candidates.record) if S > 0 else None
     return compare(
-        base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed, load=load
+        base, S, J, spread=0.3 if candidates.trusted else 1.0, hidden=hidden, seed=seed, load=load
     )
 
 
@@ -96,9 +96,9 @@ def compare(
 ) -> tuple[Action, ...]:  # fmt: skip
     """Return the actions on one loop with a friction of S and J, best first.
 
-    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings`
-    are those to retune to, `load` (PV units, at the output) stands for the loop's own loads and
-    noise, from another sample on in every run.
+    `spread` scales the uncertainty of the loop. `hidden`: J cannot be separated from the plant's
+    gain. `settings` are those to retune to. `load` (PV units, at the output) replaces the loop's
+    loads and noise; every run starts it at another sample.
     """
     rng = np.random.default_rng(seed)
     drawn = []
@@ -113,25 +113,31 @@ def compare(
             )
         )
     settings = settings or retuned(base)
-    found: dict[str, list[float]] = {}
+    variances: dict[str, list[float]] = {}
     for name in _offered(base, S, J):
         kicked = 0.0 if name == REPAIR else 1.0
-        found[name] = [
+        variances[name] = [
             _variance(_changed(name, loop, s, j, settings), kicked * s, i, load)
             for loop, s, j, i in drawn
         ]
-    today = np.array(found[LEAVE])
+    today = np.array(variances[LEAVE])
     # a draw that does not move as the others do is another loop's
     sound = np.abs(np.log(today / np.nanmedian(today))) < np.log(_ALIKE)
     if sound.sum() < 0.4 * _RUNS:
         return ()
     out = []
-    for name, values in found.items():
+    for name, values in variances.items():
         ratio = np.array(values)[sound] / today[sound]
         ratio = np.where(np.isfinite(ratio), ratio, 99.0)
         lo, hi = ratio.min(), ratio.max()
         out.append(
-            Action(name, _said(name, base, settings), float(np.median(ratio)), float(lo), float(hi))
+            Action(
+                name,
+                _description(name, base, settings),
+                float(np.median(ratio)),
+                float(lo),
+                float(hi),
+            )
         )
     return tuple(sorted(out, key=lambda a: (round(a.variance, 2), a.name != LEAVE)))
 
@@ -259,7 +265,7 @@ def _variance(loop: Loop | None, S: float, seed: int, load: np.ndarray | None) -
     return float(np.mean((record.pv[late] - sp) ** 2)) + _SAME
 
 
-def _said(name: str, base: Loop, settings: Mapping[str, float]) -> str:
+def _description(name: str, base: Loop, settings: Mapping[str, float]) -> str:
     return {
         LEAVE: "leave it",
         REPAIR: "repair the valve (packing, positioner, actuator)",

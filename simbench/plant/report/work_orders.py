@@ -32,7 +32,7 @@ def orders(fleet: Fleet) -> pd.DataFrame:
                 "speaks against": "; ".join(m.cause.against),
                 "cost": m.cost.sentence(),
                 "best action": "" if first is None else first.sentence(),
-                "assumed": "; ".join(m.found.record.notes),
+                "assumed": "; ".join(m.trust.record.notes),
             }
         )
     return pd.DataFrame(rows)

@@ -1,6 +1,4 @@
-"""Loops of a grid, and the same loops once effects found in a plant have joined them, one after the
-other.
-"""
+"""Loops of a grid, to which effects observed in a plant are added one after the other."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with
 from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
 from simbench.progress import Progress
 
-_FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
+_FEWEST_LOOPS = 2  # loops in which an effect must be diagnosed to be tried
 _MOST_EFFECTS = 5  # effects joined one after the other
 _ROUNDS = 4  # in which a strength is measured again by the loop that has it
 
@@ -36,8 +34,8 @@ _ROUNDS = 4  # in which a strength is measured again by the loop that has it
 class Simulated:
     """One loop of the grid: its group, the loop, its record and whether it is sticky.
 
-    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its
-    healthy sibling.
+    Distances take the `representative` loop of each group: a plant's unit is one loop, not the mean
+    of a loop and its healthy sibling.
     """
 
     unit: str
@@ -46,7 +44,7 @@ class Simulated:
     record: LoopRecord
     sticky: bool
     size: Size
-    stands: bool = True
+    representative: bool = True
 
 
 def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
@@ -74,7 +72,7 @@ def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
 
 def join(
     simulated: list[Simulated],
-    found: Mapping[str, list[dict[str, Any]]],
+    effects: Mapping[str, list[dict[str, Any]]],
     loops: int,
     ruler: FeatureScaler,
     real_x: np.ndarray,
@@ -89,14 +87,14 @@ def join(
     # shares and places are tried
     left = {
         e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)]
-        for e, s in found.items()
+        for e, s in effects.items()
         if len(s) >= _FEWEST_LOOPS
     }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
     nearest = mmd_squared(ruler, units(simulated), real_x)
     while left and len(out) < _MOST_EFFECTS and nearest > 0.0:
-        standing = [s for s in now if s.stands]
+        standing = [s for s in now if s.representative]
         far = {
             v: mmd_squared(ruler, units(_with(standing, v)), real_x)
             for ways in left.values()
@@ -140,32 +138,33 @@ def _places(effect: str, strengths: list[dict[str, Any]]) -> list[tuple[dict[str
 def _shares(
     effect: str, strengths: tuple[dict[str, Any], ...], loops: int, rng: np.random.Generator
 ) -> list[Way]:
-    found, seed = len(strengths) / loops, int(rng.integers(2**31))
+    observed, seed = len(strengths) / loops, int(rng.integers(2**31))
     return [
         Way(effect, share, strengths, seed)
-        for share in dict.fromkeys((found, 0.5 * (1.0 + found), 1.0))
+        for share in dict.fromkeys((observed, 0.5 * (1.0 + observed), 1.0))
     ]
 
 
 def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
-    """Return the grid's loops with an effect in a share of its units, of strengths found on real
+    """Return the grid's loops with an effect in a share of its units, of strengths measured on real
     loops.
     """
     rng = np.random.default_rng(way.seed)
     hit = {u: rng.random() < way.share for u in dict.fromkeys(s.unit for s in simulated)}
     drawn = {u: way.strengths[int(rng.integers(len(way.strengths)))] for u in hit}
-    # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays
-    # sound
+    # friction is added to the representative loop of a unit alone: a healthy sibling stays healthy
     spared = way.effect in FRICTION_EFFECT
     return [
-        _hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s
+        _hit(s, way.effect, drawn[s.unit])
+        if hit[s.unit] and (s.representative or not spared)
+        else s
         for s in simulated
     ]
 
 
 def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
-    """Return a loop with an effect as strong beside the loop as it then is; strengths were found on
-    loops that have it.
+    """Return a loop with an effect whose strength is relative to the size of the changed loop, as
+    strengths are measured on loops that have the effect.
     """
     size, out = s.size, s
     before = (
@@ -189,7 +188,7 @@ def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
 
 def units(simulated: list[Simulated]) -> np.ndarray:
     """Return the features of the loops that stand for their groups, shape (groups, features)."""
-    standing = [s for s in simulated if s.stands]
+    standing = [s for s in simulated if s.representative]
     return by_unit([looks(s.record) for s in standing], [s.unit for s in standing])[1]
 
 

@@ -21,8 +21,8 @@ def looks(record: LoopRecord) -> dict[str, float]:
     turn = (
         np.sign(np.corrcoef(np.diff(op), np.diff(pv))[0, 1]) if np.ptp(op) and np.ptp(pv) else 1.0
     )
-    found = features((turn or 1.0) * op, pv, (sp - record.pv.mean()) / (np.std(record.pv) or 1.0))
-    out = {k: float(v) for k, v in found.items() if not k.endswith(" size")}
+    summary = features((turn or 1.0) * op, pv, (sp - record.pv.mean()) / (np.std(record.pv) or 1.0))
+    out = {k: float(v) for k, v in summary.items() if not k.endswith(" size")}
     swing = find_oscillation(record.op, record.pv, record.Ts)
     period = swing.period_s / record.Ts
     known = np.isfinite(period) and period > 0

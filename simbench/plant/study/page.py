@@ -18,12 +18,12 @@ from simbench.plant.study.result import Study
 _SHOWN = 12  # features drawn
 
 
-def write_study(found: Study, path: str | Path) -> None:
+def write_study(study: Study, path: str | Path) -> None:
     """Write a study as one self-contained HTML page."""
-    d, (auc, p) = found.distance, found.classifier
+    d, (auc, p) = study.distance, study.classifier
     differ = "differ from" if d["p"] < 0.05 else "cannot be told from"
     answer = (
-        f"{found.loops} loops ({found.records} records) {differ} what grid {found.grid} simulates."
+        f"{study.loops} loops ({study.records} records) {differ} what grid {study.grid} simulates."
     )
     tiles = [
         (
@@ -34,9 +34,9 @@ def write_study(found: Study, path: str | Path) -> None:
             f"{auc:.2f}",
             f"AUC of a classifier that tells real from simulated loops (0.5 = cannot), p = {p:.2f}",
         ),
-        (str(found.loops), "loops: the unit of every interval and p-value"),
+        (str(study.loops), "loops: the unit of every interval and p-value"),
     ]
-    says = (
+    caption = (
         "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all"
         " features"
     )
@@ -45,20 +45,20 @@ def write_study(found: Study, path: str | Path) -> None:
         section(
             "features",
             "By what they differ",
-            pictures=[(_draw_shifts(found.features[:_SHOWN]), says)],
+            pictures=[(_draw_shifts(study.features[:_SHOWN]), caption)],
         ),
         section(
             "effects",
             "What explains it",
-            _explained(found),
-            table=SectionTable(_effects(found)) if found.effects else None,
+            _explained(study),
+            table=SectionTable(_effects(study)) if study.effects else None,
         ),
-        section("methods", "What it costs each detector", table=SectionTable(_methods(found))),
+        section("methods", "What it costs each detector", table=SectionTable(_methods(study))),
         section(
-            "limits", "What so few loops can and cannot show", _limits(found), points=found.notes
+            "limits", "What so few loops can and cannot show", _limits(study), points=study.notes
         ),
     ]
-    write(path, f"A plant against grid {found.grid}", "Sim-to-real gap of a benchmark", parts)
+    write(path, f"A plant against grid {study.grid}", "Sim-to-real gap of a benchmark", parts)
 
 
 @styled
@@ -74,19 +74,17 @@ def _draw_shifts(features: Sequence[dict[str, float | str]]) -> Figure:
     return figure
 
 
-def _explained(found: Study) -> list[str]:
-    if not found.effects:
-        return [
-            "No effect was found in two loops and more that brings the grid nearer to these loops."
-        ]
-    steps = ", ".join(f"with {e.effect} {e.distance_after:.2f}" for e in found.effects)
+def _explained(study: Study) -> list[str]:
+    if not study.effects:
+        return ["No effect diagnosed in two or more loops brings the grid nearer to these loops."]
+    steps = ", ".join(f"with {e.effect} {e.distance_after:.2f}" for e in study.effects)
     return [
-        f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before"
+        f"Distance: {study.distance['value']:.2f} as it is; {steps} (each joined to those before"
         " it)."
     ]
 
 
-def _effects(found: Study) -> pd.DataFrame:
+def _effects(study: Study) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "effect": e.effect,
@@ -95,32 +93,32 @@ def _effects(found: Study) -> pd.DataFrame:
             "costs most, alone": next(iter(e.costly()), "none"),
             "points": round(100 * min(e.costs.values()), 1),
         }
-        for e in found.effects
+        for e in study.effects
     )
 
 
-def _methods(found: Study) -> pd.DataFrame:
+def _methods(study: Study) -> pd.DataFrame:
     rows = []
-    for m, value in found.simulated.items():
+    for m, value in study.simulated.items():
         row: dict[str, object] = {
             "method": m,
             "on the grid": value,
-            "with the effects": found.moved[m],
+            "with the effects": study.moved[m],
         }
-        if found.real:
-            real = found.real[m]
+        if study.real:
+            real = study.real[m]
             row |= {"on these loops": real["value"], "from": real["lo"], "to": real["hi"]}
-        rows.append(row | {f"{e.effect}, alone": e.costs[m] for e in found.effects})
+        rows.append(row | {f"{e.effect}, alone": e.costs[m] for e in study.effects})
     return pd.DataFrame(rows)
 
 
-def _limits(found: Study) -> list[str]:
-    smallest = 2.8 / np.sqrt(found.loops)
+def _limits(study: Study) -> list[str]:
+    smallest = 2.8 / np.sqrt(study.loops)
     return [
         (
-            f"With {found.loops} loops a feature must be shifted by about {smallest:.1f} of its"
-            " spread to be found in 4 of 5 such plants, before correction for the number of"
-            " features. That nothing was found does not show that nothing is there."
+            f"With {study.loops} loops a feature must be shifted by about {smallest:.1f} of its"
+            " spread to be detected in 4 of 5 such plants, before correction for the number of"
+            " features. The absence of a detected difference does not show that there is none."
         ),
         (
             "Accuracy is the mean of the shares right of sticky and of healthy loops; no decision"

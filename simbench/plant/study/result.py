@@ -99,12 +99,12 @@ class Study:
             )
         for m, value in self.simulated.items():
             real = self.real.get(m)
-            said = (
+            measured = (
                 ""
                 if real is None
                 else f", on these loops {real['value']:.2f} ({real['lo']:.2f} to {real['hi']:.2f})"
             )
             lines.append(
-                f"{m:<18} on the grid {value:.2f}, with the effects {self.moved[m]:.2f}{said}"
+                f"{m:<18} on the grid {value:.2f}, with the effects {self.moved[m]:.2f}{measured}"
             )
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])

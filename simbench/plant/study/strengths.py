@@ -1,4 +1,4 @@
-"""Effects found in a plant's loops, with strengths that can be carried over to loops of another
+"""Effects diagnosed in a plant's loops, with strengths that can be carried over to loops of another
 size and pace.
 """
 
@@ -67,9 +67,7 @@ class Size:
 
 
 def relative(effect: str, parameters: Mapping[str, Any], size: Size) -> dict[str, Any]:
-    """Return an effect's parameters measured by the loop they were found on; words stand as they
-    are.
-    """
+    """Return an effect's parameters relative to the size of their loop; words stay as they are."""
     return {
         k: v if isinstance(v, str) else v / size.factor(_unit(effect, k))
         for k, v in parameters.items()

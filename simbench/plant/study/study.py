@@ -50,15 +50,12 @@ def study(
     *,
     methods: Sequence[str] = ("fast",),
     groups: int = _GROUPS,
-    seed: int = 0,
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> Study:
     """Compare a set of records, labelled or not, with a grid."""
     real, chosen = read_fleet(folder, labels), choose_methods(methods)
-    return against(
-        real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep
-    )
+    return against(real, draw(grid, groups, 0), str(grid), chosen, jobs=jobs, keep=keep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +98,10 @@ def against(
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = FeatureScaler.of(sim_x, real_x)
-    found, failed = _effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
+    strengths, failed = _effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
     base = verdicts_on(simulated, methods)
     joined, moved = join(
-        simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng
+        simulated, strengths, len(set(unit.values())), ruler, real_x, base, methods, rng
     )
     labelled = _real_accuracy(records, unit, known, methods, rng)
     few = len(set(unit.values()))
@@ -114,7 +111,7 @@ def against(
     ]
     notes += [f"left out {n}: {why}" for n, why in real.refused.items()] + failed
     if joined and joined[-1].distance_after > 0.5 * mmd(ruler, sim_x, real_x):
-        notes.append("more than half of the distance stays unexplained by the effects found")
+        notes.append("more than half of the distance stays unexplained by the effects")
     return Study(
         records=len(records),
         loops=few,
@@ -138,22 +135,20 @@ def _effects_of(
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
-    """Diagnose one record of every unit, and return the effects found with their relative
-    strengths.
-    """
+    """Diagnose one record of every unit, and return the effects with their relative strengths."""
     about = []
     for name in {unit[name]: name for name in reversed(list(records))}.values():
-        beside = folder / f"{name}.toml"
-        about.append((records[name], load_loop(beside) if beside.exists() else None))
-    found: dict[str, list[dict[str, Any]]] = {}
+        loop_file = folder / f"{name}.toml"
+        about.append((records[name], load_loop(loop_file) if loop_file.exists() else None))
+    strengths: dict[str, list[dict[str, Any]]] = {}
     failed = []
     for answer in resumed(_diagnosed, about, jobs=jobs, keep=keep, what="diagnoses"):
         if isinstance(answer, str):
             failed.append(answer)
             continue
         for effect, strength in answer.items():
-            found.setdefault(effect, []).append(strength)
-    return found, failed
+            strengths.setdefault(effect, []).append(strength)
+    return strengths, failed
 
 
 def _diagnosed(record: LoopRecord, baseline: Loop | None) -> dict[str, dict[str, Any]] | str:

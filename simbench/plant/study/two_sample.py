@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _PERMUTATIONS = 499
+_ROUNDS = 99  # permutations of the classifier
 _BOOTSTRAPS = 200
 _FOLDS = 5
 
@@ -82,7 +83,7 @@ def mmd_test(
 
 
 def classifier_test(
-    one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99
+    one: np.ndarray, other: np.ndarray, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and
     the permutation p-value.
@@ -93,10 +94,10 @@ def classifier_test(
     fold = _folds(first, rng)
     value = _auc(x, first, fold)
     shuffled = []
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         label = rng.permutation(first)
         shuffled.append(_auc(x, label, _folds(label, rng)))
-    return value, float((1 + sum(s >= value for s in shuffled)) / (1 + rounds))
+    return value, float((1 + sum(s >= value for s in shuffled)) / (1 + _ROUNDS))
 
 
 def feature_tests(
@@ -127,7 +128,7 @@ def _mmd(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None)
 
 
 def _squared(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None) -> float:
-    # a loop is no evidence beside itself; in a bootstrap neither is its copy
+    # a loop is not compared with itself, nor in a bootstrap with its copy
     k = np.where(np.eye(len(kernel), dtype=bool) if twins is None else twins, 0.0, kernel)
     apart = 1.0 - (np.eye(len(kernel)) if twins is None else twins)
     a, b = first.astype(float), (~first).astype(float)

@@ -1,5 +1,5 @@
-"""A grid with the effects that a plant's loops have: the file it was, and the effects found as
-drawn settings.
+"""A grid with the effects that a plant's loops have: its file, and the effects as drawn
+settings.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ _PLACES = 20  # entries of the list that a loop's effect is drawn from
 
 
 class NoGrid(ParameterError):
-    """The study found nothing that a grid can draw."""
+    """The study has no effect that a grid can draw."""
 
 
-def write_grid(found: Study, path: str | Path) -> list[str]:
-    """Write the study's grid with the effects found in it, in their shares and strengths."""
+def write_grid(study: Study, path: str | Path) -> list[str]:
+    """Write the study's grid with its effects, in their shares and strengths."""
     base = (
-        Path(str(files("scenarios") / "grids" / f"{found.grid}.toml"))
-        if found.grid in grid_names()
-        else Path(found.grid)
+        Path(str(files("scenarios") / "grids" / f"{study.grid}.toml"))
+        if study.grid in grid_names()
+        else Path(study.grid)
     )
     # a grid's valves have their friction from the grid
     usable = [
         e
-        for e in found.effects
+        for e in study.effects
         if e.effect not in FRICTION_EFFECT and scales(e.effect, e.strengths[0]) is not None
     ]
     if not usable:
-        raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
-    text, own = (
+        raise NoGrid(f"no grid is written to {path}: the study has no effect that a grid can draw")
+    text, present = (
         base.read_text(encoding="utf-8"),
         read_toml(base).get("draw", {}).get("effect", ["none"]),
     )
-    line = f"effect = {_toml(_places(usable, own if isinstance(own, list) else [own]))}"
+    line = f"effect = {_toml(_places(usable, present if isinstance(present, list) else [present]))}"
     kept = re.sub(r"(?m)^effect = \[[^\]]*\]$", "", text)
     kept = re.sub(r"(?m)^\[draw\]$", f"[draw]\n{line}", kept, count=1)
     if "[draw]" not in text:
@@ -53,15 +53,15 @@ def write_grid(found: Study, path: str | Path) -> list[str]:
     blocks = "".join(_block(e) for e in usable)
     with whole_file(path) as f:
         f.write(
-            f"# {base.stem}, with the effects found in {found.loops} loops of a"
+            f"# {base.stem}, with the effects found in {study.loops} loops of a"
             f" plant\n{kept.rstrip()}\n{blocks}"
         )
     load_grid(path)
-    return [e.effect for e in found.effects if e not in usable]
+    return [e.effect for e in study.effects if e not in usable]
 
 
-def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
-    """Return the list an effect is drawn from: each found one by its share, what the grid had for
+def _places(effects: Sequence[Contribution], present: Sequence[str]) -> list[str]:
+    """Return the list an effect is drawn from: each effect by its share, what the grid had for
     the rest.
     """
     share = sum(e.share for e in effects)
@@ -70,7 +70,7 @@ def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
         f"found_{e.effect}" for e in effects for _ in range(max(round(_PLACES * fit * e.share), 1))
     ]
     rest = max(_PLACES - len(new), 0)
-    return new + [own[i * len(own) // rest] for i in range(rest)]
+    return new + [present[i * len(present) // rest] for i in range(rest)]
 
 
 def _block(e: Contribution) -> str:

@@ -29,7 +29,7 @@ _LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 @styled
 def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = ()) -> Figure:
     """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded
-    behind OP.
+    in OP.
     """
     figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
     _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
@@ -62,14 +62,14 @@ def draw_pv_op(record: LoopRecord) -> Figure:
 
 @styled
 def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) -> Figure:
-    """Draw the share found over S, one line per detector, for one J over S."""
+    """Draw the share called stiction over S, one line per detector, for one J over S."""
     figure, axes = panels(1, 1, 4.2, 2.6)
     ax = axes.ravel()[0]
     S: list[float] = []
     for colour, (name, cells) in zip(_LINES, curves.items()):
         line = [c for c in cells if round(c.J / c.S, 6) == ratio]
         S = [c.S for c in line]
-        ax.plot(S, [c.found for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
+        ax.plot(S, [c.share for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
         if name == next(iter(curves)):
             ax.fill_between(
                 S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0
@@ -79,14 +79,14 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
     ax.set_xticks(S, [f"{s:.2g}" for s in S])
     ax.minorticks_off()
     ax.set_ylim(-0.02, 1.02)
-    label(ax, f"S ({unit})", "share found", f"J = {ratio:.3g} S")
+    label(ax, f"S ({unit})", "share called stiction", f"J = {ratio:.3g} S")
     ax.legend(loc="upper left")
     return figure
 
 
 def _place(figure: Figure, **edges: float) -> None:
-    """Put the axes where any numbers fit beside them; to measure those takes as long as to draw,
-    and a plant has hundreds.
+    """Put the axes where numbers of any width fit; to measure these takes as long as to draw, and a
+    plant has hundreds.
     """
     figure.set_layout_engine(None)
     figure.subplots_adjust(**edges)

@@ -13,7 +13,7 @@ import scipy
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
 
-POWER = 0.8  # share that must be found of what is called visible
+POWER = 0.8  # sensitivity from which a size is called visible
 _ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
 # by which a threshold chosen here must be right more often than the published rule to be advised
 _BETTER = 0.03
@@ -21,11 +21,11 @@ _BETTER = 0.03
 
 @dataclass(frozen=True)
 class Cell:
-    """Share found of the twins with one S and J (% of travel), with its 95 % interval."""
+    """Share called stiction of the twins with one S and J (% of travel), with its 95 % interval."""
 
     S: float
     J: float
-    found: float
+    share: float
     lo: float
     hi: float
 
@@ -43,7 +43,7 @@ class Rule:
     cut: float | None
     right: float
 
-    def says(self, verdict: Verdict) -> str:
+    def verdict_of(self, verdict: Verdict) -> str:
         """Return what this rule reads out of a verdict."""
         if self.cut is None:
             return verdict.verdict
@@ -57,7 +57,7 @@ class Rule:
 
     def calls(self, verdict: Verdict) -> bool:
         """Return whether this rule calls a verdict stiction."""
-        return self.says(verdict) == STICTION
+        return self.verdict_of(verdict) == STICTION
 
 
 def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
@@ -71,31 +71,31 @@ def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
     return out
 
 
-def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float, float] | None:
-    """Return the smallest S, with its J, from which on a share `power` is found."""
+def smallest_visible(cells: Sequence[Cell]) -> tuple[float, float] | None:
+    """Return the smallest S, with its J, from which on the sensitivity reaches `POWER`."""
     best = None
     for ratio in sorted({round(c.J / c.S, 6) for c in cells}):
         line = sorted((c for c in cells if round(c.J / c.S, 6) == ratio), key=lambda c: c.S)
-        grown = scipy.optimize.isotonic_regression([c.found for c in line]).x
-        if grown[-1] < power:
+        grown = scipy.optimize.isotonic_regression([c.share for c in line]).x
+        if grown[-1] < POWER:
             continue
-        first = int(np.argmax(grown >= power))
+        first = int(np.argmax(grown >= POWER))
         S = line[first].S
         if first > 0:
             a, b = grown[first - 1], grown[first]
-            S = float(np.exp(np.interp(power, [a, b], np.log([line[first - 1].S, S]))))
+            S = float(np.exp(np.interp(POWER, [a, b], np.log([line[first - 1].S, S]))))
         if best is None or S < best[0]:
             best = (S, ratio * S)
     return best
 
 
 def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
-    """Return how a method may be read on this loop: by its own rule, and by a threshold on its
-    score that healthy twins set.
+    """Return the readings of a method here: its published rule, and a threshold on its score
+    that healthy twins set.
     """
-    own = np.array([v.verdict == STICTION for v in verdicts])
+    called = np.array([v.verdict == STICTION for v in verdicts])
     undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
-    published = Rule(method, None, _right(own, sticky, ~undecided))
+    published = Rule(method, None, _right(called, sticky, ~undecided))
     # what could not be scored is no alarm, and no finding either
     scores = np.array([v.score if v.score == v.score else -np.inf for v in verdicts])
     cut = _cut(scores[~sticky])
@@ -118,11 +118,11 @@ def _cut(healthy: np.ndarray) -> float:
     return float(np.quantile(healthy, 1.0 - _ALARMS, method="higher"))
 
 
-def likelihood_ratio(said: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
+def likelihood_ratio(verdict: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
     """Return how much more often sticky twins get this verdict than healthy ones (half a twin added
     to each count).
     """
-    same = np.array([v == said for v in verdicts])
+    same = np.array([v == verdict for v in verdicts])
     return float(
         ((same[sticky].sum() + 0.5) / (sticky.sum() + 1.5))
         / ((same[~sticky].sum() + 0.5) / ((~sticky).sum() + 1.5))

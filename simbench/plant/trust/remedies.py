@@ -15,7 +15,7 @@ from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archi
 from simbench.plant.trust.replicates import Change, draw_twins
 
 _TWINS = 24  # of each kind, per remedy
-_WORTH = 0.2  # by which a remedy must raise found less false alarms to be named
+_WORTH = 0.2  # by which a remedy must raise sensitivity minus false alarms to be named
 _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 
@@ -24,7 +24,7 @@ class Remedy:
     """One thing to record otherwise, and which share of sticky and of healthy twins the best method
     then calls stiction.
 
-    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the
+    `S` is the size tried, with full slip-jump; `before` the sensitivity minus false alarms of the
     record as it is.
     """
 
@@ -32,14 +32,14 @@ class Remedy:
     method: str
     S: float
     unit: str
-    found: float
+    share: float
     alarms: float
     before: float
 
     @property
     def gain(self) -> float:
-        """By how much more is found, false alarms taken off."""
-        return self.found - self.alarms - self.before
+        """Increase of sensitivity minus false alarms."""
+        return self.share - self.alarms - self.before
 
     def sentence(self) -> str:
         """Return what would help in one sentence."""
@@ -49,14 +49,14 @@ class Remedy:
                 f" a set-point step, MV, another archive) shows S = {self.S:.2g} {self.unit}"
             )
         return (
-            f"would help: {self.what}; {self.method} would then find {self.found:.0%} of S ="
+            f"would help: {self.what}; {self.method} would then find {self.share:.0%} of S ="
             f" {self.S:.2g} {self.unit} (false alarms {self.alarms:.0%}; now"
             f" {max(self.before, 0.0):.0%} net of them)"
         )
 
 
 def remedies(
-    behind: CandidateLoops,
+    candidates: CandidateLoops,
     methods: Sequence[str],
     cell: tuple[float, float],
     percent: float,
@@ -65,14 +65,14 @@ def remedies(
 ) -> tuple[Remedy, ...]:
     """Simulate what could be recorded otherwise, and return what would show more, best first."""
     before = max(
-        found - alarms for _, found, alarms in _shares(behind, methods, cell, Change(), seed)
+        share - alarms for _, share, alarms in _shares(candidates, methods, cell, Change(), seed)
     )
     S, tried = cell[0] * percent, []
-    for what, change in _changes(behind, cell[0]):
-        name, found, alarms = max(
-            _shares(behind, methods, cell, change, seed), key=lambda row: row[1] - row[2]
+    for what, change in _changes(candidates, cell[0]):
+        name, share, alarms = max(
+            _shares(candidates, methods, cell, change, seed), key=lambda row: row[1] - row[2]
         )
-        tried.append(Remedy(what, name, S, unit, found, alarms, before))
+        tried.append(Remedy(what, name, S, unit, share, alarms, before))
     worth = sorted((r for r in tried if r.gain >= _WORTH), key=lambda r: -r.gain)
     return tuple(worth) or (Remedy("", "", S, unit, 0.0, 0.0, before),)
 

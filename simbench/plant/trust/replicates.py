@@ -1,4 +1,4 @@
-"""Twins of a record: what the loop behind it might have recorded, with a sound valve and with
+"""Twins of a record: what its loop might have recorded, with a healthy valve and with
 friction of known size.
 """
 
@@ -25,7 +25,7 @@ _WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
 _TRIES = 6  # draws before a loop that runs away is given up
 _LARGER, _SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
 _DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
-_QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
+_QUIETER = 0.4  # times the fitted loads in addition to such a swing, which they were fitted to
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
 
 # standard deviations of the logarithms drawn: identified plants are known worse than stated ones
@@ -102,10 +102,9 @@ def _twin(
                 table = _driven(table, a, _DRIVEN[number // 2 % 2], seed, ahead, rng)
             loop = Loop.from_table(table, "twin")
             run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
-            if not _alike(run, a.record, change, own=S <= 0):
+            if not _alike(run, a.record, change, healthy=S <= 0):
                 continue
-            # a record that swings is told from a sound loop that swings too, not from one that
-            # rests
+            # a record that swings is compared with healthy loops that swing too
             if (
                 S <= 0
                 and a.period is not None
@@ -151,9 +150,9 @@ def _driven(
     period.
     """
     assert a.period is not None
-    own = [part | {"amplitude": _QUIETER * part["amplitude"]} for part in table["disturbance"]]
+    loads = [part | {"amplitude": _QUIETER * part["amplitude"]} for part in table["disturbance"]]
     calm = table | {
-        "disturbance": own,
+        "disturbance": loads,
         "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"],
     }
     drive: dict[str, Any] = {
@@ -168,7 +167,7 @@ def _driven(
             "noise": 0.05,
             "lag": a.period * float(rng.uniform(0.02, 0.2)),
         }
-    swung = calm | {"disturbance": [*own, drive]}
+    swung = calm | {"disturbance": [*loads, drive]}
     without, with_ = (
         _after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung)
     )
@@ -177,15 +176,15 @@ def _driven(
     return swung
 
 
-def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bool:
-    """Return whether a loop without friction moves no more than the record does, and a healthy
-    record's `own` loop no less.
+def _alike(run: LoopRecord, record: LoopRecord, change: Change, healthy: bool) -> bool:
+    """Return whether a loop without friction moves no more than the record does, and a `healthy`
+    replicate no less.
     """
     for name in ("op", "pv"):
         size, real = float(np.std(getattr(run, name))), float(np.std(getattr(record, name)))
         # a set-point step moves both, and that is what it is for
         room = np.inf if change.step else _LARGER * real
-        if not size <= room or (own and size < _SMALLER * real) or not np.isfinite(size):
+        if not size <= room or (healthy and size < _SMALLER * real) or not np.isfinite(size):
             return False
     return True
 
@@ -193,7 +192,7 @@ def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bo
 def _perturbed(
     table: dict[str, Any], by: dict[str, float], rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Return a loop's table with plant, loads and noise drawn around what stands in it.
+    """Return a loop's table with plant, loads and noise drawn around its values.
 
     In closed loop K and T of a self-regulating plant are known little better than their ratio: they
     move together.
@@ -201,10 +200,10 @@ def _perturbed(
     z = {name: float(np.exp(std * rng.standard_normal())) for name, std in by.items()}
     plant = dict(table["plant"])
     if plant["type"] == "tf":
-        own = Plant.model_validate(plant)
-        slow = 1.0 if own.integrating else z["slow"]
+        transfer = Plant.model_validate(plant)
+        slow = 1.0 if transfer.integrating else z["slow"]
         return _loads_perturbed(table, z) | {
-            "plant": stretched(own, z["K"] * slow, slow, own.Td * z["Td"])
+            "plant": stretched(transfer, z["K"] * slow, slow, transfer.Td * z["Td"])
         }
     plant["K"] *= z["K"]
     if plant["type"] == "foptd":
@@ -240,10 +239,12 @@ def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
     last = steps[-1][1] if steps else point["value"]
     if change.longer > 1:
         # the same moves again, as often as they fit
-        period, own = record.n * record.Ts, list(steps)
+        period, recorded = record.n * record.Ts, list(steps)
         for again in range(1, int(np.ceil(change.longer))):
             steps += [
-                [t + again * period, v] for t, v in own if t + again * period < (n + ahead) * Ts
+                [t + again * period, v]
+                for t, v in recorded
+                if t + again * period < (n + ahead) * Ts
             ]
     if change.step:
         at = (ahead + np.arange(1, 6) * n // 6) * Ts

@@ -13,7 +13,7 @@ from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.plant.episodes import OverTime
-from simbench.plant.trust.power import Cell, Rule
+from simbench.plant.trust.power import POWER, Cell, Rule
 from simbench.plant.trust.remedies import Remedy
 
 
@@ -33,9 +33,9 @@ class MethodTrust:
     likelihood_ratio: float
 
     @property
-    def says(self) -> str:
-        """What the method says of the record, read as advised."""
-        return self.rule.says(self.verdict)
+    def verdict_here(self) -> str:
+        """Verdict of the method on the record, read as advised."""
+        return self.rule.verdict_of(self.verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Trust:
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
-    behind: CandidateLoops | None = field(repr=False, default=None)
+    candidates: CandidateLoops | None = field(repr=False, default=None)
     over_time: OverTime | None = field(repr=False, default=None)
 
     @property
@@ -109,13 +109,13 @@ class Trust:
         )  # fmt: skip
 
     def _asides(self) -> list[str]:
-        """Return how the best method is to be read, and what it says over time, as far as there is
+        """Return how the best method is to be read, and its verdicts over time, as far as there is
         something to say.
         """
-        said = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
+        sentences = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
         if self.over_time is not None and self.over_time.several:
-            said.append(f"over time: {self.over_time.sentence()}")
-        return said
+            sentences.append(f"over time: {self.over_time.sentence()}")
+        return sentences
 
     def power_line(self) -> str:
         """Return in one line what this record could have shown, and whom to believe."""
@@ -135,7 +135,7 @@ class Trust:
         lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
         best = self.best
         if best is not None:
-            agrees = best.says == likely(self.probability or 0.0)
+            agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
                 "of those that agree with the probability"
                 if agrees
@@ -143,9 +143,9 @@ class Trust:
             )
             lines += [
                 (
-                    f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its"
-                    f" simulated replicates ({best.rule.right:.0%}, sticky and healthy counting the"
-                    f" same); here it says {best.says.replace('_', ' ')}."
+                    f"Trust {_reading(best.rule)}: {why} it is right most often on simulated"
+                    f" replicates of this loop ({best.rule.right:.0%}, sticky and healthy weighted"
+                    f" equally). Its verdict here: {best.verdict_here.replace('_', ' ')}."
                 ),
                 "",
                 *_table(self.methods),
@@ -166,7 +166,7 @@ def _as_row(m: MethodTrust) -> dict[str, Any]:
         "applicable": m.verdict.applicable,
         "verdict": m.verdict.verdict,
         "false_alarms": m.false_alarms if np.isfinite(m.false_alarms) else None,
-        "power": [{"S": c.S, "J": c.J, "found": c.found, "lo": c.lo, "hi": c.hi} for c in m.power],
+        "power": [{"S": c.S, "J": c.J, "found": c.share, "lo": c.lo, "hi": c.hi} for c in m.power],
         "likelihood_ratio": m.likelihood_ratio,
     }
 
@@ -180,19 +180,33 @@ def _reading(rule: Rule) -> str:
 
 
 def _table(methods: Sequence[MethodTrust]) -> list[str]:
-    head = (
-        f"{'method':<18} {'says here':<12} {'right':>6} {'alarms':>7}  found over S (J = S/4, then"
-        " J = S)"
-    )
-    lines = [head]
+    """Return one row per method: its verdict here, and how it does on the simulated replicates."""
+    lines = [
+        f"{'':<18} {'verdict':<15} {'accuracy on':>11} {'false-pos.':>10} {'detects S from':>16}"
+        f" {'stiction':>12}",
+        f"{'method':<18} {'here':<15} {'replicates':>11} {'rate':>10} {'J = S/4':>8}"
+        f" {'J = S':>7} {'from score':>12}",
+    ]
     for m in methods:
         v = m.verdict
-        where = "not made for it" if v.applicable is False else v.verdict.replace("_", " ")
-        found = " ".join(f"{c.found:.2f}" for c in m.power)
-        cut = "" if m.rule.cut is None else f"  above {m.rule.cut:.3g}"
+        where = "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
+        deadband, equal = (_detects_from(m, equal) for equal in (False, True))
+        cut = "" if m.rule.cut is None else f"{m.rule.cut:.3g}"
         lines.append(
-            f"{v.method:<18} {where:<12} {m.rule.right:>6.2f} {m.false_alarms:>7.2f}  {found}{cut}"
+            f"{v.method:<18} {where:<15} {m.rule.right:>11.2f} {m.false_alarms:>10.2f}"
+            f" {deadband:>8} {equal:>7} {cut:>12}".rstrip()
         )
-    if methods and methods[0].power:
-        lines.append(f"{'S':<46}  " + " ".join(f"{c.S:.2g}".rjust(4) for c in methods[0].power))
     return lines
+
+
+def _detects_from(m: MethodTrust, equal: bool) -> str:
+    """Return the least S from which the method finds four of five sticky replicates, of J = S or
+    smaller J; "-" where it does not at the largest.
+    """
+    least = "-"
+    cells = [c for c in m.power if (c.J > 0.5 * c.S) is equal]
+    for cell in sorted(cells, key=lambda c: -c.S):
+        if not cell.share >= POWER:
+            break
+        least = f"{cell.S:.2g}"
+    return least

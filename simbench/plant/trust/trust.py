@@ -46,7 +46,7 @@ LONG_RECORD, _THINNEST = (
 FEW, _FEWEST_OF_LONG = (
     10,
     16,
-)  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
+)  # fewest twins of a kind for a conclusion, and drawn of a long record: loops may run away
 
 
 def trust(
@@ -92,7 +92,7 @@ def trust(
     Notes
     -----
     The conclusion is that of `simbench.gap.stiction`, the same in every verb. What the methods say
-    of record and twins adds nothing to it: most are blind where no limit cycle stands out of the
+    of record and twins adds nothing to it: most are blind where no limit cycle exceeds the
     load, and there the likelihood still tells. Of the methods that agree with it, twins say which
     is worth reading here, and how much friction it would have shown.
 
@@ -104,12 +104,14 @@ def trust(
     --------
     >>> from detectors.example_loop import example_loop
     >>> record = example_loop(noise=0.1)
-    >>> found = trust(record, methods=["fast"], healthy=20, each=4, help_wanted=False)
-    >>> 0.0 <= found.probability <= 1.0
+    >>> trusted = trust(record, methods=["fast"], healthy=20, each=4, help_wanted=False)
+    >>> 0.0 <= trusted.probability <= 1.0
     True
     """
-    asked, own = named_methods(methods)
-    with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
+    asked, user_defined = named_methods(methods)
+    with registry.adopted(
+        {name: as_plugin(name, detector) for name, detector in user_defined.items()}
+    ):
         return _trust(
             as_record(record, **signals),
             loop,
@@ -130,42 +132,46 @@ def _trust(
 ) -> Trust:
     healthy, each = counts
     refuse_wrong_forms(names)
-    said = judge(record, names)
-    prepared, found = Prepared(replace(record, mv=None)), None
+    verdicts = judge(record, names)
+    prepared, diagnosis = Prepared(replace(record, mv=None)), None
     try:
         refuse_unweighable(record)
     except UserError as why:
-        return _without_twins(record, said, str(why), from_record(prepared, str(why))[0])
+        return _without_twins(record, verdicts, str(why), from_record(prepared, str(why))[0])
     try:
         if loop is not None:
-            # beside a loop file friction is weighed with every other effect
-            found = diagnose_all([in_percent(record)[0]], with_sound_valve(loop), describe=False)
-        behind = candidate_loops(record, loop, None if found is None else found.behind.found)
+            # with a loop file, friction is compared with every other effect
+            diagnosis = diagnose_all(
+                [in_percent(record)[0]], with_sound_valve(loop), describe=False
+            )
+        candidates = candidate_loops(
+            record, loop, None if diagnosis is None else diagnosis.behind.found
+        )
     except UserError as why:
         if loop is not None:
             raise
-        return _without_twins(record, said, str(why), from_record(prepared, str(why))[0])
-    conclusion = from_record(prepared, behind)[0] if found is None else found.conclusion
+        return _without_twins(record, verdicts, str(why), from_record(prepared, str(why))[0])
+    conclusion = from_record(prepared, candidates)[0] if diagnosis is None else diagnosis.conclusion
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
-    twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
+    twins = draw_twins(candidates, sound, max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
-        whose = "loop file's" if behind.trusted else "identified"
+        whose = "loop file's" if candidates.trusted else "identified"
         why = (
             f"what could have been seen is unknown: the {whose} loop does not move as the record"
             " does"
         )
-        return _without_twins(record, said, why, conclusion, behind)
-    return _weighed(record, conclusion, behind, names, said, twins, help_wanted, seed)
+        return _without_twins(record, verdicts, why, conclusion, candidates)
+    return _weighed(record, conclusion, candidates, names, verdicts, twins, help_wanted, seed)
 
 
 def _weighed(
     record: LoopRecord,
     conclusion: Conclusion,
-    behind: CandidateLoops,
+    candidates: CandidateLoops,
     names: list[str],
-    said: list[Verdict],
+    verdicts_here: list[Verdict],
     twins: list[Twin],
     help_wanted: bool,
     seed: int,
@@ -176,25 +182,29 @@ def _weighed(
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
-    made = [v.applicable is not False for v in said]
+    made = [v.applicable is not False for v in verdicts_here]
     keenest = max(range(len(names)), key=lambda i: (made[i], rules[i][0].right))
     shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
     # nor is a reading that contradicts what is more probable here
     wanted = likely(conclusion.probability or 0.0)
     read = [
-        next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0])
+        next((r for r in rules[i] if r.verdict_of(verdicts_here[i]) == wanted), rules[i][0])
         for i in range(len(names))
     ]
-    rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
-    rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
+    rows = [_row(verdicts_here[i], read[i], of[i], S, J) for i in range(len(names))]
+    rows.sort(
+        key=lambda m: (m.verdict.applicable is False, m.verdict_here != wanted, -m.rule.right)
+    )
     seen = smallest_visible(shown)
     helps: tuple[Remedy, ...] = ()
     if help_wanted and conclusion.verdict != STICTION:
         helps = remedies(
-            behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed
+            candidates, names, _invisible(shown, seen), candidates.percent, record.S_unit, seed
         )
-    scaled = tuple(_in_units(c, behind.percent) for c in shown)
-    rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
+    scaled = tuple(_in_units(c, candidates.percent) for c in shown)
+    rows = [
+        replace(m, power=tuple(_in_units(c, candidates.percent) for c in m.power)) for m in rows
+    ]
     return Trust(
         over_time=over_time(record),
         conclusion=conclusion,
@@ -203,23 +213,23 @@ def _weighed(
         twins=tuple((t.S, t.J) for t in twins),
         helps=helps,
         smallest_visible=(
-            None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent)
+            None if seen is None else (seen[0] * candidates.percent, seen[1] * candidates.percent)
         ),
-        notes=behind.notes,
+        notes=candidates.notes,
         record=record,
-        behind=behind,
+        candidates=candidates,
     )
 
 
 def _row(
-    said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray
+    verdict: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray
 ) -> MethodTrust:
     sticky = S > 0
     # what is claimed of a method is claimed of its published rule, the one that gave the verdict
     called = np.array([v.verdict == STICTION for v in verdicts])
-    ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
+    ratio = likelihood_ratio(verdict.verdict, [v.verdict for v in verdicts], sticky)
     return MethodTrust(
-        said, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio
+        verdict, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio
     )
 
 
@@ -238,12 +248,12 @@ def _in_units(c: Cell, percent: float) -> Cell:
 
 def _without_twins(
     record: LoopRecord,
-    said: list[Verdict],
+    verdicts: list[Verdict],
     why: str,
     conclusion: Conclusion,
-    behind: CandidateLoops | None = None,
+    candidates: CandidateLoops | None = None,
 ) -> Trust:
-    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
-    notes = () if behind is None else behind.notes
-    when = None if behind is None else over_time(record)
-    return Trust(conclusion, rows, None, (), (), (), (why, *notes), record, behind, when)
+    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in verdicts)
+    notes = () if candidates is None else candidates.notes
+    when = None if candidates is None else over_time(record)
+    return Trust(conclusion, rows, None, (), (), (), (why, *notes), record, candidates, when)

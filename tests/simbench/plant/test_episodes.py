@@ -26,14 +26,14 @@ def mixed():
 
 
 def test_the_first_half_is_called_and_the_second_is_not(mixed):
-    found = over_time(mixed, "he")
+    verdicts = over_time(mixed, "he")
     half = mixed.duration / 2
-    first = [e.verdict for e in found.episodes if e.end <= half]
-    second = [e.verdict for e in found.episodes if e.start >= half]
+    first = [e.verdict for e in verdicts.episodes if e.end <= half]
+    second = [e.verdict for e in verdicts.episodes if e.start >= half]
     assert first.count("stiction") >= 0.7 * len(first)
     assert second.count("stiction") <= 0.3 * len(second)
-    assert 0 < found.sticky < found.cycles
-    assert f"{found.sticky} of {found.cycles} cycles" in found.sentence()
+    assert 0 < verdicts.sticky < verdicts.cycles
+    assert f"{verdicts.sticky} of {verdicts.cycles} cycles" in verdicts.sentence()
 
 
 def test_windows_cover_the_record_without_a_gap(mixed):
@@ -44,11 +44,11 @@ def test_windows_cover_the_record_without_a_gap(mixed):
 
 
 def test_a_short_record_is_not_cut():
-    found = over_time(run(2).window(0, 150))
-    assert not found.several
-    assert "too short" in found.sentence()
+    verdicts = over_time(run(2).window(0, 150))
+    assert not verdicts.several
+    assert "too short" in verdicts.sentence()
 
 
 def test_only_windows_with_a_finding_are_shaded(mixed):
-    found = over_time(mixed, "he")
-    assert len(marks(found)) == sum(e.verdict != "no_stiction" for e in found.episodes)
+    verdicts = over_time(mixed, "he")
+    assert len(marks(verdicts)) == sum(e.verdict != "no_stiction" for e in verdicts.episodes)

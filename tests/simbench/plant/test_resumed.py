@@ -79,7 +79,7 @@ TRAPS = {
 
 
 @pytest.mark.parametrize("content", TRAPS.values(), ids=TRAPS)
-def test_what_stands_in_place_of_an_answer_is_not_executed_and_asked_again(
+def test_other_content_in_place_of_an_answer_is_not_executed_and_asked_again(
     tmp_path, monkeypatch, content
 ):
     monkeypatch.chdir(tmp_path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from results.studies.plant.causes import CAUSES, WEEK, archived, door, drawn, plant, told
+from results.studies.plant.causes import CAUSES, WEEK, archived, drawn, plant, summary_lines
 from simbench.gap.stiction.causes import Cause, Causes
 
 
@@ -15,7 +15,7 @@ def loops():
     return plant(8, 1)
 
 
-def test_every_loop_has_a_week_of_its_own_but_a_victim_that_of_its_source(loops):
+def test_every_loop_has_a_separate_week_but_a_victim_that_of_its_source(loops):
     starts = {name: record.meta["start"] for name, (_, record, _) in loops.items()}
     assert starts["4s"] == starts["4v"]
     assert len(set(starts.values())) == 8
@@ -24,23 +24,15 @@ def test_every_loop_has_a_week_of_its_own_but_a_victim_that_of_its_source(loops)
 
 
 def test_causes_are_counted_as_named(loops):
-    says = {"stiction": "stiction", "tuning": "tuning", "outside": "cannot tell"}
+    names = {"stiction": "stiction", "tuning": "tuning", "outside": "cannot tell"}
     named = {
-        n: Causes(Cause(says.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
+        n: Causes(Cause(names.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
     }
-    lines = told(loops, named, [["4s", "4v"], ["0", "1"]])
+    lines = summary_lines(loops, named, [["4s", "4v"], ["0", "1"]])
     # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream,
     # sensor and saturation wrong
     assert "of 9 loops: right 4, wrong 4, cannot tell 1" in lines[-1]
     assert "events 2, across weeks 1" in lines[-1]
-
-
-def test_a_door_keeps_what_lies_off_its_lines_by_more_than_the_deviation():
-    x = np.abs(np.arange(101.0) - 50)
-    kept = door(x, 0.5)
-    assert kept[0] == 0
-    assert len(kept) < 6
-    assert np.abs(np.interp(np.arange(101), kept, x[kept]) - x).max() <= 1.0
 
 
 def test_an_archive_of_exceptions_holds_values_and_one_of_lines_draws_them(tmp_path):

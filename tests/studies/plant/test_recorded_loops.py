@@ -26,14 +26,6 @@ def test_an_archive_keeps_the_hours_and_the_shape(wave, name):
     assert not (seen.n == wave.n and np.array_equal(seen.pv, wave.pv))
 
 
-def test_exception_keeps_every_change_beyond_its_band(wave):
-    kept = PANEL["exception 2 %"](wave)
-    assert np.abs(kept.pv - wave.pv).max() < 0.1 * np.ptp(wave.pv)
-    straight = np.abs(np.diff(kept.pv, 2)) < 1e-9
-    assert straight.mean() > 0.1
-    assert not (np.abs(np.diff(wave.pv, 2)) < 1e-9).any()
-
-
 def test_a_unit_is_called_by_most_of_its_records_and_by_the_likelihood_from_all_of_them():
     rows = pd.DataFrame(
         {

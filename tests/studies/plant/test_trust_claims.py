@@ -1,27 +1,24 @@
 """Claims are held against what was measured, loop by loop."""
 
-from types import SimpleNamespace
-
-import numpy as np
 import pytest
 
 from results.studies.plant import trust_claims as claims
-from results.studies.plant.trust_claims import TESTING, kept, loops
+from results.studies.plant.trust_claims import TESTING, kept
 
 
-def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot tell"):
+def row(sticky, probability, verdict, visible, S, healthy, share, answer="cannot tell"):
     power = [{"S": s, "J": s, "found": f} for s, f in ((1.0, 0.0), (4.0, 1.0))]
     return {
         "sticky": sticky,
         "probability": probability,
-        "said": said,
+        "said": answer,
         "S": S,
         "J": S,
         "healthy": {"he": healthy},
         "methods": [{"method": "he", "verdict": verdict, "false_alarms": 0.1, "power": power}],
         "best": {"method": "he", "says": verdict},
-        "with_friction": None if found is None else {"he": found},
-        "fitted": found,
+        "with_friction": None if share is None else {"he": share},
+        "fitted": share,
         "smallest_visible": None if visible is None else {"S": visible, "J": visible},
     }
 
@@ -35,34 +32,18 @@ ROWS = [
 
 def test_the_cell_nearest_to_the_truth_is_what_was_claimed():
     lines = claims._claims(ROWS)
-    name, alarms, measured, _, power, found, off = lines[2].split()
+    name, alarms, measured, _, power, share, off = lines[2].split()
     assert (name, alarms, measured) == ("he", "0.10", "0.07")
-    assert (power, found) == ("0.50", "0.55")
+    assert (power, share) == ("0.50", "0.55")
     assert float(off) == pytest.approx(0.05)
     assert lines[-2].endswith("1 of 1 methods; power: 1 of 1")
 
 
-def test_false_alarms_are_held_against_loops_that_are_sound_themselves():
-    sticky, sound = (
-        row(True, 0.9, "stiction", 2.0, 4.5, 0.4, 1.0),
-        row(False, 0.1, "no_stiction", None, 0.0, 0.1, None),
-    )
-    lines = claims._claims([sticky, sound])
-    assert "mean over the loops: 0 of 1 methods" in lines[-2]
-    assert lines[-1] == "the same over the 1 loops whose own valve is sound: 1 of 1 methods"
-
-
-def test_only_small_friction_is_said_to_be_invisible():
+def test_only_small_friction_is_called_invisible():
     lines = claims._visible(ROWS)
     assert "buried: below the smallest that detectors show 1 of 1" in lines[2]
     assert "says that it cannot be seen 1 of 1" in lines[2]
     assert "plainly visible: below the smallest that detectors show 0 of 1" in lines[3]
-
-
-def test_sticky_and_healthy_loops_weigh_the_same_in_the_calibration():
-    p, sticky = np.array([0.9, 0.9, 0.9, 0.1]), np.array([True, True, True, False])
-    weight = np.where(sticky, 0.5 / 3, 0.5)
-    assert claims._error(p, sticky, weight) == pytest.approx(0.1)
 
 
 def test_a_probability_is_held_against_the_share_that_sticks():
@@ -85,24 +66,7 @@ def test_who_is_right_is_counted_on_the_same_loops():
     assert lines[3].startswith("probability above one half 0.67 (0 won, 0 lost")
 
 
-def test_an_abstention_is_not_right():
-    assert not claims._right("no_decision", True)
-    assert not claims._right("no_decision", False)
-
-
-def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(monkeypatch):
-    monkeypatch.setattr(
-        claims, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i)
-    )
-    monkeypatch.setattr(claims, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
-    few, more, most = (list(loops(count, TESTING)) for count in (3, 6, 100))
-    assert few == more[:3] == most[:3]
-    assert more == most[:6]
-    assert sorted(most) == sorted((i, kind) for i in (1, 3, 5, 7) for kind in ("sticky", "healthy"))
-    assert sorted(i for i, _ in most[:4]) == [1, 3, 5, 7]
-
-
-def test_what_was_found_is_not_looked_for_again(tmp_path):
+def test_answered_loops_are_not_asked_again(tmp_path):
     seen = []
     for _ in range(2):
         rows = kept(tmp_path, 2, TESTING, lambda s: seen.append(s.id) or {"sticky": True})

@@ -40,7 +40,7 @@ def test(
     """
     case, r = dict(answer["case"]), plan.faster
     load = case["load"]
-    # paces of loads are in samples, the controller's law in its own scans
+    # paces of loads are in samples, the controller's law in its scans
     case |= {
         "n": plan.n,
         "Ts": case["Ts"] / r,

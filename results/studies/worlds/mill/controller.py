@@ -1,4 +1,4 @@
-"""Controllers as products sell them: each one a step function with its own form, anti-windup and
+"""Controllers as products sell them: each one a step function with its form, anti-windup and
 integral rule.
 """
 

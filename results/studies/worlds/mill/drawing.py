@@ -37,10 +37,10 @@ ALIKE = (
     ("gain_mismatch", "time_constant_mismatch", "valve_characteristic", "deadzone", "detuning"),
     ("stiction", "deadband", "deadzone", "error_deadband"),
 )
-_BESIDE = 1.3  # least ratio of each of two effects when the other is in the loop already
+_STILL_VISIBLE = 1.3  # least ratio of each of two effects when the other is in the loop already
 
 
-class _Found(NamedTuple):
+class _SizedEffect(NamedTuple):
     """An effect of a size that suits."""
 
     effect: dict[str, Any]
@@ -58,9 +58,9 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
         names = _names(entry, seed, index, attempt)
         for variant in range(_VARIANTS):
             rng = np.random.default_rng([seed, index, attempt, variant, zlib.crc32(what.encode())])
-            found = _try(deepcopy(case), entry, names, rng)
-            if found is not None:
-                return found
+            item = _try(deepcopy(case), entry, names, rng)
+            if item is not None:
+                return item
     raise ParameterError(
         f"{LOOPS} drawn loops cannot hold the entry {what.strip()!r} (seed {seed}, index {index})"
     )
@@ -125,17 +125,17 @@ def _try(
     scales = Scales.of(case, healthy.records)
     bands = [(2.0, 12.0)] * 2 if kind == "two" else [BANDS[entry["strength"]]]
     try:
-        found = []
+        sized = []
         for effect, band in zip(names, bands):
             target = logu(rng, band[0] * 1.05, min(band[1] * 0.95, 7.0))
-            found.append(_search(case, effect, rng, scales, healthy, band, target, seeds[:TRIALS]))
-            if found[-1] is None:
+            sized.append(_search(case, effect, rng, scales, healthy, band, target, seeds[:TRIALS]))
+            if sized[-1] is None:
                 return None
     except ParameterError:
         return None
     if kind == "two":
-        return _both(case, entry, found, seeds)
-    return _item(case, entry, found, found[0].ratio, found[0].records[0], seeds[0])
+        return _both(case, entry, sized, seeds)
+    return _item(case, entry, sized, sized[0].ratio, sized[0].records[0], seeds[0])
 
 
 def _believed(case: Case, effect: str) -> None:
@@ -161,7 +161,7 @@ def _search(
     band: tuple,
     target: float,
     seeds: list[int],
-) -> _Found | None:
+) -> _SizedEffect | None:
     """Bisect the logarithm of an effect's size until its ratio is within a tenth of the target, or
     at least within the band.
     """
@@ -173,13 +173,13 @@ def _search(
         # always too large, or always too small: is there room at all?
         if step == 3 and best is None:
             at = lowest if low == lowest else highest if high == highest else at
-        found, good = _found(case, effect, sizes.at(float(np.exp(at))), seeds, healthy)
-        if good and band[0] <= found.ratio < band[1]:
-            if best is None or abs(np.log(found.ratio / target)) < abs(np.log(best.ratio / target)):
-                best = found
-            if abs(np.log(found.ratio / target)) < 0.1:
+        sized, good = _sized(case, effect, sizes.at(float(np.exp(at))), seeds, healthy)
+        if good and band[0] <= sized.ratio < band[1]:
+            if best is None or abs(np.log(sized.ratio / target)) < abs(np.log(best.ratio / target)):
+                best = sized
+            if abs(np.log(sized.ratio / target)) < 0.1:
                 break
-        if not good or found.ratio > target:
+        if not good or sized.ratio > target:
             high = at
         else:
             low = at
@@ -188,13 +188,15 @@ def _search(
     return best
 
 
-def _found(
+def _sized(
     case: Case, effect: str, parameters: dict[str, Any], seeds: list[int], healthy: Cloud
-) -> tuple[_Found, bool]:
+) -> tuple[_SizedEffect, bool]:
     """An effect of a size, how visible it is, and whether its records are sound."""
     given = {"effect": effect, "parameters": parameters}
     value, records = ratio(case, [given], seeds, healthy)
-    return _Found(given, value, records), all(sound(case, r, _limits([given])) for r in records)
+    return _SizedEffect(given, value, records), all(
+        sound(case, r, _limits([given])) for r in records
+    )
 
 
 def _limits(effects: list[dict[str, Any]]) -> tuple[float, float]:
@@ -203,15 +205,17 @@ def _limits(effects: list[dict[str, Any]]) -> tuple[float, float]:
     return (given[0]["lo"], given[0]["hi"]) if given else (0.0, 100.0)
 
 
-def _both(case: Case, entry: dict[str, Any], found: list[_Found], seeds: list[int]) -> Item | None:
-    """Two effects in one loop, each still visible beside the other."""
-    effects = [f.effect for f in found]
+def _both(
+    case: Case, entry: dict[str, Any], sized: list[_SizedEffect], seeds: list[int]
+) -> Item | None:
+    """Two effects in one loop, each still visible with the other."""
+    effects = [f.effect for f in sized]
     for other in effects:
         value, records = ratio(case, effects, seeds[:TRIALS], cloud(case, [other], seeds[TRIALS:]))
-        if value < _BESIDE or not all(sound(case, r, _limits(effects)) for r in records):
+        if value < _STILL_VISIBLE or not all(sound(case, r, _limits(effects)) for r in records):
             return None
-    found = sorted(found, key=lambda f: -f.ratio)
-    return _item(case, entry, found, found[1].ratio, records[0], seeds[0])
+    sized = sorted(sized, key=lambda f: -f.ratio)
+    return _item(case, entry, sized, sized[1].ratio, records[0], seeds[0])
 
 
 def _pair(rng: np.random.Generator) -> list[str]:
@@ -224,10 +228,15 @@ def _pair(rng: np.random.Generator) -> list[str]:
 
 
 def _item(
-    case: Case, entry: dict[str, Any], found: list[_Found], value: float, record: Record, seed: int
+    case: Case,
+    entry: dict[str, Any],
+    sized: list[_SizedEffect],
+    value: float,
+    record: Record,
+    seed: int,
 ) -> Item:
     kind, mv = entry["kind"], bool(entry.get("mv", False))
-    one, two = (*(f.effect for f in found), None, None)[:2]
+    one, two = (*(f.effect for f in sized), None, None)[:2]
     foreign = one["effect"] if kind == "foreign" and one else ""
     answer = {
         "kind": kind,
@@ -242,7 +251,7 @@ def _item(
         "strength": entry["strength"]
         if kind in ("single", "foreign")
         else strength_of(value)
-        if found
+        if sized
         else "",
         "ratio": round(value, 4),
         "parameters": one["parameters"] if one else {},

@@ -16,7 +16,7 @@ from results.studies.worlds.mill.valve import DEADZONE, deadzone, friction, inst
 
 
 class Law(NamedTuple):
-    """The controller and what stands between it and the valve."""
+    """The controller and what is between it and the valve."""
 
     product: int  # law of `controller`
     sign: float  # +1 reverse, -1 direct
@@ -53,7 +53,7 @@ class Sensor(NamedTuple):
 
     keep: float  # exp(-Ts/tau) of the filter
     step: float  # lattice through 0
-    count: float  # the transmitter's own fine lattice
+    count: float  # the transmitter's fine lattice
     count_at: float  # a point of that lattice
     flow: float  # growth of the noise with MV, per %
     width: float  # curvature of a titration, PV units; 0 = straight
@@ -67,7 +67,7 @@ class Signals(NamedTuple):
     load: np.ndarray  # at the plant's input, %
     noise: np.ndarray  # PV units
     wander: np.ndarray  # error of the measurement, PV units
-    upset: np.ndarray  # what strikes PV itself, behind the plant
+    upset: np.ndarray  # what strikes PV itself, after the plant
     spikes: np.ndarray
     forward: np.ndarray  # feedforward added to OP, %
     # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
@@ -77,7 +77,7 @@ class Signals(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The operating point, and what returns of the plant's own flow."""
+    """The operating point, and what returns of the plant's flow."""
 
     pv0: float
     mv0: float  # MV at balance, %

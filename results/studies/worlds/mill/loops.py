@@ -185,13 +185,11 @@ def _sound(plant: dict[str, Any], tuning: dict[str, Any], Ts: float) -> bool:
 
 
 def _weather(rng: np.random.Generator, case: Case, pace: float) -> bool:
-    """Load and noise of ordinary size, then the archive, fine beside both. False where OP would
-    swing too far.
-    """
+    """Draw load, noise and a finer archive; False where OP would swing too far."""
     target = case["span"] * logu(rng, 0.003, 0.03)
     kind = str(rng.choice(LOADS, p=[0.1, 0.3, 0.18, 0.16, 0.13, 0.13]))
     if kind == "none" and case["setpoint"]["kind"] == "constant":
-        kind = "wander"  # neither load nor set point moves: a loop that stands still
+        kind = "wander"  # neither load nor set point moves: a loop at rest
     slow = {
         "wander": (0.3, 5.0),
         "one_over_f": (1.0, 1.0),

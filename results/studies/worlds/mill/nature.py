@@ -16,7 +16,7 @@ SETPOINTS = ("constant", "steps", "ramps", "cascade")
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return a random stream of its own for each name, so that one part's draws never shift
+    """Return a separate random stream for each name, so that one part's draws never shift
     another's.
     """
     return np.random.default_rng([seed, zlib.crc32(name.encode())])

@@ -25,7 +25,7 @@ class Cloud(NamedTuple):
 
     mean: np.ndarray
     spread: np.ndarray
-    own: float
+    distance: float
     records: list[Record]
 
 
@@ -36,18 +36,18 @@ def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
     x = np.array([_measured(case, r) for r in records])
     n = len(x)
     mean, square = x.mean(axis=0), x.var(axis=0, ddof=1)
-    own = []
+    distances = []
     for row in x:
         others = mean + (mean - row) / (n - 1)
         left = np.maximum(square * (n - 1) - (row - mean) ** 2 * n / (n - 1), 0.0) / (n - 2)
-        own.append(_distance(row, others, np.sqrt(left)))
-    return Cloud(mean, np.sqrt(square), float(np.exp(np.mean(np.log(own)))), records)
+        distances.append(_distance(row, others, np.sqrt(left)))
+    return Cloud(mean, np.sqrt(square), float(np.exp(np.mean(np.log(distances)))), records)
 
 
 def ratio(
     case: Case, effects: list[dict[str, Any]], seeds: list[int], without: Cloud
 ) -> tuple[float, list[Record]]:
-    """Return how many times further than the cloud's own records those with the effects lie from
+    """Return how many times further than the cloud's records those with the effects lie from
     it, and the records.
 
     Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some
@@ -57,7 +57,7 @@ def ratio(
     rig = build(case, effects)
     records = [rig.record(seed) for seed in seeds]
     far = [_distance(_measured(case, r), without.mean, without.spread) for r in records]
-    return float(np.exp(np.mean(np.log(far)))) / without.own, records
+    return float(np.exp(np.mean(np.log(far)))) / without.distance, records
 
 
 def strength_of(value: float) -> str:

@@ -20,7 +20,7 @@ from simbench.blind.menu import TestPlan, operated
 
 Case = dict[str, Any]
 _Rows = dict[str, np.ndarray]
-# changes the rows of signals in place, given its own random stream and the times
+# changes the rows of signals in place, given a random stream and the times
 _Change = Callable[[np.random.Generator, np.ndarray, _Rows], None]
 
 

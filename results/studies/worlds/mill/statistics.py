@@ -20,7 +20,7 @@ _BANDS = (
     (33, 65),
     (65, 129),
 )  # bins of a segment's spectrum
-_CROSS = 7  # bands in which the two signals' coherency says something
+_CROSS = 7  # bands in which the two signals' coherency is reliable
 
 # smallest spread granted to a statistic, by the first word of its name (sizes and powers in
 # decades): about a tenth of a size, a quarter of a power, a tenth of a share, so that a visible
@@ -132,14 +132,14 @@ def _moments(x: np.ndarray) -> tuple[float, float, float]:
 def _moves(x: np.ndarray) -> list[float]:
     step = np.diff(x)
     size, skew, kurtosis = _moments(step)
-    stands = step == 0.0
-    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~stands, [True]]))) - 1
+    at_rest = step == 0.0
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~at_rest, [True]]))) - 1
     distinct = len(np.unique(x)) / len(x)
     return [
         size,
         kurtosis,
         skew,
-        float(stands.mean()),
+        float(at_rest.mean()),
         float(np.log10(1.0 + runs.max())),
         float(np.log10(distinct)),
     ]
@@ -162,12 +162,16 @@ def _law(error: np.ndarray, op: np.ndarray, Kc: float, late: int) -> list[float]
     n = len(error) - late
     e, moves = error[:n], np.diff(op[late:])
     before = np.column_stack([np.diff(e), e[:-1], np.ones(n - 1)])
-    found, left = _least_squares(before, moves)
-    return [found[0] / Kc, found[1] / Kc, float(np.std(left) / (np.std(moves) + 1e-12))]
+    coefficients, left = _least_squares(before, moves)
+    return [
+        coefficients[0] / Kc,
+        coefficients[1] / Kc,
+        float(np.std(left) / (np.std(moves) + 1e-12)),
+    ]
 
 
 def _surprise(pv: np.ndarray, op: np.ndarray) -> float:
-    """Size of what PV's own past and OP's do not foretell one sample ahead."""
+    """Size of what the past of PV and OP do not foretell one sample ahead."""
     past = [1, 2, 3]
     k = np.arange(8, len(pv))
     x = pv - pv.mean()
@@ -183,5 +187,5 @@ def _least_squares(table: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nda
     scale = np.sqrt(np.mean(table**2, axis=0)) + 1e-15
     a = table / scale
     gram = a.T @ a / len(y) + 1e-10 * np.eye(a.shape[1])
-    found = np.linalg.solve(gram, a.T @ y / len(y)) / scale
-    return found, y - table @ found
+    solution = np.linalg.solve(gram, a.T @ y / len(y)) / scale
+    return solution, y - table @ solution

@@ -35,7 +35,7 @@ _STEPS = 32  # of the pressure's ramp within one sample
 _SLOW, _FAST = (
     0.10,
     0.03,
-)  # time constants of the stem, in samples: an actuator is fast beside its scan
+)  # time constants of the stem, in samples: an actuator is fast compared with its scan
 
 
 def friction_numbers(S: float, J: float) -> np.ndarray:

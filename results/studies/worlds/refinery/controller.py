@@ -35,7 +35,7 @@ class Controller(NamedTuple):
     windup: int = 0
     lo: float = 0.0
     hi: float = 100.0
-    op_step: float = 0.0  # the converter's own resolution
+    op_step: float = 0.0  # the converter's resolution
     quantum: float = 0.0  # the effect op_quantisation
     dead_width: float = 0.0  # PV units, full width
     square_share: float = 0.0  # foreign: share of the error-squared law

@@ -31,7 +31,7 @@ NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
 
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
-    """Two effects of different blocks, each block as likely as the other, that can be told
+    """Two effects of different blocks, each block as likely as the other, that can be distinguished
     apart.
     """
     blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
@@ -67,25 +67,25 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
     return (entry["effect"],)
 
 
-def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int) -> dict:
-    ids = [item["effect"] for item in found]
+def _answer(entry: dict, case: dict, effects: list[dict], ratio: float, seed: int) -> dict:
+    ids = [item["effect"] for item in effects]
     kind = entry["kind"]
     block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.FOREIGN[i] for i in ids]
     strength = (
         next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "")
-        if found
+        if effects
         else ""
     )
     answer = {
         "kind": kind,
-        "block": block[0] if found else NONE,
-        "effect": NONE if not found else (UNKNOWN if kind == "foreign" else ids[0]),
+        "block": block[0] if effects else NONE,
+        "effect": NONE if not effects else (UNKNOWN if kind == "foreign" else ids[0]),
         "effect2": ids[1] if len(ids) > 1 else "",
         "block2": block[1] if len(ids) > 1 else "",
         "strength": entry.get("strength", strength),
         "ratio": float(ratio),
-        "parameters": found[0]["parameters"] if found else {},
-        "parameters2": found[1]["parameters"] if len(ids) > 1 else {},
+        "parameters": effects[0]["parameters"] if effects else {},
+        "parameters2": effects[1]["parameters"] if len(ids) > 1 else {},
         "foreign": ids[0] if kind == "foreign" else "",
         "mv": case["mv"],
         "plant": case["plant"]["type"],
@@ -109,17 +109,17 @@ def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Gene
         raise Misfit
     case["mv"] = bool(entry.get("mv", False))
     seeds = rng.integers(2**31, size=search.CLOUD + search.SHOWN)
-    found, ratio = [], 1.0
+    drawn, ratio = [], 1.0
     if len(names) == 1:
-        found, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds, rng)
+        drawn, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds, rng)
     elif names:
-        found, ratio = search.two((names[0], names[1]), case, seeds, rng)
+        drawn, ratio = search.two((names[0], names[1]), case, seeds, rng)
     else:
         # the same sieve as for a loop with an effect: a dozen runs that all behave
         search.Bench(case, [], seeds)
-    answer = _answer(entry, case, found, ratio, int(seeds[search.CLOUD]))
-    record = run(prepared(answer["case"], found), answer["case"], answer["seed"])
-    if not healthy(record, case, found):
+    answer = _answer(entry, case, drawn, ratio, int(seeds[search.CLOUD]))
+    record = run(prepared(answer["case"], drawn), answer["case"], answer["seed"])
+    if not healthy(record, case, drawn):
         raise Misfit
     return Item(_recorded(record, case), answer["case"]["baseline"], answer)
 
@@ -167,8 +167,8 @@ def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[s
     steady = {"kind": "constant", "value": case["setpoint"]["value"]}
     case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}
     setup = prepared(case, effects)
-    own = setup.controller
-    # the law keeps its own scan
-    setup.controller = own._replace(Kc=own.Kc * plan.Kc_ratio, Ti=own.Ti / r)
+    scan = setup.controller
+    # the law keeps its scan
+    setup.controller = scan._replace(Kc=scan.Kc * plan.Kc_ratio, Ti=scan.Ti / r)
     columns = run(setup, case, seed, plan)
     return {name: x for name, x in columns.items() if name != "mv" or case["mv"] or plan.mv}

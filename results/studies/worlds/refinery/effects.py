@@ -1,9 +1,9 @@
-"""What each of the 22 effects does to the loop or to the record, by the vocabulary's own
+"""What each of the 22 effects does to the loop or to the record, by the vocabulary's
 definitions.
 
 Mismatches multiply (or add to) the plant of the case. Where a mismatch is the truth, the case's
 plant agrees with the baseline in that very number, so that the parameter is the ratio to the
-baseline, as the vocabulary says.
+baseline, as in the vocabulary.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
 
 
 def stiction(setup: Setup, p: dict, case: dict) -> None:
-    """Friction by the loop's own model; a jump beyond S exists in the data-driven models only."""
-    S, J, own = p["S"], p["J"], case["friction"]
+    """Friction by the loop's model; a jump beyond S exists in the data-driven models only."""
+    S, J, friction = p["S"], p["J"], case["friction"]
     if S == 0.0 and J == 0.0:
         return
-    model = valves.FRICTION.index(own["model"])
+    model = valves.FRICTION.index(friction["model"])
     physical = model >= valves.KARNOPP
     if J > S or (physical and S - J < 0.04 * S):
         model, physical = valves.CHOUDHURY, False
-    time = own["travel_time"]
+    time = friction["travel_time"]
     setup.valve = setup.valve._replace(
         friction=model,
         fs=(S + J) / 2.0,
         fd=(S - J) / 2.0,
         travel_time=time,
-        stribeck_speed=own["stribeck"] * max(J, 0.05 * S) / time,
-        slip_end=own["slip_end"] * S,
-        bristle=own["bristle"] * S,
+        stribeck_speed=friction["stribeck"] * max(J, 0.05 * S) / time,
+        slip_end=friction["slip_end"] * S,
+        bristle=friction["bristle"] * S,
     )
 
 
@@ -120,7 +120,7 @@ def extra_lag(setup: Setup, p: dict, case: dict) -> None:
 
 
 def noise(setup: Setup, p: dict, case: dict) -> None:
-    """White noise on top of the loop's own; a factor below 1 scales that down."""
+    """White noise on top of the loop's noise; a factor below 1 scales that down."""
     std0, factor = setup.noise_std, p["factor"]
     if factor < 1.0:
         setup.noise_std = std0 * factor

@@ -28,7 +28,7 @@ FOREIGN: dict[str, str] = {
     "inverse_response": "process",  # shrink and swell: a fast opposite path
     "asymmetric_response": "process",  # heating and cooling with different time constants
     "heat_recycle": "process",  # feed-effluent exchanger: part of the output comes back later
-    "plugged_line_freeze": "sensor",  # impulse line that plugs and clears: the reading stands still
+    "plugged_line_freeze": "sensor",  # impulse line that plugs and clears: the reading is frozen
     # displacer that rubs in its cage: the reading reverses only after a lost travel
     "sticking_float": "sensor",
     "range_clip": "sensor",  # upper or lower range value too tight
@@ -94,7 +94,7 @@ def one_way_ramp(setup: Setup, p: dict, case: dict) -> None:
 
 
 def manual_episodes(setup: Setup, p: dict, case: dict) -> None:
-    """OP stands still for episodes."""
+    """OP rests for episodes."""
     setup.manual = (float(p["length"]), float(p["share"]))
 
 

@@ -97,7 +97,7 @@ def gate(rng: np.random.Generator, n: int, length: float, share: float) -> np.nd
 
 
 def ordinary(rng: np.random.Generator, n: int, h: float, spec: dict) -> np.ndarray:
-    """Return the loop's own load (%), shape (n,): `spec` names the kind, its times in s and its
+    """Return the loop's load (%), shape (n,): `spec` names the kind, its times in s and its
     scale.
     """
     kind, time, rate, scale = spec["kind"], spec["time"], spec["rate"], spec["scale"]

@@ -116,7 +116,7 @@ def _plants(
         if base.get(name) is None:
             continue
         if name in exact:
-            # the truth takes the baseline's own rounded number
+            # the truth takes the baseline's rounded number
             true[name] += rounded(base[name]) - base[name]
             base[name] = rounded(base[name])
         else:
@@ -212,7 +212,7 @@ def draw_case(
     true, base = _plants(rng, classes, span, exact)
     Kc, Ti = _tuning(rng, classes, base, time)
     n, Ts = classes["n"], classes["Ts"]
-    own = {
+    tuned = {
         "type": classes["controller"], "Kc": Kc, "Ti": Ti, "direction": classes["direction"],
         "form": pick(rng, controller.FORMS) if Ti else "positional",
         "rule": pick(rng, controller.RULES, (60, 20, 20)),
@@ -231,7 +231,7 @@ def draw_case(
         # ten closed-loop settling times of earlier life
         "warm": int(np.clip(10 * (time + true["Td"] + (Ti or 0.0)) / Ts, 150, 1500)),
         "plant": true,
-        "controller": own,
+        "controller": tuned,
         "mv": False,
         "known_play": 0.0,
         "setpoint": {"kind": "constant", "value": value},
@@ -254,7 +254,7 @@ def draw_case(
         "baseline": {
             "plant": base,
             "controller": {
-                k: own[k] for k in ("type", "Kc", "Ti", "direction") if own[k] is not None
+                k: tuned[k] for k in ("type", "Kc", "Ti", "direction") if tuned[k] is not None
             },
             "sampling": {"Ts": Ts, "n": n},
             "noise": {"std": 0.0},
@@ -271,7 +271,7 @@ def draw_case(
 
 
 def _friction(rng: np.random.Generator, Ts: float) -> dict:
-    """The stem's own friction law, used when friction is asked for; an actuator travels fast
+    """The stem's friction law, used when friction is asked for; an actuator travels fast
     against the scan.
 
     LuGre slips near its break-away force only with short bristles and a Stribeck speed well above
@@ -280,7 +280,7 @@ def _friction(rng: np.random.Generator, Ts: float) -> dict:
     model = pick(rng, ("choudhury", "he", "karnopp", "stribeck", "lugre"))
     return {
         "model": model,
-        "ratio": float(rng.uniform(0.15, 0.9)),  # J/S: Choudhury 2005 found .1 to 1 in plant data
+        "ratio": float(rng.uniform(0.15, 0.9)),  # J/S: Choudhury 2005 reports .1 to 1 in plant data
         "travel_time": Ts * log_uniform(rng, 0.02, 0.2),
         # Stribeck speed over the speed of the slip
         "stribeck": log_uniform(rng, 0.03, 0.12) * (0.1 if model == "lugre" else 1.0),

@@ -7,8 +7,8 @@ signs (repeated values, straight stretches, lone spikes). MV is left out, so tha
 large where MV is recorded as where it is not. The distance of a record is the largest, over the
 groups of statistics, of the root mean square of its standardised deviations from the cloud's mean.
 The ratio is the mean distance of records with the effect over the mean distance of each of the
-cloud's own records from the others: ordinary loads and noise of the same family are in both, so an
-effect counts only as far as it stands above them.
+cloud's records from the others: ordinary loads and noise of the same family are in both, so an
+effect counts only as far as it exceeds them.
 """
 
 from __future__ import annotations
@@ -117,12 +117,12 @@ class Cloud:
     def __init__(self, members: list[list[np.ndarray]]) -> None:
         self._groups = [np.array(group) for group in zip(*members)]
         count = len(members)
-        own = [
+        distances = [
             self._distance([g[i] for g in self._groups], np.arange(count) != i)
             for i in range(count)
         ]
         # mean distance of a record without the effect from the others
-        self.spread = float(np.mean(own))
+        self.spread = float(np.mean(distances))
 
     def _distance(self, record: list[np.ndarray], keep: np.ndarray) -> float:
         worst = 0.0
@@ -134,7 +134,7 @@ class Cloud:
         return worst
 
     def ratio(self, records: list[list[np.ndarray]]) -> float:
-        """Return the mean distance of `records` (their features) in units of the cloud's own
+        """Return the mean distance of `records` (their features) in units of the cloud's
         spread.
         """
         every = np.ones(len(self._groups[0]), dtype=bool)

@@ -44,7 +44,7 @@ class Sensor(NamedTuple):
     """Numbers of the transmitter: PV units and s."""
 
     lag: float = 0.0
-    count: float = 0.0  # the converter's own lattice, finer than the noise
+    count: float = 0.0  # the converter's lattice, finer than the noise
     count_offset: float = 0.0
     quantum: float = 0.0  # the effect quantisation in the loop: lattice through 0
     flow_noise: float = 0.0  # 1 = noise proportional to flow, 0 = constant
@@ -71,7 +71,7 @@ class Signals(NamedTuple):
 
 @numba.njit
 def _delayed(line, head, steps):
-    """Read the delay line `steps` (may be a fraction) cells behind the newest one."""
+    """Read the delay line `steps` (may be a fraction) cells before the newest one."""
     whole = math.floor(steps)
     part = steps - whole
     size = line.size
@@ -156,7 +156,7 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
         np.empty(n),
     )
     line, back = np.zeros(int(p.Td / h) + 3), np.zeros(int(p.recycle_delay / h) + 3)
-    own, keeps = controller.at_rest(), _keeps(h, p, s.lag, v.lag)
+    state, keeps = controller.at_rest(), _keeps(h, p, s.lag, v.lag)
     y, chain = np.zeros(2), np.full(4, x.sp[0] - pv0)  # chain: plant, then three lags
     y[0] = shown = chain[0]
     back[:] = y[0]
@@ -175,11 +175,11 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
         if x.between[k]:
             op[k] = op[k - 1] if k else m0
         elif np.isnan(x.hand[k]):
-            op[k] = controller.execute(x.sp[k], reading, x.manual[k], own, c)
+            op[k] = controller.execute(x.sp[k], reading, x.manual[k], state, c)
         else:
             if k == 0 or np.isnan(x.hand[k - 1]):
-                taken = own[controller.OUT]
-            op[k] = controller.take(x.sp[k], reading, taken + x.hand[k], own, c)
+                taken = state[controller.OUT]
+            op[k] = controller.take(x.sp[k], reading, taken + x.hand[k], state, c)
         drive = valves.scan(op[k], stem, v)
         noise = x.noise[min(k + 1, n - 1)]
         average = valve_average = 0.0

@@ -19,7 +19,7 @@ CLOUD, SHOWN = (
 )  # realisations without and with the effect that make a ratio; the first shown is the record's own
 _STEPS = 10  # sizes tried on one loop
 _TWO = (2.0, 8.0)  # ratio of each of two effects alone
-_BESIDE = 1.3  # ratio of each against the loop that has the other already
+_STILL_VISIBLE = 1.3  # ratio of each against the loop that has the other already
 
 
 class Misfit(Exception):
@@ -137,16 +137,16 @@ def one(
 def two(
     names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator
 ) -> tuple[list[dict], float]:
-    """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit
+    """Return two effects, each visible alone and with the other, and the smaller ratio; Misfit
     where there are none.
     """
     bench = Bench(case, [], seeds)
-    found = []
+    effects = []
     for name in names:
         shape = SIZES[name].shape(rng, case, bench.first)
-        found.append(sized(bench, name, SIZES[name], shape, case, _TWO, rng))
-    (first, r1), (second, r2) = found
+        effects.append(sized(bench, name, SIZES[name], shape, case, _TWO, rng))
+    (first, r1), (second, r2) = effects
     for base, extra in ((first, second), (second, first)):
-        if not _BESIDE <= Bench(case, [base], seeds).ratio([extra]) < math.inf:
+        if not _STILL_VISIBLE <= Bench(case, [base], seeds).ratio([extra]) < math.inf:
             raise Misfit
     return [first, second], min(r1, r2)

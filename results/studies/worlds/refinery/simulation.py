@@ -25,7 +25,7 @@ _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
 @dataclass
 class Setup:
-    """Everything that one run needs beside its seed; effects change it before the run."""
+    """Everything that one run needs in addition to its seed; effects change it before the run."""
 
     plant: Plant
     controller: Controller
@@ -46,9 +46,9 @@ class Setup:
 
 def build(case: dict, nominal: bool = False) -> Setup:
     """Return the numbers of a loop without any effect; `nominal`: with the baseline's plant."""
-    plant, own = case["baseline"]["plant"] if nominal else case["plant"], case["controller"]
+    plant, controller = case["baseline"]["plant"] if nominal else case["plant"], case["controller"]
     integrating = plant["type"] == "integrating"
-    sign = 1.0 if own["direction"] == "reverse" else -1.0
+    sign = 1.0 if controller["direction"] == "reverse" else -1.0
     return Setup(
         Plant(
             integrating=integrating,
@@ -59,14 +59,14 @@ def build(case: dict, nominal: bool = False) -> Setup:
             lag2=float(plant.get("lag2", 0.0)),
         ),
         Controller(
-            Kc=sign * own["Kc"],
-            Ti=float(own["Ti"] or 0.0),
+            Kc=sign * controller["Kc"],
+            Ti=float(controller["Ti"] or 0.0),
             Ts=float(case["Ts"]),
             bias=float(case["m0"]),
-            velocity=own["form"] == FORMS[1],
-            rule=RULES.index(own["rule"]),
-            windup=WINDUPS.index(own["windup"]),
-            op_step=float(own["op_step"]),
+            velocity=controller["form"] == FORMS[1],
+            rule=RULES.index(controller["rule"]),
+            windup=WINDUPS.index(controller["windup"]),
+            op_step=float(controller["op_step"]),
         ),
         Valve(known_play=float(case["known_play"])),
         Sensor(

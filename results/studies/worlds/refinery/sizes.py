@@ -3,7 +3,7 @@ the oracle searches.
 
 A `Size` gives (1) `shape`, the random choices that stay while the size is searched, (2)
 `parameters`, the numbers at one size, (3) the sizes between which a plant may lie. Sizes are
-multiples of the loop's own noise, error, OP or time, so that no absolute number tells the effect;
+multiples of the loop's noise, error, OP or time, so that no absolute number tells the effect;
 the lower ends stand clear of the nuisances in `loops` (a lattice from .4 noise std against at most
 .19, an OP lattice from .25 of OP's scan-to-scan std against .1, a door that thins the record from
 .3 noise std against exception reports of at most .3).
@@ -81,7 +81,7 @@ def _dead_time(size: float, shape: dict, case: dict) -> dict:
 
 def _somewhere(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Loop or record; an archive of means shows the transmitter's lattice no more, so there it is
-    the archive's own.
+    the archive's.
     """
     return {"at": pick(rng, ("loop", "record")) if not case["archive"]["averaging"] else "record"}
 

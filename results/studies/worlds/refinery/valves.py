@@ -27,7 +27,7 @@ class Valve(NamedTuple):
     ideal.
     """
 
-    known_play: float = 0.0  # S of the baseline's own dead-band
+    known_play: float = 0.0  # S of the baseline's dead-band
     play: float = 0.0
     zone: float = 0.0
     zone_centre: float = 50.0

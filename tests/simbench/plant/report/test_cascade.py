@@ -2,6 +2,8 @@
 named first.
 """
 
+import pytest
+
 from scenarios.spec import Loop
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
@@ -21,6 +23,7 @@ PAIR = {
 }
 
 
+@pytest.mark.usefixtures("two_methods")
 def test_inner_loop_leads_its_oscillation_though_the_outer_one_looks_as_sticky(
     tmp_path, monkeypatch
 ):
@@ -28,8 +31,8 @@ def test_inner_loop_leads_its_oscillation_though_the_outer_one_looks_as_sticky(
     write_record(run.record, tmp_path / "FIC1.csv")
     write_record(run.outer, tmp_path / "TIC1.csv")
     monkeypatch.setattr(fleet, "likely_root", lambda group, *_: sorted(group, reverse=True))
-    said = fleet.survey(tmp_path, jobs=1)
-    assert said.cascades == (("TIC1", "FIC1"),)
-    assert said.events == (("FIC1", "TIC1"),)
-    assert said.members[0].name == "FIC1"
-    assert said.to_test() == ["FIC1"]
+    surveyed = fleet.survey(tmp_path, jobs=1)
+    assert surveyed.cascades == (("TIC1", "FIC1"),)
+    assert surveyed.events == (("FIC1", "TIC1"),)
+    assert surveyed.members[0].name == "FIC1"
+    assert surveyed.to_test() == ["FIC1"]

@@ -14,7 +14,6 @@ from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from detectors.signal.phase import phase_locking
 from simbench.bench.store.checksums import with_checksum
 from simbench.cli import main
 from simbench.files import write_record
@@ -22,7 +21,6 @@ from simbench.plant.report import fleet
 from simbench.plant.report.events import likely_root, shared_oscillations
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import likely
-from simbench.plant.trust.trust import trust
 
 
 def victim(source):
@@ -50,18 +48,6 @@ def records():
     }
 
 
-@pytest.fixture(scope="module")
-def trust_once():
-    """Ask about a record once, whichever file it stands in."""
-    known = {}
-
-    def ask(record, **more):
-        key = record.op.tobytes(), record.pv.tobytes(), record.process, str(more)
-        return known[key] if key in known else known.setdefault(key, trust(record, **more))
-
-    return ask
-
-
 def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):
     assert shared_oscillations({n: Prepared(r) for n, r in records.items()}) == [
         ["source", "victim"]
@@ -76,22 +62,13 @@ def test_records_of_different_lengths_share_nothing(records):
     assert shared_oscillations(cut) == []
 
 
-def test_phase_locking_is_one_for_a_shift_and_small_for_strangers():
-    t = np.arange(4000.0)
-    assert phase_locking(np.sin(t / 10), np.sin(t / 10 + 1.0), 62.8) > 0.99
-    rng = np.random.default_rng(0)
-    assert phase_locking(rng.standard_normal(4000), rng.standard_normal(4000), 62.8) < 0.6
-
-
 def test_the_root_is_the_stickiest_then_the_least_like_a_sine():
     assert likely_root(["a", "b"], {"a": 0.2, "b": 0.9}, {"a": 5.0, "b": 0.0}) == ["b", "a"]
     assert likely_root(["a", "b"], {"a": 0.31, "b": 0.29}, {"a": 1.0, "b": 3.0}) == ["b", "a"]
 
 
-def test_the_page_ranks_the_loops_and_stands_alone(
-    records, trust_once, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.setattr(fleet, "trust", trust_once)
+@pytest.mark.usefixtures("two_methods")
+def test_the_page_ranks_the_loops_and_is_self_contained(records, tmp_path, capsys):
     folder, page = tmp_path / "plant", tmp_path / "page.html"
     folder.mkdir()
     for name in ("quiet", "source", "victim"):
@@ -129,6 +106,7 @@ def test_the_page_ranks_the_loops_and_stands_alone(
         assert chromium.lost_on_paper(page) == 0
 
 
+@pytest.mark.usefixtures("two_methods")
 def test_loops_judged_before_a_kill_are_not_judged_again(
     records, trust_once, tmp_path, monkeypatch
 ):
@@ -153,6 +131,7 @@ def test_loops_judged_before_a_kill_are_not_judged_again(
     assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
 
 
+@pytest.mark.usefixtures("two_methods")
 def test_a_second_week_judges_only_what_changed(records, trust_once, tmp_path, monkeypatch):
     for week, source in (("week1", "source"), ("week2", "other")):
         (tmp_path / week).mkdir()
@@ -196,10 +175,8 @@ def test_a_second_week_judges_only_what_changed(records, trust_once, tmp_path, m
     ]
 
 
-def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(
-    records, trust_once, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(fleet, "trust", trust_once)
+@pytest.mark.usefixtures("two_methods")
+def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, tmp_path):
     (tmp_path / "plant").mkdir()
     write_record(records["quiet"], tmp_path / "plant" / "LIC7.csv")
     words = ["report", str(tmp_path / "plant"), "-j", "1", "-o", str(tmp_path / "page.html")]
@@ -213,7 +190,7 @@ def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == page
 
 
-def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(
+def test_answers_are_kept_in_the_folder_of_the_call_though_its_processes_began_elsewhere(
     tmp_path, monkeypatch
 ):
     for name in ("before", "now"):
@@ -228,10 +205,6 @@ def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsew
     assert len(list((tmp_path / "now" / "kept").rglob("*.json"))) == 2
 
 
-def test_of_nothing_nothing_is_asked():
-    assert resumed(likely, [], jobs=2, keep=None, what="numbers") == []
-
-
-def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):
+def test_a_page_that_cannot_be_written_is_reported_before_anything_is_judged(tmp_path, capsys):
     assert main(["report", str(tmp_path), "-o", str(tmp_path / "no" / "page.html")]) == 2
     assert "cannot be written" in capsys.readouterr().err

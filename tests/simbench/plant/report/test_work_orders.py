@@ -36,13 +36,13 @@ def test_only_what_somebody_must_see_to_is_an_order(weeks):
     assert "PV variance" in orders["best action"][0]
 
 
-def test_a_cause_that_returns_is_said_to(weeks):
+def test_a_cause_that_returns_is_marked(weeks):
     assert pd.read_csv(weeks / "one" / "page.csv")["status"][0] == "new, watch"
     assert pd.read_csv(weeks / "two" / "page.csv")["status"][0] == "again"
     assert pd.read_csv(weeks / "orders.csv")["status"][0] == "again"
 
 
-def test_the_first_section_says_who_must_do_what(weeks):
+def test_the_first_section_lists_who_must_do_what(weeks):
     text = (weeks / "one" / "page.html").read_text(encoding="utf-8")
     assert text.index("Who must do what") < text.index("Where to go first")
     assert "Maintenance, at the valve: FIC101 (stiction, new, watch)." in text

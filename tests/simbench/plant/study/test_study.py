@@ -38,18 +38,18 @@ def normal(seed, n, shift=0.0, features=5):
 
 def test_the_distance_is_rejected_about_as_often_as_it_should_be_where_there_is_none():
     small = 0
-    for seed in range(60):
+    for seed in range(30):
         a, b = normal([seed, 0], 15), normal([seed, 1], 15)
         small += mmd_test(FeatureScaler.of(a, b), a, b, np.random.default_rng(seed))["p"] <= 0.1
-    assert 1 <= small <= 13
+    assert 1 <= small <= 8
 
 
-def test_a_shift_is_found_by_kernel_and_by_classifier():
+def test_kernel_and_classifier_detect_a_shift():
     a, b, rng = normal(0, 30), normal(1, 20, 1.2), np.random.default_rng(2)
     ruler = FeatureScaler.of(a, b)
-    found = mmd_test(ruler, a, b, rng)
-    assert found["p"] < 0.01
-    assert found["lo"] <= found["value"] <= found["hi"]
+    result = mmd_test(ruler, a, b, rng)
+    assert result["p"] < 0.01
+    assert result["lo"] <= result["value"] <= result["hi"]
     auc, p = classifier_test(ruler.measured(a), ruler.measured(b), rng)
     assert auc > 0.9
     assert p < 0.05
@@ -68,7 +68,7 @@ def test_the_kernel_distance_agrees_with_its_slow_form():
     assert mmd(ruler, a, b) == pytest.approx(np.sqrt(max(slow, 0.0)))
 
 
-def test_the_feature_that_differs_stands_first():
+def test_the_feature_that_differs_ranks_first():
     a, b = normal(5, 30), normal(6, 30)
     b[:, 2] += 3.0
     rows = feature_tests(FeatureScaler.of(a, b), list("vwxyz"), a, b)
@@ -95,14 +95,14 @@ def test_looks_do_not_change_with_units(grid_loops):
 
 def test_a_strength_comes_back_from_where_it_was_taken(grid_loops):
     size, other = grid_loops[0].size, Size(3.0, 20.0, 50.0)
-    found = {"step": 0.5, "at": "record"}
-    assert absolute("quantisation", relative("quantisation", found, size), size) == pytest.approx(
-        found
-    )
-    assert absolute("quantisation", relative("quantisation", found, size), other)[
+    strength = {"step": 0.5, "at": "record"}
+    assert absolute(
+        "quantisation", relative("quantisation", strength, size), size
+    ) == pytest.approx(strength)
+    assert absolute("quantisation", relative("quantisation", strength, size), other)[
         "step"
     ] == pytest.approx(0.5 * 3.0 / size.pv)
-    assert scales("quantisation", found) == {"step": "pv"}
+    assert scales("quantisation", strength) == {"step": "pv"}
     assert scales("drift", {"rate": 1.0}) is None
 
 
@@ -115,12 +115,16 @@ def planted(tmp_path_factory):
     return folder
 
 
-def test_the_planted_effect_stands_first_and_brings_the_grid_nearer(planted):
-    found = study(planted, "smoke", methods=["he"], groups=10)
-    assert found.distance["p"] < 0.05
-    assert found.effects[0].effect == "quantisation"
-    assert found.effects[0].distance_after < found.distance["value"]
-    answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
+def test_the_planted_effect_ranks_first_and_brings_the_grid_nearer(planted, monkeypatch):
+    # every loop has the same effect: the diagnosis of one serves for all
+    monkeypatch.setattr(
+        plant_study, "resumed", lambda ask, about, **_: [ask(*about[0])] * len(about)
+    )
+    result = study(planted, "smoke", methods=["he"], groups=10)
+    assert result.distance["p"] < 0.05
+    assert result.effects[0].effect == "quantisation"
+    assert result.effects[0].distance_after < result.distance["value"]
+    answer = json.loads(json.dumps(result.as_json(), allow_nan=False))
     keys = {"records", "loops", "distance", "features", "effects", "simulated", "real", "notes"}
     assert set(answer) == keys
     assert set(answer["effects"][0]) == {"effect", "share", "distance_after", "costs"}
@@ -162,57 +166,11 @@ def test_a_strength_is_that_of_a_loop_that_has_the_effect(grid_loops):
         assert effect["period"] == pytest.approx(s.size.period)
 
 
-def test_friction_stands_in_the_place_of_friction(grid_loops):
-    before = [s for s in grid_loops if s.stands]
+def test_friction_replaces_friction(grid_loops):
+    before = [s for s in grid_loops if s.representative]
     after = joining._with(before, joining.Way("stiction", 1.0, ({"S": 0.9, "J": 0.5},), 0))
     assert all(s.sticky for s in after)
     assert any(not s.sticky for s in before)
-
-
-def test_an_effect_is_tried_wherever_it_may_act_and_in_more_loops_than_it_was_found_in():
-    places = joining._places("quantisation", [{"step": 0.5, "at": "loop"}])
-    assert [p[0]["at"] for p in places] == ["loop", "record"]
-    assert joining._places("compression", [{"band": 0.5}]) == [({"band": 0.5},)]
-    ways = joining._shares("compression", ({"band": 0.5},) * 3, 6, np.random.default_rng(0))
-    assert [w.share for w in ways] == [0.5, 0.75, 1.0]
-
-
-def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
-    e = Contribution(
-        "quantisation",
-        0.5,
-        0.1,
-        {"he": -0.1},
-        ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}),
-    )
-    nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
-    found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {"he": 0.5}, {}, {"he": 0.4}, (), "plant")
-    assert write_grid(found, tmp_path / "mine.toml") == []
-    grid = load_grid(tmp_path / "mine.toml")
-    assert len(grid) == len(load_grid("plant"))
-    text = (tmp_path / "mine.toml").read_text()
-    assert text.count('"found_quantisation"') == 10
-    named = [e.name for i in range(30) for d in grid.group(i).drafts for e in d.effects]
-    assert named.count("quantisation") > 5
-
-
-@pytest.mark.parametrize(
-    ("costs", "said", "table"),
-    [
-        (
-            {"he": 0.02, "horch": -0.1, "kano_a": -0.004, "procedure": -0.2},
-            "accuracy procedure -20, horch -10 points",
-            "procedure",
-        ),
-        ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
-    ],
-)
-def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, said, table):
-    e = Contribution("quantisation", 0.5, 0.1, costs, ())
-    nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
-    found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {}, {}, {}, (), "plant")
-    assert f"+ quantisation: in 50% of the loops; distance then 0.10; {said}" in found.as_text()
-    assert study_page._effects(found)["costs most, alone"].tolist() == [table]
 
 
 def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
@@ -223,25 +181,45 @@ def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
     assert "at least 5" in capsys.readouterr().err
 
 
-def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
-    found = Study(
-        8,
-        8,
-        {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01},
-        (0.7, 0.1),
-        [],
-        (),
-        {},
-        {},
-        {},
-        ("one",),
-        "plant",
-    )
-    monkeypatch.setattr("simbench.plant.study.study.study", lambda *a, **k: found)
+def result_with(*effects):
+    distance = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
+    accuracy = {"he": 0.5}, {}, {"he": 0.4}
+    return Study(8, 8, distance, (0.7, 0.1), [], effects, *accuracy, ("one",), "plant")
+
+
+def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
+    strengths = {"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}
+    result = result_with(Contribution("quantisation", 0.5, 0.1, {"he": -0.1}, strengths))
+    assert write_grid(result, tmp_path / "mine.toml") == []
+    grid = load_grid(tmp_path / "mine.toml")
+    assert len(grid) == len(load_grid("plant"))
+    assert (tmp_path / "mine.toml").read_text().count('"found_quantisation"') == 10
+    named = [e.name for i in range(30) for d in grid.group(i).drafts for e in d.effects]
+    assert named.count("quantisation") > 5
+
+
+@pytest.mark.parametrize(
+    ("costs", "words", "table"),
+    [
+        (
+            {"he": 0.02, "horch": -0.1, "kano_a": -0.004, "procedure": -0.2},
+            "accuracy procedure -20, horch -10 points",
+            "procedure",
+        ),
+        ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
+    ],
+)
+def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, words, table):
+    result = result_with(Contribution("quantisation", 0.5, 0.1, costs, ()))
+    assert f"+ quantisation: in 50% of the loops; distance then 0.10; {words}" in result.as_text()
+    assert study_page._effects(result)["costs most, alone"].tolist() == [table]
+
+
+def test_a_study_without_an_effect_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
+    monkeypatch.setattr("simbench.plant.study.study.study", lambda *a, **k: result_with())
     (tmp_path / "plant").mkdir()
-    said = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
-    assert said.notes == (
-        "one",
-        f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw",
-    )
-    assert not (tmp_path / "mine.toml").exists()
+    grid = tmp_path / "mine.toml"
+    answer = study_folder(tmp_path / "plant", "smoke", write_grid=grid)
+    why = f"no grid is written to {grid}: the study has no effect that a grid can draw"
+    assert answer.notes == ("one", why)
+    assert not grid.exists()

@@ -19,7 +19,7 @@ from simbench.plant.report.fleet import EACH, HEALTHY
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
 
-FEW = {"methods": ["he,rossi_scali,procedure"], "healthy": 30, "each": 6}
+FEW = {"methods": ["he,horch"], "healthy": 20, "each": 4}
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +28,13 @@ def sticky():
 
 
 @pytest.fixture(scope="module")
-def found(sticky):
+def trusted(sticky):
     return trust(sticky, **FEW)
 
 
-def test_plain_stiction_is_called_so(found):
-    assert found.conclusion.verdict == STICTION
-    assert found.probability > 0.75
+def test_plain_stiction_is_called_so(trusted):
+    assert trusted.conclusion.verdict == STICTION
+    assert trusted.probability > 0.75
 
 
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
@@ -63,7 +63,7 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
         .record.without_mv()
         .window(0, 1500)
     )
-    answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
+    answer = trust(record, methods=["he"], healthy=20, each=4, help_wanted=False)
     assert answer.best is not None
     assert answer.power
 
@@ -72,22 +72,23 @@ def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
     sticky, monkeypatch
 ):
     monkeypatch.setattr("simbench.plant.trust.trust.LONG_RECORD", 100)
-    few = trust(sticky, methods=["procedure"], healthy=HEALTHY, each=EACH, help_wanted=False)
+    few = trust(sticky, methods=["he"], healthy=HEALTHY, each=EACH, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
     assert few.power
 
 
-def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(
-    sticky, found, monkeypatch
+def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_its_verdict(
+    sticky, trusted, monkeypatch
 ):
     keenest = max(
-        (m for m in found.methods if m.verdict.applicable is not False), key=lambda m: m.rule.right
+        (m for m in trusted.methods if m.verdict.applicable is not False),
+        key=lambda m: m.rule.right,
     )
-    assert keenest.power[-1].S == found.power[-1].S
+    assert keenest.power[-1].S == trusted.power[-1].S
     if keenest.rule.cut is None:
-        assert found.power == keenest.power
+        assert trusted.power == keenest.power
     monkeypatch.setattr("simbench.plant.trust.trust.likely", lambda probability: NO_STICTION)
-    assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
+    assert trust(sticky, **FEW, help_wanted=False).smallest_visible == trusted.smallest_visible
 
 
 @pytest.mark.parametrize(
@@ -102,57 +103,30 @@ def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probabl
     sticky, monkeypatch, probability, answer
 ):
     monkeypatch.setattr(CandidateLoops, "probability", probability)
-    found = trust(sticky, **FEW, help_wanted=False)
-    assert found.smallest_visible is not None
-    assert found.conclusion.verdict == answer
-
-
-def test_json_has_the_contracts_keys_and_finite_numbers(found):
-    answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
-    assert set(answer) == {
-        "methods",
-        "best",
-        "smallest_visible",
-        "probability",
-        "probability_of_stiction",
-        "twins",
-        "notes",
-        "conclusion",
-    }
-    assert answer["probability_of_stiction"] == answer["probability"]
-    for row in answer["methods"]:
-        assert set(row) == {
-            "method",
-            "applicable",
-            "verdict",
-            "false_alarms",
-            "power",
-            "likelihood_ratio",
-        }
-        assert all(set(c) == {"S", "J", "found", "lo", "hi"} for c in row["power"])
-    assert answer["best"] == answer["methods"][0]["method"]
-    assert set(answer["smallest_visible"]) == {"S", "J"}
+    trusted = trust(sticky, **FEW, help_wanted=False)
+    assert trusted.smallest_visible is not None
+    assert trusted.conclusion.verdict == answer
 
 
 def test_of_methods_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(
-    found,
+    trusted,
 ):
-    made = [m for m in found.methods if m.verdict.applicable is not False]
-    agreeing = [m for m in made if m.says == STICTION]
-    assert found.best.rule.right == max(m.rule.right for m in agreeing)
-    assert found.best in agreeing
-    assert "of those that agree with the probability" in found.as_text()
+    made = [m for m in trusted.methods if m.verdict.applicable is not False]
+    agreeing = [m for m in made if m.verdict_here == STICTION]
+    assert trusted.best.rule.right == max(m.rule.right for m in agreeing)
+    assert trusted.best in agreeing
+    assert "of those that agree with the probability" in trusted.as_text()
 
 
-def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
+def test_the_text_states_where_no_method_agrees_with_the_probability(sticky, monkeypatch):
     monkeypatch.setattr(CandidateLoops, "probability", 0.1)
-    found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
-    assert found.best.says == STICTION
-    assert "none agrees with the probability" in found.as_text()
+    trusted = trust(sticky, methods=["he"], healthy=15, each=2, help_wanted=False)
+    assert trusted.best.verdict_here == STICTION
+    assert "none agrees with the probability" in trusted.as_text()
 
 
 @pytest.mark.slow
-def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
+def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, trusted):
     other = LoopRecord(
         op=sticky.op,
         pv=8.0 * sticky.pv - 64.0,
@@ -161,7 +135,7 @@ def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
         process=sticky.process,
         op_span=sticky.op_span,
     )
-    assert trust(other, **FEW).conclusion.verdict == found.conclusion.verdict
+    assert trust(other, **FEW).conclusion.verdict == trusted.conclusion.verdict
 
 
 def test_a_dead_record_is_no_error_and_no_verdict():
@@ -176,9 +150,9 @@ def test_a_dead_record_is_no_error_and_no_verdict():
 
 def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
     loop = Loop.from_table(RESTING | STUCK)
-    answer = trust(sticky, loop, **FEW)
-    assert answer.behind is not None
-    assert answer.behind.trusted
+    answer = trust(sticky, loop, **FEW, help_wanted=False)
+    assert answer.candidates is not None
+    assert answer.candidates.trusted
     assert any("friction" in n for n in answer.notes)
     assert min(answer.twins) == (0.0, 0.0)
 
@@ -191,19 +165,7 @@ def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
     text = page.read_text(encoding="utf-8")
     assert "http" not in text.replace("http://www.w3.org", "")
     assert "probability of stiction" in text
-    assert main(["detect", str(record), "--method", "he", "--power"]) == 0
-    assert (
-        capsys.readouterr()
-        .out.strip()
-        .splitlines()[-1]
-        .startswith("power: this record would have shown")
-    )
     assert main(["detect", str(record), "--method", "he", "--power", "--json"]) == 0
     out, err = capsys.readouterr()
     json.loads(out)
-    assert "power:" in err
-
-
-def test_bad_input_is_one_sentence(tmp_path, capsys):
-    assert main(["trust", str(tmp_path / "none.csv")]) == 2
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert "power: this record would have shown" in err
