@@ -276,6 +276,7 @@ def published(here, monkeypatch):
         methods.__dict__.pop("_entry_points", None)
 
     yield publish
+    monkeypatch.undo()  # or asking for the names would publish them again
     for name in set(methods.__dict__.pop("_entry_points", {})):
         methods.forget(name)
 

@@ -337,7 +337,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("line", "part"), sampled(WRONG, 9))
+@pytest.mark.parametrize(("line", "part"), sampled(WRONG, 12))
 def test_a_wrong_command(here, line, part):
     share = "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
     files = {
