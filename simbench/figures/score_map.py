@@ -18,7 +18,7 @@ from simbench.bench.score.scoring import answers_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.figures._score import SHARE_COLOURS, share_map
-from simbench.figures._style import panels, styled
+from simbench.figures._style import label, panel, panels, styled
 
 SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), Table 11.3, as axes"
 PLANTS = {
@@ -119,11 +119,11 @@ def draw(data: pd.DataFrame) -> Figure:
 @styled
 def draw_bar() -> Figure:
     """Draw the colours of the maps alone, for pages that show one method a picture."""
-    figure, axes = panels(1, 1, 4.0, 0.6)
+    figure, axes = panel(4.0, 0.6)
     levels = np.linspace(0.0, 1.0, SHARE_COLOURS["cmap"].N + 1)
-    axes[0, 0].pcolormesh(levels, [0, 1], levels[np.newaxis, :-1], **SHARE_COLOURS)
-    axes[0, 0].set_yticks([])
-    axes[0, 0].set_xlabel("share of right answers")
+    axes.pcolormesh(levels, [0, 1], levels[np.newaxis, :-1], **SHARE_COLOURS)
+    axes.set_yticks([])
+    axes.set_xlabel("share of right answers")
     return figure
 
 
@@ -141,6 +141,5 @@ def _map(axes: Axes, part: pd.DataFrame, name: str):
     axes.set_xticks(range(shares.shape[1]), [f"{r:.2g}" for r in shares.columns])
     names = [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in shares.index]
     axes.set_yticks(range(shares.shape[0]), names)
-    axes.set_xlabel(name)
-    axes.set_ylabel("S/2J")
+    label(axes, name, "S/2J")
     return image

@@ -1,7 +1,5 @@
 """Templates of the pages: those of one package, and those that all pages share."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Matplotlib figures as inline SVG that follows the page's colours and width."""
 
-from __future__ import annotations
-
 import io
 import re
 from html import escape

@@ -1,7 +1,5 @@
 """Data frames as tables that the page can sort."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Write the report of a run as one HTML file that asks for nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from simbench.bench.score.names import benchmark_text

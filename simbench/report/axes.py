@@ -1,7 +1,5 @@
 """Section: accuracy of every detector against every axis of the grid."""
 
-from __future__ import annotations
-
 from markupsafe import Markup
 
 from simbench.bench.score.names import LEAST

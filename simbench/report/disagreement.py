@@ -1,7 +1,5 @@
 """Section: scenarios on which the truths disagree."""
 
-from __future__ import annotations
-
 from markupsafe import Markup
 
 from simbench.html.table import sortable

@@ -1,7 +1,5 @@
 """Section: detectors that raised, scenarios that could not be run, and why methods abstained."""
 
-from __future__ import annotations
-
 import re
 
 from markupsafe import Markup

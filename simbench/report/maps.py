@@ -1,7 +1,5 @@
 """Section: where each detector is right, over dead time and stick band."""
 
-from __future__ import annotations
-
 from markupsafe import Markup
 
 from simbench.figures.score_map import cells, draw, draw_bar

@@ -1,7 +1,5 @@
 """Section: all detectors on one sheet, healthy and sticky loops apart."""
 
-from __future__ import annotations
-
 from markupsafe import Markup
 
 from simbench.figures.score_overview import draw, overview

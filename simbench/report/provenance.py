@@ -1,7 +1,5 @@
 """Section: where every number comes from, and how to get it again."""
 
-from __future__ import annotations
-
 import shlex
 from typing import Any
 

@@ -2,8 +2,6 @@
 axes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,7 +21,7 @@ from simbench.figures._style import (
     RED,
     SKY,
     label,
-    panels,
+    panel,
     styled,
 )
 from simbench.html.svg import inline_svg
@@ -58,17 +56,8 @@ def section(run: RunData) -> Markup:
             point = tuple(
                 mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True)
             )
-            ranked.append(
-                (
-                    area.value,
-                    _Curve(
-                        method,
-                        f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})",
-                        roc_curve(mine),
-                        point,
-                    ),
-                )
-            )
+            text = f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})"
+            ranked.append((area.value, _Curve(method, text, roc_curve(mine), point)))
     curves = [curve for _, curve in sorted(ranked, key=lambda pair: -pair[0])]
     caption = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
     return render("roc.html", picture=inline_svg(_draw(curves), "roc", caption) if curves else None)
@@ -87,8 +76,7 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def _draw(curves: Sequence[_Curve]) -> Figure:
-    figure, grid = panels(1, 1, 7.6, 4.6)
-    axes = grid[0, 0]
+    figure, axes = panel(7.6, 4.6)
     axes.plot([0, 1], [0, 1], color=GREY, linestyle=":", linewidth=0.9)
     for i, curve in enumerate(curves):
         colour = _COLOURS[i % len(_COLOURS)]

@@ -1,7 +1,5 @@
 """Section: what the detectors cost."""
 
-from __future__ import annotations
-
 import pandas as pd
 from markupsafe import Markup
 

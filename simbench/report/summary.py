@@ -1,7 +1,5 @@
 """Section: the run in a few numbers, and the score table."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The closed loop compiled from loop.c by gcc, called through ctypes."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

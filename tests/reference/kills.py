@@ -6,8 +6,6 @@ often the resumed run lost a row, differed from the undisturbed one, or left oth
 any did. `--every 9` takes every ninth operation.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import pickle

@@ -2,8 +2,6 @@
 against python-control.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 import warnings

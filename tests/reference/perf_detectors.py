@@ -2,8 +2,6 @@
 medians of interleaved runs.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 

@@ -4,8 +4,6 @@ detector, store and glue.
 Shares are compared with the committed ones, which `--update` writes.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

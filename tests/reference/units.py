@@ -2,8 +2,6 @@
 world, every method.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace

@@ -20,7 +20,7 @@ from tests.simbench.boundary.test_loops import text as loop_text
 from tests.simbench.boundary.test_records import csv
 
 MANY = settings(
-    max_examples=int(os.environ.get("FUZZ", "12")),
+    max_examples=int(os.environ.get("FUZZ", "8")),
     derandomize="FUZZ" not in os.environ,
     deadline=None,
     database=None,

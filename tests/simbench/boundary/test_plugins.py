@@ -151,7 +151,7 @@ def test_hostile_plug_ins_are_named_and_the_others_do_not_notice(
     here, alone, monkeypatch, names, seconds
 ):
     monkeypatch.setattr(host, "BYTES", 400 << 20)
-    parts = {"_".join(["x", *name.split()]): HOSTILE[name] for name in names}
+    parts = {"_".join(["x", *name.lower().split()]): HOSTILE[name] for name in names}
     methods.add_hosted(
         *(plugin(here, body, name) for name, (body, _) in parts.items()), seconds=seconds
     )
@@ -276,6 +276,7 @@ def published(here, monkeypatch):
         methods.__dict__.pop("_entry_points", None)
 
     yield publish
+    monkeypatch.undo()  # or asking for the names would publish them again
     for name in set(methods.__dict__.pop("_entry_points", {})):
         methods.forget(name)
 

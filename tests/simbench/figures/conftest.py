@@ -1,7 +1,5 @@
 """Numbers of each figure, computed once for all tests."""
 
-from __future__ import annotations
-
 import fcntl
 import functools
 import os

@@ -2,8 +2,6 @@
 covers another.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import os

@@ -1,7 +1,5 @@
 """The statements of the chapter about its figures, checked on the numbers drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The tutorial holds what it promises, block by block."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

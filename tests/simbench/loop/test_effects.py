@@ -102,25 +102,6 @@ def test_the_vocabulary_is_data_and_loads_no_model():
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 
-def test_simulating_an_effect_asks_nothing_of_the_diagnosis():
-    code = (
-        "import sys; from scenarios.spec import Loop; from simbench.loop.simulate import"
-        " simulate\ntable = {'plant': {'type': 'foptd', 'K': 1, 'T': 10}, 'controller': {'type':"
-        " 'PI', 'Kc': 1, 'Ti': 10}, 'sampling': {'Ts': 1, 'n': 50}, 'effect': [{'name': 'stiction',"
-        " 'S': 2, 'J': 1}]}\nsimulate(Loop.from_table(table)); print(','.join(m for m in"
-        " sys.modules if m.startswith('simbench')))"
-    )
-    loaded = (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        .stdout.strip()
-        .split(",")
-    )
-    assert "simbench.loop.effects.stiction" in loaded
-    assert not [
-        m for m in loaded if m.startswith(("simbench.gap", "simbench.blind", "simbench.bench"))
-    ]
-
-
 @pytest.mark.parametrize("name", EFFECTS)
 def test_strength_zero_changes_no_bit(name):
     effect = with_effects((name, EFFECTS[name].identity))
@@ -147,12 +128,8 @@ def test_two_effects_act_together():
 
 
 def test_a_second_friction_is_refused():
-    sticky = Loop.from_table(
-        {
-            **with_effects(("stiction", STRONG["stiction"])).to_table(),
-            "valve": {"model": "kano", "S": 2.0, "J": 1.0},
-        }
-    )
+    table = with_effects(("stiction", STRONG["stiction"])).to_table()
+    sticky = Loop.from_table(table | {"valve": {"model": "kano", "S": 2.0, "J": 1.0}})
     with pytest.raises(ParameterError, match="'kano', which has friction already"):
         simulate(sticky)
 

@@ -1,7 +1,5 @@
 """The loop: the contract of one sample, one run, and its random numbers."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from pathlib import Path
@@ -40,6 +38,16 @@ def loop(**changes) -> Loop:
     return Loop.from_table(table)
 
 
+def load(kind: str, amplitude: float, period: float, at: str = "output") -> list[dict]:
+    return [{"type": kind, "amplitude": amplitude, "period": period, "at": at}]
+
+
+def to(*steps: list[float]) -> dict:
+    """A set point of 50 that steps."""
+    return {"value": 50.0, "steps": list(steps)}
+
+
+IDEAL = {"model": "ideal"}
 OPEN = {"controller": {"type": "P", "Kc": 1e-12, "Ti": None}}
 
 
@@ -134,13 +142,10 @@ def test_positive_feedback_is_refused():
 
 
 def test_a_quiet_loop_rests_where_it_starts():
-    for valve in ("ideal", "choudhury", "deadband"):
-        parameters = (
-            {} if valve == "ideal" else {"S": 5.0} | ({"J": 2.0} if valve == "choudhury" else {})
-        )
+    for parameters in ({"model": "deadband", "S": 5.0}, BASE["valve"], IDEAL):
         r = simulate(
             loop(
-                valve={"model": valve, **parameters},
+                valve=parameters,
                 operating_point={"op0": 30.0, "pv0": 7.0},
                 setpoint={"value": 7.0},
             )
@@ -151,118 +156,61 @@ def test_a_quiet_loop_rests_where_it_starts():
 
 
 def test_set_point_away_from_pv0_is_a_step_at_sample_zero():
-    r = simulate(
-        loop(
-            operating_point={"op0": 50.0, "pv0": 40.0},
-            setpoint={"value": 42.0},
-            valve={"model": "ideal"},
-        )
-    ).record
+    away = {"operating_point": {"op0": 50.0, "pv0": 40.0}, "setpoint": {"value": 42.0}}
+    r = simulate(loop(valve=IDEAL, **away)).record
     assert r.pv[0] == 40.0
     assert r.op[0] == pytest.approx(50 + 2.0 * (1 + 1 / 10))
 
 
 def test_mv_acts_after_its_sample_and_after_the_dead_time():
-    r = simulate(
-        loop(
-            plant={"Td": 0.0},
-            valve={"model": "ideal"},
-            setpoint={"value": 50.0, "steps": [[5.0, 51.0]]},
-        )
-    ).record
+    step = {"valve": IDEAL, "setpoint": to([5.0, 51.0])}
+    r = simulate(loop(plant={"Td": 0.0}, **step)).record
     assert r.mv[5] == r.op[5] > 50.0
     assert r.pv[5] == 50.0 < r.pv[6]
-    late = simulate(
-        loop(
-            plant={"Td": 3.0},
-            valve={"model": "ideal"},
-            setpoint={"value": 50.0, "steps": [[5.0, 51.0]]},
-        )
-    ).record
+    late = simulate(loop(plant={"Td": 3.0}, **step)).record
     assert late.pv[8] == 50.0 < late.pv[9]
 
 
 def test_op_stays_within_its_limits_and_leaves_them_at_once():
-    r = simulate(
-        loop(
-            valve={"model": "ideal"},
-            setpoint={"value": 50.0, "steps": [[10.0, 150.0], [200.0, 50.0]]},
-            sampling={"n": 260},
-        )
-    ).record
+    far = to([10.0, 150.0], [200.0, 50.0])
+    r = simulate(loop(valve=IDEAL, setpoint=far, sampling={"n": 260})).record
     assert r.op.max() == 100.0
     assert r.op[200] < 100.0  # no wound-up integral holds it there
 
 
 def test_input_load_acts_between_valve_and_plant_and_output_load_on_pv():
-    quiet = loop(valve={"model": "ideal"}, **OPEN)
-    at_input = Loop.from_table(
-        {
-            **quiet.to_table(),
-            "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}],
-        }
-    )
-    run = simulate(at_input)
+    run = simulate(loop(valve=IDEAL, disturbance=load("ramp", 2.0, 1.0, "input"), **OPEN))
     assert np.ptp(run.record.mv) < 1e-9
     assert run.record.pv[-1] == pytest.approx(52.0, abs=1e-6)
-    at_output = Loop.from_table(
-        {
-            **quiet.to_table(),
-            "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}],
-        }
-    )
-    assert simulate(at_output).record.pv[1] == 52.0
+    run = simulate(loop(valve=IDEAL, disturbance=load("ramp", 2.0, 1.0), **OPEN))
+    assert run.record.pv[1] == 52.0
 
 
 @pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
 @pytest.mark.parametrize("at", ["input", "output"])
 def test_every_disturbance_reaches_pv(kind, at):
-    one = Loop.from_table(
-        {**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]}
-    )
-    run = simulate(one, seed=5)
-    load = run.load_in if at == "input" else run.load_out
-    assert np.ptp(load) > 1.0
+    run = simulate(loop(disturbance=load(kind, 3.0, 60.0, at)), seed=5)
+    assert np.ptp(run.load_in if at == "input" else run.load_out) > 1.0
     assert np.ptp(run.record.pv) > 0.5
 
 
 def test_propagated_load_has_the_wanted_period_and_amplitude():
-    one = Loop.from_table(
-        {
-            **BASE,
-            "sampling": {"Ts": 1.0, "n": 2000},
-            "disturbance": [
-                {"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}
-            ],
-        }
-    )
-    load = simulate(one, seed=5).load_out
-    spectrum = np.abs(np.fft.rfft(load - load.mean()))
+    one = loop(sampling={"n": 2000}, disturbance=load("propagated", 3.0, 80.0))
+    propagated = simulate(one, seed=5).load_out
+    spectrum = np.abs(np.fft.rfft(propagated - propagated.mean()))
     assert 2000 / np.argmax(spectrum) == pytest.approx(80.0, rel=0.15)
-    assert np.ptp(load) / 2 == pytest.approx(3.0, rel=0.1)
+    assert np.ptp(propagated) / 2 == pytest.approx(3.0, rel=0.1)
 
 
 def test_same_loop_and_seed_give_the_same_bits_and_another_seed_others():
-    one = Loop.from_table(
-        {
-            **BASE,
-            "noise": {"std": 0.3},
-            "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}],
-        }
-    )
+    one = loop(noise={"std": 0.3}, disturbance=load("random_walk", 1.0, 50.0, "input"))
     a, b, c = simulate(one, 7).record, simulate(one, 7).record, simulate(one, 8).record
     np.testing.assert_array_equal(a.pv, b.pv)
     assert (a.pv != c.pv).any()
 
 
 def test_a_tail_leaves_the_record_as_it_was():
-    one = Loop.from_table(
-        {
-            **BASE,
-            "noise": {"std": 0.3},
-            "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}],
-        }
-    )
+    one = loop(noise={"std": 0.3}, disturbance=load("sine", 1.0, 50.0, "input"))
     short, long = simulate(one, 7), simulate(one, 7, tail=500)
     np.testing.assert_array_equal(short.record.pv, long.record.pv)
     assert long.tail.n == 500
@@ -334,17 +282,9 @@ def test_loop_equals_python_control_over_the_first_300_samples():
         ({"valve": {"model": "choudhury", "S": -1, "J": 0}}, ParameterError, "S = -1"),
         ({"valve": {"model": "choudhury", "S": 1, "J": -2}}, ParameterError, "J = -2"),
         ({"valve": {"model": "deadband"}}, ParameterError, "needs S"),
-        ({"disturbance": [{"type": "sin", "amplitude": 1, "period": 5}]}, UnknownName, "sine"),
-        (
-            {"disturbance": [{"type": "sine", "amplitude": 1, "period": 0}]},
-            ParameterError,
-            "period",
-        ),
-        (
-            {"disturbance": [{"type": "sine", "amplitude": 1, "period": 9, "at": "inlet"}]},
-            ParameterError,
-            "input",
-        ),
+        ({"disturbance": load("sin", 1, 5)}, UnknownName, "sine"),
+        ({"disturbance": load("sine", 1, 0)}, ParameterError, "period"),
+        ({"disturbance": load("sine", 1, 9, "inlet")}, ParameterError, "input"),
     ],
 )
 def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
@@ -353,13 +293,8 @@ def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
 
 
 def test_stages_stand_before_and_behind_any_friction_model():
-    valve = {
-        "model": "choudhury",
-        "S": 5.0,
-        "J": 2.0,
-        "behind": [{"model": "limits", "low": 0.0, "high": 52.0}],
-    }
-    one = loop(valve=valve, setpoint={"value": 50.0, "steps": [[10.0, 55.0]]})
+    valve = BASE["valve"] | {"behind": [{"model": "limits", "low": 0.0, "high": 52.0}]}
+    one = loop(valve=valve, setpoint=to([10.0, 55.0]))
     assert Loop.from_table(tomllib.loads(one.to_toml())) == one
     assert simulate(one).record.mv.max() == 52.0
     with pytest.raises(ParameterError, match="key model"):
@@ -369,12 +304,8 @@ def test_stages_stand_before_and_behind_any_friction_model():
 
 
 def test_first_order_plants_are_sampled_with_a_fraction_of_a_sample_of_dead_time():
-    assert [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)] == [
-        0.905,
-        0.046,
-        0.049,
-        2.0,
-    ]
+    numbers = [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)]
+    assert numbers == [0.905, 0.046, 0.049, 2.0]
 
 
 def test_a_batch_gives_each_loop_what_simulate_gives_it():

@@ -2,8 +2,6 @@
 sort.
 """
 
-from __future__ import annotations
-
 import re
 
 import chromium

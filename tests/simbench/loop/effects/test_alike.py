@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simbench.gap.likelihood.kernels import plant
-from simbench.loop.effects import BLOCKS, EFFECTS, Choice, block_of
+from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import Circumstances, circumstances, indistinguishable
 
 BARE = Circumstances(sp_moves=True)
@@ -28,13 +28,6 @@ def test_there_are_26_effects_in_five_blocks():
     assert block_of("unknown") == "unknown"
     with pytest.raises(KeyError):
         block_of("stickshun")
-
-
-def test_the_identity_of_every_parameter_lies_within_its_bounds():
-    for effect in EFFECTS.values():
-        for name, q in effect.parameters.items():
-            if not isinstance(q, Choice):
-                assert q.low <= q.identity <= q.high, name
 
 
 def test_one_series_pole_has_three_places():

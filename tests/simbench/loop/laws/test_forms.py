@@ -2,8 +2,6 @@
 sample by sample.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
