@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from random_case import random_case
 
 from results.studies.plant import label_audit as audit
 
@@ -27,12 +26,3 @@ def test_a_label_is_doubted_by_what_other_units_say(loops):
     p = audit.doubts(loops, labels)
     assert p.argmax() == 0
     assert p[0] > audit.SUSPECTED > np.delete(p, 0).max()
-
-
-def test_windows_are_halves_that_cover_the_record():
-    record = random_case(5).record
-    parts = audit.windows(record)
-    assert len(parts) == audit.WINDOWS
-    assert {p.n for p in parts} == {record.n // 2}
-    assert parts[0].op[0] == record.op[0]
-    assert parts[-1].op[-1] == record.op[-1]

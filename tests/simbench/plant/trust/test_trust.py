@@ -125,19 +125,6 @@ def test_the_text_states_where_no_method_agrees_with_the_probability(sticky, mon
     assert "none agrees with the probability" in trusted.as_text()
 
 
-@pytest.mark.slow
-def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, trusted):
-    other = LoopRecord(
-        op=sticky.op,
-        pv=8.0 * sticky.pv - 64.0,
-        sp=8.0 * sticky.sp - 64.0,
-        Ts=sticky.Ts,
-        process=sticky.process,
-        op_span=sticky.op_span,
-    )
-    assert trust(other, **FEW).conclusion.verdict == trusted.conclusion.verdict
-
-
 def test_a_dead_record_is_no_error_and_no_verdict():
     flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
     answer = trust(flat, **FEW)
