@@ -14,7 +14,8 @@ def loops():
     return pd.DataFrame({"unit": [f"u{i // 2}" for i in range(24)], "sticky": sticky, "odds": odds})
 
 
-def test_turned_labels_stand_among_the_first_suspected(loops):
+def test_turned_labels_are_among_the_first_suspected(loops, monkeypatch):
+    monkeypatch.setattr(audit, "DRAWS", 10)
     detected, false = audit.turned(loops)
     assert detected > 0.95
     assert false < 0.05
