@@ -1,5 +1,5 @@
-"""What can be said about a control loop from its signals; usable alone by an engineer who has only
-plant data.
+"""What can be concluded about a control loop from its signals; usable alone by an engineer who has
+only plant data.
 """
 
 from detectors.errors import ParameterError, RecordError, UnknownName, UserError

@@ -54,7 +54,7 @@ def compiled(function: FunctionType):
 
     Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's
     pairwise sums; division by zero gives inf or NaN. numba's disk cache only watches the file a
-    function stands in. So each kernel is written to a module of its own whose name carries the hash
+    function stands in. So each kernel is written to a separate module whose name carries the hash
     of every source that takes part: an edited helper never meets an old kernel. Not for closures.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
@@ -86,7 +86,7 @@ def quick(function: FunctionType):
 
 
 def njit_cached(function: FunctionType):
-    """Return a function compiled by numba and cached beside it or for its user; where neither can
+    """Return a function compiled by numba and cached next to it or for its user; where neither can
     be written, not cached.
     """
     from numba import njit
@@ -99,7 +99,7 @@ def njit_cached(function: FunctionType):
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out
+    """Keep linear algebra to one thread where its libraries are known: with more, sums come out
     in another order.
     """
     from threadpoolctl import threadpool_limits
@@ -117,7 +117,7 @@ def one_thread() -> Iterator[None]:
 def cached_module(
     kind: str, parts: dict[str, Any], text: str, error_model: str = "python"
 ) -> ModuleType:
-    """Write `text` to a module, found again on disk, in which the names of `parts` are known,
+    """Write `text` to a module, reused from disk, in which the names of `parts` are known,
     functions compiled; import it.
 
     A division by zero in one of the parts raises under the `error_model` "python", and gives inf or
@@ -175,7 +175,7 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
-            # numba's own version stands before what carries the checksum
+            # numba writes its version in front of what carries the checksum
             mark = pickle.dumps(self._version, protocol=-1)
             try:
                 stamp, overloads = pickle.loads(
@@ -275,30 +275,30 @@ def _registers():
 
 def names_used(function: FunctionType) -> dict[str, Any]:
     """What a function takes from its module, by name."""
-    found = {
+    used = {
         n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__
     }
-    return {n: v for n, v in found.items() if v is not function}
+    return {n: v for n, v in used.items() if v is not function}
 
 
 def reached(functions: list[FunctionType]) -> set[FunctionType]:
     """Return the functions and all plain functions that they call."""
-    found: set[FunctionType] = set()
+    functions_reached: set[FunctionType] = set()
     while functions:
         function = functions.pop()
-        if function not in found:
-            found.add(function)
+        if function not in functions_reached:
+            functions_reached.add(function)
             functions = functions + [
                 f for f in names_used(function).values() if isinstance(f, FunctionType)
             ]
-    return found
+    return functions_reached
 
 
 def _described(parts: dict[str, Any]) -> list[str]:
     """One line per part; the constants of functions count too, which may come from a file that is
     not hashed.
     """
-    told = []
+    lines = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
             used = {
@@ -307,12 +307,12 @@ def _described(parts: dict[str, Any]) -> list[str]:
                 for n, v in names_used(f).items()
                 if not isinstance(v, FunctionType)
             }
-            told.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
+            lines.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
         elif isinstance(part, (type, ModuleType)):
-            told.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")
+            lines.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")
         else:
-            told.append(f"{name} {part.tolist() if isinstance(part, np.ndarray) else part!r}")
-    return sorted(told)
+            lines.append(f"{name} {part.tolist() if isinstance(part, np.ndarray) else part!r}")
+    return sorted(lines)
 
 
 @lru_cache(maxsize=1024)
@@ -334,7 +334,7 @@ def cache_folder() -> Path:
             Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
         )
         base.mkdir(parents=True, exist_ok=True)
-        if os.name == "posix":  # elsewhere a user's own folders are closed to others
+        if os.name == "posix":  # elsewhere a user's folders are closed to others
             if base.stat().st_uid != os.getuid():
                 raise PermissionError
             base.chmod(0o700)

@@ -91,13 +91,13 @@ def detect(
     raw : bool
         Without the oscillation front end.
     front_end : {"acf", "hagglund"}
-        What says whether a loop oscillates, see `detectors.judge.judge`.
+        The oscillation detection, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too.
     thresholds : dict of method id to dict of str to float, optional
-        Other thresholds than the methods' own.
+        Thresholds in place of the methods' defaults.
     **about
-        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or as `op_span` says), PV, SP (PV
+        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
         units), valve position (%); Ts (s), which a source may have itself; what is known of the
         record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and
         labels.
@@ -124,16 +124,16 @@ def detect(
     >>> detect(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0, methods=half).to_frame().method.tolist()
     ['half']
     """
-    asked, own = named_methods(methods)
+    asked, custom = named_methods(methods)
     settings = _JudgeSettings(raw, front_end, thresholds or {})
-    with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
+    with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
             return _judge_files(source, asked, settings, plugins, **known)
         record = as_record(source, **about)
         with registry.hosted(plugins) as added:
-            names = _with_plugins(asked, added)
+            names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = settings.judge(record, names)
         return Report([(None, v) for v in verdicts], records={None: record})
@@ -216,9 +216,9 @@ def _judge_files(
     labels: str | Path | None = None,
     **about: Any,
 ) -> Report:
-    # 1. choose the methods; plug-ins answer in processes of their own
+    # 1. choose the methods; plug-ins answer in separate processes
     with registry.hosted(plugins, settings.time_limit) as added:
-        names = _with_plugins(methods, added)
+        names = choose_methods([*methods, *added])
         for method in settings.thresholds:
             if method not in names:
                 raise ParameterError(
@@ -240,11 +240,6 @@ def _judge_files(
         # 4. score against the labels
         scores = score_units(verdicts, known) if known else []
         return Report(verdicts, refused, scores, records, conclusions)
-
-
-def _with_plugins(asked: Iterable[str], added: Iterable[str]) -> list[str]:
-    names = choose_methods(asked)
-    return names + [a for a in added if a not in names]
 
 
 def _read(

@@ -17,7 +17,7 @@ class Evidence:
     method: str
     index: str
     weight: float  # log-odds per unit of the index
-    neutral: float  # value that speaks for neither side; also stands in where the method abstains
+    neutral: float  # value that speaks for neither side; also used where the method abstains
     # low, high: the index is limited to this range
     low: float
     high: float
@@ -47,7 +47,7 @@ EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
         Evidence("horch_histogram", "score", 5.4, 0.5, 0.0, 1.0),
     ),
 }
-# Asked as well, said in the report, without a weight of their own.
+# Asked as well and reported, without a weight.
 WITNESSES = {
     False: ("rossi_scali", "singhal_salsbury", "horch", "srinivasan", "yamashita"),
     True: ("he", "rossi_scali", "srinivasan"),

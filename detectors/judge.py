@@ -22,7 +22,7 @@ from detectors.quality import resolution
 from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, wrong_types
 
-# A record with one of these flags says nothing about its valve, whatever the method.
+# A record with one of these flags gives no information about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
@@ -80,8 +80,10 @@ def answers(
     try:
         return _asked(name, prepared, modes, thresholds), None
     except Exception as wrong:  # a detector may fail in any way; the others must not
-        said = str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
-        error = " ".join(said.split())[:_LONGEST]
+        message = (
+            str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
+        )
+        error = " ".join(message.split())[:_LONGEST]
         return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
 
 
@@ -165,9 +167,9 @@ def judge_one(
 
     def finished(verdict: Verdict) -> Verdict:
         joined = applicable if verdict.applicable is True else verdict.applicable
-        told = verdict if name == _ASKS_OTHERS else _as_archived(verdict, prepared)
-        reason = "; ".join([told.reason, *notes])
-        return told.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+        limited = verdict if name == _ASKS_OTHERS else _as_archived(verdict, prepared)
+        reason = "; ".join([limited.reason, *notes])
+        return limited.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
 
     applicable: bool | None = True
     notes = []
@@ -215,8 +217,8 @@ def judge_one(
     )
     if method.front_end:
         oscillation = prepared.oscillation
-        found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
-        verdict = verdict.but(indices={**verdict.indices, **found})
+        common = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
+        verdict = verdict.but(indices={**verdict.indices, **common})
     # a record that does not oscillate has no score to cut
     return finished(
         _cut(verdict, **cuts)
@@ -256,7 +258,7 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
     if op == 0.0 and pv == 0.0 and not lines:
         return verdict
     changes: dict[str, Level] = {}
-    said = (
+    hidden = (
         "an archive drew straight lines between the values it kept: no size is stated"
         if lines
         else ""
@@ -270,13 +272,15 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         hides = key == "S" and band > _HIDES * hi
         changes[key] = None if hides else (max(float(lo - band), 0.0), float(hi + band))
         if hides:
-            said = (
+            hidden = (
                 f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides"
                 f" {key}"
             )
-    if said:
+    if hidden:
         changes = {"S": None, "J": None}
-    return verdict.but(**changes, reason=f"{verdict.reason}; {said}" if said else verdict.reason)
+    return verdict.but(
+        **changes, reason=f"{verdict.reason}; {hidden}" if hidden else verdict.reason
+    )
 
 
 def _unknown_unit(record: LoopRecord) -> str:
@@ -292,7 +296,7 @@ def _cut(
     verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None
 ) -> Verdict:
     low = stiction_above if no_stiction_below is None else no_stiction_below
-    said = (
+    word = (
         STICTION
         if verdict.score > stiction_above
         else NO_STICTION
@@ -303,7 +307,7 @@ def _cut(
         f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and"
         f" {stiction_above:.3g}"
     )
-    return verdict.but(verdict=said, reason=reason)
+    return verdict.but(verdict=word, reason=reason)
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:

@@ -1,4 +1,4 @@
-"""Method: what a detector says about itself, in its own file."""
+"""Method: a detector's description of itself, in its file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from detectors.record import PROCESSES
 class Threshold:
     """One number a verdict hangs on, with its meaning."""
 
-    default: float  # the published value, or an own calibration where none is published
+    default: float  # the published value, or a calibration of this package where none is published
     unit: str  # "-" for ratios
     # low, high: what a user may set it to
     low: float
@@ -26,7 +26,7 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Method:
-    """A detector's own description; the runner reads it before it runs the detector."""
+    """A detector's description; the runner reads it before it runs the detector."""
 
     title: str  # what the method looks for, in a few words
     source: str  # author, year, equation
@@ -42,7 +42,7 @@ class Method:
     budget: str = "fast"  # {"fast", "full"}: whether it belongs to the quick set of methods
     min_samples: int = 60  # fewer samples than this: no decision
     min_periods: float = 3.0  # fewer oscillation periods than this: no decision
-    front_end: bool = True  # false for a method that brings its own oscillation test
+    front_end: bool = True  # false for a method that has an oscillation test of its kind
     reversible: bool = False  # whether its verdict is the same for the record read backwards
     cannot_cope: tuple[str, ...] = ()  # data-quality flags under which the method abstains
     # given the whole record as it came, neither the half that oscillates nor every so many-th
@@ -56,7 +56,7 @@ class Method:
     exempt: dict[str, str] = field(default_factory=dict)
     # grids whose loops, of other seeds, the method's constants were fitted to
     fitted_on: tuple[str, ...] = ()
-    # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any
+    # which of S and J come as intervals that should hold the truth in nine cases of ten; any
     # other interval is what fits the record, without a level
     stated: tuple[str, ...] = ()
     # thresholds at which the method is its source and nothing else; empty when its defaults are
@@ -109,9 +109,9 @@ def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
         inspect.signature(function).bind(None, **method.defaults())
     except TypeError:
         form = ", ".join([first, *(["*"] * bool(method.thresholds)), *method.thresholds])
-        own = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
+        signature = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
         raise AnswerError(
-            f"{own} cannot be called with one record; the right form is: def detect({form})"
+            f"{signature} cannot be called with one record; the right form is: def detect({form})"
         ) from None
     except ValueError:  # a function of C, which does not tell
         pass

@@ -74,7 +74,7 @@ class Prepared:
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal that stands for MV, turned to rise with the valve's opening, or None;
+        """Return the signal used as MV, turned to rise with the valve's opening, or None;
         whether it may; and why.
 
         MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown
@@ -149,7 +149,7 @@ class Prepared:
         )
 
     def clear_harmonics(self, name: str) -> float:
-        """Return up to which harmonic a signal stands above its noise, see
+        """Return up to which harmonic a signal exceeds its noise, see
         `detectors.signal.conditioning`.
         """
         return self.share(
@@ -188,7 +188,7 @@ class Prepared:
         )
 
     def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
+        """Return the stand-stills of the signal used as MV, see `detectors.signal.standstill`."""
         return self.share(
             f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period)
         )
@@ -211,7 +211,7 @@ class Prepared:
         )
 
     def with_mv(self, record: LoopRecord) -> Prepared:
-        """Return the same for the same record, all of it, with MV; what was found without MV is
+        """Return the same for the same record, all of it, with MV; what was computed without MV is
         kept.
         """
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
@@ -223,7 +223,7 @@ class Prepared:
         """Return what a method is given: `record` is the one that was prepared, with MV where the
         method may see it.
 
-        What the front end says of the oscillation holds for every view of a record.
+        The front end's result holds for every view of a record.
         """
         whole = method.whole and (self.part is not None or self.step > 1)
         key = (whole, record.mv is None)
@@ -283,28 +283,28 @@ def _at_density(
     oscillate it is looked at more coarsely, down to `_COARSEST` samples of a period `pace`.
     """
     dense = Prepared(record, front_end, part=part)
-    found, coarse = dense.oscillation, 1
-    while not found.sustained and pace > _COARSEST * coarse:
+    oscillation, coarse = dense.oscillation, 1
+    while not oscillation.sustained and pace > _COARSEST * coarse:
         coarse *= 2
-        found = Prepared(thinned(record, coarse), front_end).oscillation
-    if not found.sustained:
-        found, coarse = dense.oscillation, 1
-    step, last = 1, found.period_s
+        oscillation = Prepared(thinned(record, coarse), front_end).oscillation
+    if not oscillation.sustained:
+        oscillation, coarse = dense.oscillation, 1
+    step, last = 1, oscillation.period_s
     # step by step, each asked for the period itself: near a bound a denser record may say another
     while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
         if step > coarse:
-            own = Prepared(thinned(record, step), front_end).oscillation.period_s
-            last = last if np.isnan(own) else own
+            period = Prepared(thinned(record, step), front_end).oscillation.period_s
+            last = last if np.isnan(period) else period
     if step > 1 and part is not None:  # a start that every density has
         late = -part[0] % step
         record, part = record.window(late, record.n), (part[0] + late, part[1])
     thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
-        thin.__dict__["oscillation"] = found
+        thin.__dict__["oscillation"] = oscillation
     # what oscillates in neither way is left as it came: its valve may be seen all the same
-    return thin if thin.oscillation.sustained or found.sustained else dense
+    return thin if thin.oscillation.sustained or oscillation.sustained else dense
 
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
@@ -330,8 +330,12 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
         if part[1] - part[0] < 3:
             return whole
         half = _at_density(record.window(*part), front_end, part, pace)
-        found = half.oscillation
+        oscillation = half.oscillation
         # the unit of S and J is the whole record's
-        if found.sustained and found.lasting > LASTING**0.5 and half.record.S_unit == record.S_unit:
+        if (
+            oscillation.sustained
+            and oscillation.lasting > LASTING**0.5
+            and half.record.S_unit == record.S_unit
+        ):
             return half
     return whole

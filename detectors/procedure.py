@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # the loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and
 # .93 (integrating)
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
-# own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
+# set here: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 FOLLOW_MIN = 0.2
 # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
 _QUIET = -3.0
@@ -103,13 +103,13 @@ class _Step:
     step: str
     question: str
     answer: str
-    evidence: str  # the numbers behind the answer
+    evidence: str  # the numbers that led to the answer
     reason: str  # what follows from it
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the procedure found and how it came to it."""
+    """The conclusion of the procedure and the path to it."""
 
     verdict: str  # {"stiction", "no_stiction", "no_decision"}: the answer
     score: float  # log-odds of stiction; NaN where the record is unfit
@@ -127,15 +127,15 @@ class Diagnosis:
     @property
     def reason(self) -> str:
         """The last answers in one sentence."""
-        told = [
+        decisive = [
             s
             for s in self.steps
             if s.step in ("quality", "oscillation", "valve", "saturation", "stiction")
         ]
         return (
-            told[-1].evidence
-            if told[-1].step != "valve"
-            else f"{told[-2].evidence}; {told[-1].evidence}"
+            decisive[-1].evidence
+            if decisive[-1].step != "valve"
+            else f"{decisive[-2].evidence}; {decisive[-1].evidence}"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -224,14 +224,14 @@ def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
         steps.append(_Step(now, question, answer, evidence, reason))
         now = answers[answer]
     verdict, following = CONCLUSIONS[now]
-    found = verdict == STICTION
+    sticky = verdict == STICTION
     return Diagnosis(
         verdict,
         course.score,
         now,
         following,
-        course.S if found else None,
-        course.J if found else None,
+        course.S if sticky else None,
+        course.J if sticky else None,
         prepared.record.S_unit,
         tuple(steps),
         tuple(course.verdicts.values()),
@@ -290,17 +290,17 @@ class _Course:
                 "Without an oscillation and without sight of the valve there is nothing to find.",
             )
         op, limits = _travel(self.prepared.record)
-        found: Follow = valve_follow(op, position, limits)
-        self.indices["follow"] = found.score
-        self.score = max(_PER_FOLLOW * (found.score - self.rules.follow_min), _QUIET)
+        follow: Follow = valve_follow(op, position, limits)
+        self.indices["follow"] = follow.score
+        self.score = max(_PER_FOLLOW * (follow.score - self.rules.follow_min), _QUIET)
         numbers = (
-            f"{note}: dead band explains {1 - found.error:.0%}, straight valve"
-            f" {1 - found.error_linear:.0%}"
+            f"{note}: dead band explains {1 - follow.error:.0%}, straight valve"
+            f" {1 - follow.error_linear:.0%}"
         )
-        numbers += f", {found.reversals} reversals"
-        if found.score < self.rules.follow_min:
+        numbers += f", {follow.reversals} reversals"
+        if follow.score < self.rules.follow_min:
             return "no", numbers, "The valve follows OP, or OP gave it too little to do."
-        self.S, self.J = found.S, (0.0, found.S)
+        self.S, self.J = follow.S, (0.0, follow.S)
         return (
             "yes",
             numbers,
@@ -316,19 +316,18 @@ class _Course:
     def nonlinearity(self) -> tuple[str, str, str]:
         record = self.prepared.record
         period = self.prepared.oscillation.period_s / record.Ts
-        found = self.prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
-        if found is None:
+        test = self.prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
+        if test is None:
             return (
                 "not seen",
                 "too short for the bicoherence",
                 "Go on: the detectors look at the waves themselves.",
             )
-        self.indices |= {"ngi": found.ngi, "nli": found.nli}
+        self.indices |= {"ngi": test.ngi, "nli": test.nli}
         numbers = (
-            f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its"
-            " bound)"
+            f"NGI = {test.ngi:.3f}, NLI = {test.nli:.3f} (peak {test.height:.2f} times its bound)"
         )
-        if found.nonlinear():
+        if test.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
         if self.rules.veto:
             self.score = _QUIET
@@ -355,7 +354,7 @@ class _Course:
 
     def _weigh(self) -> tuple[str, str, str]:
         case = self.prepared.integrating
-        odds, told, used = BIAS[case], [], 0
+        odds, terms, used = BIAS[case], [], 0
         for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
             self._ask(method)
         for e in EVIDENCE[case]:
@@ -363,14 +362,14 @@ class _Course:
             if counted != 0.0:
                 odds += counted
                 used += 1
-                told.append(f"{e.method} {e.index} {counted:+.1f}")
+                terms.append(f"{e.method} {e.index} {counted:+.1f}")
         self.score = self.indices["log_odds"] = float(odds)
         votes = [v.verdict for v in self.verdicts.values()]
         count = (
             f"{votes.count(STICTION)} for, {votes.count(NO_STICTION)} against,"
             f" {votes.count(NO_DECISION)} undecided"
         )
-        numbers = f"log-odds {odds:+.1f} from {', '.join(told) or 'nothing'} (votes: {count})"
+        numbers = f"log-odds {odds:+.1f} from {', '.join(terms) or 'nothing'} (votes: {count})"
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."
         level = self.verdicts["hammerstein"]
@@ -393,12 +392,12 @@ class _Course:
                 "Confirm before any work on the valve.",
             )
         lo, hi = self.S if isinstance(self.S, tuple) else (self.S, self.S)
-        said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
+        size = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
         if hi < _S_SMALL:
-            return "no", said, "Stiction of this size does little harm."
+            return "no", size, "Stiction of this size does little harm."
         if lo < _S_SMALL:
-            return "cannot tell", said, "Confirm before any work on the valve."
-        return "yes", said, "Confirm by cheap tests first, before the cost of downtime."
+            return "cannot tell", size, "Confirm before any work on the valve."
+        return "yes", size, "Confirm by cheap tests first, before the cost of downtime."
 
     def _ask(self, name: str) -> None:
         module = registry.load(name)
@@ -406,7 +405,7 @@ class _Course:
 
 
 def _travel(record: LoopRecord) -> tuple[np.ndarray, tuple[float, float]]:
-    """OP in % with its limits, or in its own unit without."""
+    """OP in % with its limits, or in its unit without."""
     if record.op_percent is None:
         return record.op, (-np.inf, np.inf)
     return record.op_percent, (0.0, 100.0)

@@ -30,7 +30,7 @@ _HELD = 0.15  # share of samples in which OP and PV both repeat themselves
 
 @dataclass(frozen=True)
 class Flag:
-    """One finding about the data; `evidence` is a sentence with the number behind it."""
+    """One finding about the data; `evidence` is a sentence with its number."""
 
     name: str
     evidence: str
@@ -111,7 +111,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
     longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
     if longest > max(20.0, _FROZEN * n) and longest > 3.0 * usual:
         start = int(runs[:k].sum())
-        # at rest OP stands still as well
+        # at rest OP rests as well
         if record.op[start : start + longest].std() > 0.1 * record.op.std():
             yield Flag(
                 "frozen",
@@ -178,9 +178,9 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
 def saturation(
     op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Return how much of the time OP stands at a limit, and at which.
+    """Return how much of the time OP is at a limit, and at which.
 
-    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at
+    Without a span an extreme value counts as a limit when OP stays there for 3 samples or more at
     a time, over three times as long as anywhere else (the crest of a coarsely quantised triangle is
     no limit), twice or for a quarter of the record, while PV moves on (at rest there is no limit
     either).

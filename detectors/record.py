@@ -41,9 +41,9 @@ class LoopRecord:
     Parameters
     ----------
     op : array_like, shape (n,)
-        Controller output; % of valve travel unless `op_span` says otherwise.
+        Controller output; % of valve travel unless `op_span` is given.
     pv : array_like, shape (n,)
-        Process variable, in its own units.
+        Process variable, in its units.
     Ts : float
         Sampling period (s), > 0.
     sp : array_like, shape (n,), optional
@@ -135,7 +135,7 @@ class LoopRecord:
 
     @property
     def e(self) -> np.ndarray:
-        """Control error SP - PV, shape (n,); the mean of PV stands in for a set point that was not
+        """Control error SP - PV, shape (n,); the mean of PV replaces a set point that was not
         recorded.
         """
         return (self.pv.mean() if self.sp is None else self.sp) - self.pv
@@ -262,7 +262,7 @@ class LoopRecord:
         return other
 
     def window(self, start: int, stop: int) -> LoopRecord:
-        """Return samples start..stop-1 as a record of their own.
+        """Return samples start..stop-1 as a separate record.
 
         Parameters
         ----------

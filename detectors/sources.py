@@ -62,7 +62,7 @@ Methods = Detector | Iterable[Detector]
 
 
 class About(TypedDict, total=False):
-    """What is known of a record beside its signals; `columns` is for tables and files."""
+    """What is known of a record in addition to its signals; `columns` is for tables and files."""
 
     process: Literal["self-regulating", "integrating"] | None
     kind: Literal["flow", "level", "pressure", "temperature", "analyser"] | None
@@ -81,7 +81,7 @@ class AboutFile(About, total=False):
 
 class RecordSignals(About, total=False):
     """The signals of a record in place of a source, and what is known of it; Ts (s) is also a
-    source's, in place of its own.
+    source's, in place of the recorded one.
     """
 
     op: ArrayLike
@@ -170,20 +170,20 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
     """
     single = isinstance(methods, str) or callable(methods) or hasattr(methods, "detect")
     names: list[str] = []
-    own: dict[str, Any] = {}
+    custom: dict[str, Any] = {}
     for method in [methods] if single else methods:  # type: ignore[union-attr]
         if isinstance(method, str):
             names.append(method)
             continue
         name = _name_of(method)
-        if name in own:
+        if name in custom:
             raise ParameterError(
                 f"two detectors are called {name!r}; a name of its own is needed for each"
                 " (attribute `name`)"
             )
-        own[name] = method
+        custom[name] = method
         names.append(name)
-    return names, own
+    return names, custom
 
 
 def _name_of(detector: Any) -> str:
@@ -207,16 +207,16 @@ def _name_of(detector: Any) -> str:
 
 
 def as_plugin(name: str, detector: Any) -> ModuleType:
-    """Return what stands among the detectors for a function or an object of the caller."""
-    says = (inspect.getdoc(detector) or name).strip().splitlines()[0]
-    found = getattr(detector, "METHOD", None)
-    method = found if isinstance(found, Method) else Method(title=says, source="the caller's own")
+    """Return the detector module of a function or an object of the caller."""
+    title = (inspect.getdoc(detector) or name).strip().splitlines()[0]
+    given = getattr(detector, "METHOD", None)
+    method = given if isinstance(given, Method) else Method(title=title, source="the caller's own")
 
     def detect(prepared: Prepared, **thresholds: float) -> Verdict:
         return _verdict(name, _fresh(detector)(prepared.record, **thresholds))
 
     refuse_wrong_call(getattr(detector, "detect", detector), "record", method)
-    module = ModuleType(name, says)
+    module = ModuleType(name, title)
     module.__dict__.update(METHOD=method, detect=detect, __file__=None)
     return module
 
@@ -241,8 +241,8 @@ def _verdict(name: str, answer: Any) -> Verdict:
         else (answer, None)
     )
     word = bool(word) if isinstance(word, np.bool_) else word
-    said = _WORDS.get(word) if word is None or isinstance(word, bool) else word
-    if said not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
+    verdict = _WORDS.get(word) if word is None or isinstance(word, bool) else word
+    if verdict not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = (
             f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a"
             " score, is needed"
@@ -250,7 +250,10 @@ def _verdict(name: str, answer: Any) -> Verdict:
         raise AnswerError(
             f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5"
         )
-    certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(said), math.nan)
+    certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(verdict), math.nan)
     return Verdict(
-        name, str(said), float(certain if score is None else score), reason=f"{name} says {said}"
+        name,
+        str(verdict),
+        float(certain if score is None else score),
+        reason=f"{name} says {verdict}",
     )

@@ -26,7 +26,7 @@ RAISED = "SIMBENCH_RAISE"
 LOGS = 20  # kept there, the newest
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
-_LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
+_LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
 def exit_code(
@@ -72,7 +72,7 @@ def exit_code(
         print(masked(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
-        # argparse has printed its help or its complaint by then, click found its reader gone (1)
+        # argparse has printed its help or its complaint by then, click lost its reader (1)
         return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
         return complain(_fault(error))
@@ -97,7 +97,7 @@ def _terminable() -> Iterator[None]:
 
 
 def cured(command: Sequence[str], cure: str) -> str:
-    """Return a command with further options, in place of its own of the same names."""
+    """Return a command with further options, in place of those with the same names."""
     option, *values = shlex.split(cure)
     words, old, at = [], [], 0
     while at < len(command):
@@ -116,10 +116,10 @@ def cured(command: Sequence[str], cure: str) -> str:
 
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
-    said = printable(masked(" ".join(sentence.split())))
+    text = printable(masked(" ".join(sentence.split())))
     print(
         "error:"
-        f" {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}",
+        f" {text if len(text) <= _LONGEST else f'{text[: _LONGEST - 300]} [...] {text[-290:]}'}",
         file=sys.stderr,
     )
     return 2
@@ -131,7 +131,7 @@ def _fault(error: Exception) -> str:
     """
     if os.environ.get(RAISED):
         raise error
-    said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    message = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
         handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
         with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
@@ -140,7 +140,7 @@ def _fault(error: Exception) -> str:
     except OSError:
         log = "no log file, as none could be written"
     return (
-        f"this input met a fault of the program itself ({said}); nothing it printed holds; the"
+        f"this input met a fault of the program itself ({message}); nothing it printed holds; the"
         f" traceback is in {log}"
     )
 

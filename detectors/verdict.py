@@ -19,7 +19,7 @@ Level = float | tuple[float, float] | None
 
 @dataclass(frozen=True)
 class Verdict:
-    """What one method says about one record.
+    """The answer of one method about one record.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Verdict:
     score : float
         Larger means stickier, for every method; NaN when nothing could be computed.
     indices : dict of str to float
-        The numbers behind the answer, by the names of the literature.
+        The numbers that led to the answer, by the names of the literature.
     S, J : float, (lo, hi) or None
         Stick band and slip jump in `S_unit`; an interval where the record does not fix the number.
     S_unit : str
@@ -96,8 +96,8 @@ class Verdict:
             Every field, and the probability of stiction where the method gives one; NaN and
             infinities become null.
         """
-        own = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
-        return _plain(asdict(self) | own)
+        probability = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
+        return _plain(asdict(self) | probability)
 
 
 def _plain(value: Any) -> Any:

@@ -150,7 +150,7 @@ def refuse_own_input(
         if [_real(p) for p in wanted].count(_real(path)) > 1 and (
             path.is_file() or not path.exists()
         ):
-            raise FileError(f"{path} is named for two outputs; each needs a file of its own")
+            raise FileError(f"{path} is named for two outputs; each needs another file")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
         if (path.is_file() or not path.exists()) and not _writable(path.absolute().parent):
@@ -190,7 +190,7 @@ def write_record(record: LoopRecord, path: str | Path) -> None:
 
 
 def refuse_kind(path: str | Path) -> None:
-    """Refuse a name that says another kind of table than the CSV that is written: nobody could read
+    """Refuse the name of another kind of table than the CSV that is written: nobody could read
     it back.
     """
     suffix = Path(path).suffix.lower()

@@ -17,7 +17,7 @@ def attach(
     """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its
     stub.
     """
-    # A wrong name raises AttributeError that says the nearest right one.
+    # A wrong name raises AttributeError with the nearest right one.
     lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
     homes = {
         a.name: str(line.module)

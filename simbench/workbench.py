@@ -52,7 +52,7 @@ class _Sections(TypedDict, total=False):
 
 
 class _Settings(TypedDict, total=False):
-    """What else a run may be told."""
+    """Further settings of a run."""
 
     raw: bool
     resume: bool

@@ -62,12 +62,12 @@ class Contract:
 
     def as_text(self) -> str:
         """Return the findings, one line each."""
-        said = (
+        summary = (
             "keeps its contract"
             if self.kept
             else f"breaks its contract in {len(self.broken)} places"
         )
-        lines = [f"{self.kind} {self.name}: {said}".replace("in 1 places", "in one place")]
+        lines = [f"{self.kind} {self.name}: {summary}".replace("in 1 places", "in one place")]
         return "\n".join(
             [
                 *lines,
@@ -96,9 +96,9 @@ def check_detector(name: str) -> Contract:
     ()
     """
     module = methods.load(name)
-    said = list(_description(module))
-    if said:  # nothing further can be asked of it
-        return Contract("detector", name, tuple(said))
+    faults = list(_description(module))
+    if faults:  # nothing further can be asked of it
+        return Contract("detector", name, tuple(faults))
     broken = [*_thresholds(module)]
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
@@ -120,11 +120,11 @@ def check_added(
     if added.refusal is not None:
         raise added.refusal
     try:
-        found = check(name)
+        contract = check(name)
     finally:
         folder.forget(name)
     return replace(
-        found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken)
+        contract, broken=(*(f"{fault}, when imported" for fault in added.faults), *contract.broken)
     )
 
 
@@ -185,13 +185,13 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
     first, best = _judged(name, module, example_record("stiction", process)), math.inf
     for case in CASES:
         on = f"the record {case!r} ({CASES[case]}; {process})"
-        found = (
+        judged = (
             first if case == "stiction" else _judged(name, module, example_record(case, process))
         )
-        if found.faults:
-            yield from found.at(f"on {on}")
+        if judged.faults:
+            yield from judged.at(f"on {on}")
             continue
-        verdict: Verdict = found.value
+        verdict: Verdict = judged.value
         if case in module.METHOD.exempt:
             continue
         if case == "stiction":
@@ -344,8 +344,8 @@ def _dead(module: ModuleType, process: str) -> Iterator[str]:
         )
         if case == "no period":
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
-        found = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
-        faults = found.faults or ([] if found.refusal else list(wrong_types(found.value)))
+        answer = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
+        faults = answer.faults or ([] if answer.refusal else list(wrong_types(answer.value)))
         yield from (
             f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults
         )
@@ -353,31 +353,31 @@ def _dead(module: ModuleType, process: str) -> Iterator[str]:
 
 def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
     """Judge a record as every run does, and note what the detector's own answer lacks."""
-    own: list[Any] = []
+    answers: list[Any] = []
 
     def detect(prepared: Prepared, **thresholds: float) -> Any:
-        own.append(module.detect(prepared, **thresholds))
-        return own[0]
+        answers.append(module.detect(prepared, **thresholds))
+        return answers[0]
 
     seen = record if module.METHOD.needs_mv else record.without_mv()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = call_guarded(
+    judged = call_guarded(
         lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults())
     )
-    if found.refusal:
-        found.faults.append(f"refuses ({found.refusal}) where an answer is due")
-    if own:
-        wrong = list(wrong_types(own[0]))
-        found.faults = wrong if not isinstance(own[0], Verdict) else [*found.faults, *wrong]
-    return found
+    if judged.refusal:
+        judged.faults.append(f"refuses ({judged.refusal}) where an answer is due")
+    if answers:
+        wrong = list(wrong_types(answers[0]))
+        judged.faults = wrong if not isinstance(answers[0], Verdict) else [*judged.faults, *wrong]
+    return judged
 
 
-def _word(found: Guarded) -> str:
-    return "an error" if found.faults else found.value.verdict
+def _word(judged: Guarded) -> str:
+    return "an error" if judged.faults else judged.value.verdict
 
 
-def _plain(found: Guarded) -> str:
-    return repr(found.faults) if found.faults else json.dumps(found.value.as_json())
+def _plain(judged: Guarded) -> str:
+    return repr(judged.faults) if judged.faults else json.dumps(judged.value.as_json())
 
 
 def _difference(first: Guarded, second: Guarded) -> str:

@@ -33,26 +33,26 @@ class Guarded:
 
 def call_guarded(work: Callable[[], Any]) -> Guarded:
     """Call a plug-in and note what no plug-in may do: raise, warn or print."""
-    found, said = Guarded(), io.StringIO()
+    guarded, printed = Guarded(), io.StringIO()
     with (
         warnings.catch_warnings(record=True) as warned,
-        redirect_stdout(said),
-        redirect_stderr(said),
+        redirect_stdout(printed),
+        redirect_stderr(printed),
     ):
         warnings.simplefilter("always")
         try:
-            found.value = work()
+            guarded.value = work()
         except UserError as error:
-            found.refusal = error
+            guarded.refusal = error
         except (Exception, SystemExit) as error:  # a plug-in may fail in any way
             text = str(error)
             written = "read-only" in text
-            found.faults.append(
+            guarded.faults.append(
                 f"writes into what it was given ({text})"
                 if written
                 else f"raises {type(error).__name__} ({text})"
             )
-    if said.getvalue().strip():
-        found.faults.append(f"prints {said.getvalue().strip().splitlines()[0]!r}")
-    found.faults += sorted({f"warns: {w.category.__name__}, {w.message}" for w in warned})
-    return found
+    if printed.getvalue().strip():
+        guarded.faults.append(f"prints {printed.getvalue().strip().splitlines()[0]!r}")
+    guarded.faults += sorted({f"warns: {w.category.__name__}, {w.message}" for w in warned})
+    return guarded

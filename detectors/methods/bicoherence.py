@@ -1,7 +1,7 @@
 """Bicoherence test: in a loop with a nonlinear element pairs of frequencies drive their sum; in a
 linear one they do not.
 
-Needs: the control error (mean PV stands in for a set point that was not recorded), either process
+Needs: the control error (mean PV replaces a set point that was not recorded), either process
 type, 256 samples.
 Parameters: `ngi_low` (-), `nli_low` (-), published.
 Indices: ngi (mean squared bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2
@@ -63,18 +63,16 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     """
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
-    found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
-    if found is None:
+    test = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
+    if test is None:
         return Verdict(
             "bicoherence",
             NO_DECISION,
             reason="too short: fewer than twelve cycles of the oscillation",
         )
-    nonlinear = found.nonlinear(ngi_low, nli_low)
-    numbers = (
-        f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
-    )
-    said = (
+    nonlinear = test.nonlinear(ngi_low, nli_low)
+    numbers = f"NGI = {test.ngi:.3f}, NLI = {test.nli:.3f}, peak {test.height:.2f} times its bound"
+    conclusion = (
         "nonlinear"
         if nonlinear
         else "no nonlinearity seen, which a symmetric cycle would not show either"
@@ -82,7 +80,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     return Verdict(
         "bicoherence",
         STICTION if nonlinear else NO_STICTION,
-        found.height,
-        {"ngi": found.ngi, "nli": found.nli, "height": found.height},
-        reason=f"{said}: {numbers}",
+        test.height,
+        {"ngi": test.ngi, "nli": test.nli, "height": test.height},
+        reason=f"{conclusion}: {numbers}",
     )

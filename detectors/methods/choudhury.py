@@ -14,7 +14,7 @@ Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation
 zero-phase band-pass around the bicoherence peak; step 3, the most regular of the stretches of 1000
 samples gives the period, the most regular one of four periods is taken; step 4, an ellipse with
 fitness >= 0.6: stiction, and the chord along OP is the apparent stiction; else another valve
-problem. OP moving over more than 25 % of its span is said: the valve's characteristic may then be
+problem. OP moving over more than 25 % of its span is noted: the valve's characteristic may then be
 the nonlinearity.
 Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering
@@ -87,11 +87,13 @@ def _most_regular(op: np.ndarray) -> tuple[int, int]:
     length = min(1000, op.size)
     for again in (True, False):
         stretches = op[: op.size // length * length].reshape(-1, length)
-        best, found = max(enumerate(oscillations_of(stretches)), key=lambda f: f[1].regularity)
+        best, oscillation = max(
+            enumerate(oscillations_of(stretches)), key=lambda f: f[1].regularity
+        )
         start = best * length
-        if not (again and length > 4.0 * found.period_s):
+        if not (again and length > 4.0 * oscillation.period_s):
             break
-        length = round(4.0 * found.period_s)
+        length = round(4.0 * oscillation.period_s)
     return start, start + length
 
 
@@ -156,40 +158,40 @@ def detect(
                 "choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples"
             )
         npi = nonlinearity_index(record.e - drift(record.e, period), period).npi
-        bent, clear, indices, told = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
+        bent, clear, indices, numbers = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
     else:
         bent, clear = higher.nonlinear(ngi_low, nli_low), higher.height
-        indices, told = (
+        indices, numbers = (
             {"ngi": higher.ngi, "nli": higher.nli},
             f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}",
         )
-    # the surrogates name no frequencies: the oscillation's stands in
+    # the surrogates name no frequencies: the oscillation's is used
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)
     op, pv = (means(x, step) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
     low, high = (
-        given or found for given, found in zip((low, high), boundaries(around), strict=True)
+        given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)
     )
     op, pv = band_pass(op, low, high), band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
-    found = fit_ellipse(op[cut], pv[cut])
+    ellipse = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
-    if found is not None:
-        fitness, S = found.fitness(op[cut], pv[cut]), found.apparent_stiction
+    if ellipse is not None:
+        fitness, S = ellipse.fitness(op[cut], pv[cut]), ellipse.apparent_stiction
         indices |= {"fitness": fitness, "S_apparent": S}
     score = fitness * min(max(clear, 0.0), 1.0)
     if not bent:
-        reason = f"no nonlinearity seen ({told}): tuning or an outside oscillation"
+        reason = f"no nonlinearity seen ({numbers}): tuning or an outside oscillation"
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     if fitness < fitness_low:
         reason = (
-            f"nonlinear ({told}), but no ellipse ({fitness:.0%} of the points): another valve"
+            f"nonlinear ({numbers}), but no ellipse ({fitness:.0%} of the points): another valve"
             " problem"
         )
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
-    reason = f"nonlinear ({told}) and {fitness:.0%} of the points on an ellipse"
+    reason = f"nonlinear ({numbers}) and {fitness:.0%} of the points on an ellipse"
     if record.op_percent is not None and np.ptp(record.op_percent) > _WIDE:
         reason += (
             f"; OP moves over {np.ptp(record.op_percent):.0f} %, so look at the valve's"

@@ -1,9 +1,9 @@
-"""Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points
-scatter or lie on a line.
+"""Ellipse fit: downstream of a sticky valve PV drawn over OP runs round an ellipse; without it the
+points scatter or lie on a line.
 
 Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise
 removed.
-Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in the
+Parameters: `fitness_low` (-), published; `harmonics` (-), set here: kept of OP and PV; 0, as in the
 source: the filter of Procedure 11.3, step 2, about the peak of the bicoherence.
 Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the
 centre along OP).
@@ -27,7 +27,7 @@ from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-_DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
+_DEAD = 1e-9  # of a signal's range over the record: what moves by less is at rest
 
 METHOD = Method(
     title="ellipse fitted to PV over OP",
@@ -95,13 +95,13 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name))
         for name, x in (("op", op), ("pv", pv))
     )
-    found = fit_ellipse(op[cut], pv[cut]) if moves else None
-    if found is None:
+    ellipse = fit_ellipse(op[cut], pv[cut]) if moves else None
+    if ellipse is None:
         return Verdict(
             "ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse"
         )
-    fitness = found.fitness(op[cut], pv[cut])
-    S = found.apparent_stiction
+    fitness = ellipse.fitness(op[cut], pv[cut])
+    S = ellipse.apparent_stiction
     indices = {"fitness": fitness, "S_apparent": S}
     if fitness >= fitness_low:
         reason = (

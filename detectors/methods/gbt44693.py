@@ -91,15 +91,23 @@ def detect(prepared: Prepared, *, ratio_low: float, line_low: float) -> Verdict:
         return Verdict("gbt44693", NO_DECISION, reason="OP or PV does not move")
     ratio, fit = axis_ratio(op, pv), float(np.corrcoef(op, pv)[0, 1] ** 2)
     indices = {"axis_ratio": ratio, "line_fit": fit}
-    told = f"short over long axis {ratio:.2f}, squared correlation of PV and OP {fit:.2f}"
+    numbers = f"short over long axis {ratio:.2f}, squared correlation of PV and OP {fit:.2f}"
     if fit < line_low:
         return Verdict(
-            "gbt44693", NO_DECISION, ratio, indices, reason=f"PV over OP has no long axis: {told}"
+            "gbt44693",
+            NO_DECISION,
+            ratio,
+            indices,
+            reason=f"PV over OP has no long axis: {numbers}",
         )
     if ratio > ratio_low:
         return Verdict(
-            "gbt44693", STICTION, ratio, indices, reason=f"PV over OP draws an open ellipse: {told}"
+            "gbt44693",
+            STICTION,
+            ratio,
+            indices,
+            reason=f"PV over OP draws an open ellipse: {numbers}",
         )
     return Verdict(
-        "gbt44693", NO_STICTION, ratio, indices, reason=f"PV over OP is close to a line: {told}"
+        "gbt44693", NO_STICTION, ratio, indices, reason=f"PV over OP is close to a line: {numbers}"
     )

@@ -3,11 +3,11 @@ straight valve does as well.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S
 and J in % of travel.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the source: there S alone
-decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the
-source, a linear part fitted by one-step errors.
+Parameters: `score_low`, `score_high` (-), set here from simulated loops, 0 in the source: there S
+alone decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 0), set here: 0, as
+in the source, a linear part fitted by one-step errors.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the
-swing of OP: a cycle of the valve's own swings by no more than about S + J), error (unexplained
+swing of OP: a cycle of the valve alone swings by no more than about S + J), error (unexplained
 share of the variance of PV), S_hat, J_hat, T_s, Td_s.
 Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an interval
 around what both maps say, which holds in nine loops of ten; J a number where the record fixes it,
@@ -164,47 +164,47 @@ def detect(
             S=S if sticks else None,
             reason=fit,
         )
-    found = prepared.share(
+    model = prepared.share(
         "hammerstein",
         lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
     )
     gain = (
-        max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0)
-        if found.error_linear > 1e-6
+        max(1.0 - model.error / max(model.error_linear, 1e-12), 0.0)
+        if model.error_linear > 1e-6
         else 0.0
     )
-    share = (found.S + found.J) / usual
+    share = (model.S + model.J) / usual
     score = gain * min(share, 1.0)
     indices = {
         "gain": gain,
         "share": share,
-        "error": found.error,
-        "S_hat": found.S,
-        "J_hat": found.J,
+        "error": model.error,
+        "S_hat": model.S,
+        "J_hat": model.J,
     }
-    indices |= {"T_s": found.T_s, "Td_s": found.Td_s}
-    if found.error > 0.5:
+    indices |= {"T_s": model.T_s, "Td_s": model.Td_s}
+    if model.error > 0.5:
         reason = (
-            f"valve and plant explain only {1 - found.error:.0%} of PV: it is moved from outside"
+            f"valve and plant explain only {1 - model.error:.0%} of PV: it is moved from outside"
         )
         return Verdict("hammerstein", NO_DECISION, score, indices, reason=reason)
     fit = (
         f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of"
         " OP's swing"
     )
-    if record.op_percent is not None and found.S < S_low:
+    if record.op_percent is not None and model.S < S_low:
         return Verdict(
             "hammerstein",
             NO_STICTION,
             score,
             indices,
-            reason=f"S = {found.S:.2g} % is negligible; {fit}",
+            reason=f"S = {model.S:.2g} % is negligible; {fit}",
         )
     if score >= score_high:
-        lowest, highest = found.S_range
+        lowest, highest = model.S_range
         S, J = (
             (lowest / _BEYOND, highest * _BEYOND),
-            interval(found.J, found.J_range, 0.3 * found.S),
+            interval(model.J, model.J_range, 0.3 * model.S),
         )
         return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)
     verdict = NO_STICTION if score <= score_low else NO_DECISION

@@ -1,11 +1,11 @@
-"""He 2007: behind a sticky valve the first integrating signal is a triangle wave; behind anything
-else it is closer to a sine.
+"""He 2007: downstream of a sticky valve the first integrating signal is a triangle wave; after
+anything else it is closer to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three
 periods.
 Parameters: `eta_low`, `eta_high` (-), published; `two_line` (0 or 1): the triangle of Eq 11.11, two
-free lines, decides in place of He's; `cleaned` (1 or 0), own: drift and noise are taken off first.
-`he@chapter` has two_line = 1.
+free lines, decides in place of He's; `cleaned` (1 or 0), set here: drift and noise are taken off
+first. `he@chapter` has two_line = 1.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the
 chapter's two straight lines, which have four free parameters against the sine's two and lean to
 "triangle" in noise).
@@ -109,10 +109,10 @@ def detect(
     free_apex, lines = triangle_indices(humps)
     eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:
-        verdict, said = STICTION, "triangular"
+        verdict, shape = STICTION, "triangular"
     elif eta <= eta_low:
-        verdict, said = NO_STICTION, "sinusoidal"
+        verdict, shape = NO_STICTION, "sinusoidal"
     else:
-        verdict, said = NO_DECISION, "between triangle and sine"
-    reason = f"{name} is {said}: eta = {eta:.2f} over {len(humps)} half cycles"
+        verdict, shape = NO_DECISION, "between triangle and sine"
+    reason = f"{name} is {shape}: eta = {eta:.2f} over {len(humps)} half cycles"
     return Verdict("he", verdict, eta, {"eta": free_apex, "eta_two_line": lines}, reason=reason)

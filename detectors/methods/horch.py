@@ -96,12 +96,12 @@ def detect(
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)
     score = 0.5 * (dtau + 2.0 / np.pi * float(np.arccos((1.0 - drho) / (1.0 + drho))))
     if dtau >= dtau_high and drho >= drho_high:
-        verdict, said = STICTION, "odd cross-correlation"
+        verdict, parity = STICTION, "odd cross-correlation"
     elif dtau <= dtau_low and drho <= drho_low:
-        verdict, said = NO_STICTION, "even cross-correlation"
+        verdict, parity = NO_STICTION, "even cross-correlation"
     else:
-        verdict, said = NO_DECISION, "cross-correlation neither odd nor even"
-    reason = f"{said}: dtau = {dtau:.2f}, drho = {drho:.2f}"
+        verdict, parity = NO_DECISION, "cross-correlation neither odd nor even"
+    reason = f"{parity}: dtau = {dtau:.2f}, drho = {drho:.2f}"
     return Verdict("horch", verdict, score, {"dtau": dtau, "drho": drho}, reason=reason)
 
 

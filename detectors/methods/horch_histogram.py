@@ -1,10 +1,10 @@
-"""Horch 2006: behind a sticky valve the slope of a level jumps and rests, behind a sine it swings
-as a sine does; its histogram tells.
+"""Horch 2006: downstream of a sticky valve the slope of a level jumps and rests; under a sine it
+swings as a sine does; its histogram tells.
 
 Needs: PV, three periods of a sustained oscillation; made for integrating processes (second
-difference of PV), works on self-regulating ones (first difference) in the author's own extension.
+difference of PV), works on self-regulating ones (first difference) in the author's extension.
 Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of
-the data), own, 0 in the source: the smallest A of a camel.
+the data), set here, 0 in the source: the smallest A of a camel.
 Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
 Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central
 peak: stiction) and by the density of A cos(phi) plus Gaussian noise (a camel: no stiction); score =
@@ -50,10 +50,10 @@ def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     `d`, in units of its std.
     """
     z = (d - d.mean()) / d.std()
-    found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
+    density = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities(least_A)
     camel, gauss = (
-        float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
+        float(((family - density) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
     )
     return camel, gauss
 
@@ -100,8 +100,8 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
         )
     camel, gauss = density_errors(d, least_A)
     score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
-    verdict, said = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
-    reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
+    verdict, form = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
+    reason = f"differences of PV have {form}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict(
         "horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason
     )

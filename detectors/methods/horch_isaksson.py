@@ -1,13 +1,13 @@
-"""Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows
+"""Horch & Isaksson 1998: one model of a resting valve and one of a valve that follows
 OP; which explains PV?
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier
+Parameters: `score_low`, `score_high` (-), set here from simulated loops; in the source the likelier
 model decides, 0.5.
-Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood
+Indices: stuck_share (mean probability that the valve rests, 0..1), evidence (log-likelihood
 the two models together gain on the following valve alone, per sample).
 Rule: score = stuck_share; >= score_high stiction, <= score_low none. A bank of two Kalman filters
-(standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
+(standing: v(k) = v(k-1); following: v(k) = u(k)) in front of one first-order plant, mixed at every
 sample as an interacting multiple model. The paper has a known plant; here it comes from the
 Hammerstein fit.
 Not for: records from which no plant can be identified; PV moved from outside, which the filter
@@ -59,7 +59,7 @@ METHOD = Method(
 def two_models(
     u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY
 ) -> tuple[np.ndarray, float]:
-    """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1)
+    """Return the probability (n,) that the valve rests, and the record's log-likelihood, of z(k+1)
     = a z(k) + b v(k) measured as `y`.
 
     `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability
@@ -109,7 +109,7 @@ def _measured(f, y, r):
 
 
 def _moved(f, a, b, q):
-    """One filter after the valve's own wandering and a step of the plant."""
+    """One filter after the valve's wandering and a step of the plant."""
     z, v, zz, zv, vv = f
     vv = vv + q
     return (a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv)
@@ -125,7 +125,7 @@ def _mix(one, other, w):
 
 
 def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
-    """Judge a record by how probable it is that the valve stands still.
+    """Judge a record by how probable it is that the valve rests.
 
     Parameters
     ----------

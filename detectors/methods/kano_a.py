@@ -1,17 +1,17 @@
-"""Kano 2004, method A: a sticky valve stands still for a good part of the time although its command
+"""Kano 2004, method A: a sticky valve rests for a good part of the time although its command
 moves.
 
 Needs: OP with the valve position, or with PV of a flow loop; three periods of a sustained
 oscillation.
 Parameters: `share_min` (-), least share of time in such intervals; `op_min` (-), least movement of
 OP in an interval, as a share of its whole swing. The paper has process-specific values for both and
-gives no universal ones; these are own, between a sine followed with a lag (0.2 of the time) and a
-sticky valve (0.6 and more).
+gives no universal ones; these are set here, between a sine followed with a lag (0.2 of the time)
+and a sticky valve (0.6 and more).
 Indices: stuck_share in 0..1; stuck_op, mean movement of OP in these intervals, in units of OP.
 Rule: stiction when stuck_share > share_min. S is estimated by stuck_op.
 Not for: noisy valve positions; PV of a slow process in their place; valves whose S is far below the
 swing of OP.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method A; bounds own.
+Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method A; bounds set here.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ METHOD = Method(
 
 
 def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
-    """Judge a record by how long the valve stands still while OP moves.
+    """Judge a record by how long the valve rests while OP moves.
 
     Parameters
     ----------

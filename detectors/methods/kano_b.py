@@ -5,15 +5,15 @@ Needs: OP with the valve position, or with PV of a flow loop; three periods of a
 oscillation.
 Parameters: `width_min` (-), least distance of the sides as a share of OP's swing; `still_min` (-),
 least share of time on the flat sides. The paper has process-specific values and gives no universal
-ones; these are own.
+ones; these are set here.
 Indices: width, distance of the two sides along OP over the swing of OP, 0..1; still, share of time
 in which the valve does not move, 0..1.
 Rule: lines through the samples in which the valve moves up and those in which it moves down, with
 one slope; their distance along OP is S - J. Stiction when width > width_min and still > still_min:
 a lag alone draws an ellipse, which is wide but has no flat sides.
-Not for: J near S, whose parallelogram has no width (no decision when the valve stands still all the
+Not for: J near S, whose parallelogram has no width (no decision when the valve rests all the
 same); noisy valve positions; PV of a slow process in their place.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds own.
+Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds set here.
 """
 
 from __future__ import annotations
@@ -107,18 +107,18 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     indices = {"width": width, "still": flat}
     S = None
     if width > width_min and flat > still_min:
-        verdict, said = STICTION, "a parallelogram"
+        verdict, shape = STICTION, "a parallelogram"
         S = (
             distance
             if record.op_span is None
             else distance * 100.0 / (record.op_span[1] - record.op_span[0])
         )
     elif flat > still_min:
-        verdict, said = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
+        verdict, shape = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
     else:
-        verdict, said = NO_STICTION, "no flat sides"
+        verdict, shape = NO_STICTION, "no flat sides"
     reason = (
-        f"valve position over OP has {said}: width {width:.2f} of the swing, still in {flat:.0%}"
+        f"valve position over OP has {shape}: width {width:.2f} of the swing, still in {flat:.0%}"
         f" ({note})"
     )
     return Verdict("kano_b", verdict, score, indices, S=S, reason=reason)

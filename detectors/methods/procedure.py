@@ -1,16 +1,16 @@
-"""The chapter's diagnosis procedure as a method of its own: quality, oscillation, saturation, then
+"""The chapter's diagnosis procedure as one method: quality, oscillation, saturation, then
 the detectors together.
 
 Needs: OP and PV; where the loop does not oscillate, MV or the PV of a flow loop.
-Parameters: `odds_low`, `odds_high` (log-odds on the grids that the weights were fitted to), own: a
-score, no probability; `follow_min` (-), own, from simulated loops; `weighted` (1 or 0), own: in the
-source a majority of verdicts decides; `veto` (0 or 1): in the source a nonlinearity that is not
-seen ends the search.
+Parameters: `odds_low`, `odds_high` (log-odds on the grids that the weights were fitted to), set
+here: a score, no probability; `follow_min` (-), set here from simulated loops; `weighted` (1 or 0),
+set here: in the source a majority of verdicts decides; `veto` (0 or 1): in the source a
+nonlinearity that is not seen ends the search.
 Indices: log_odds (stiction against none, from the weighted indices of the detectors), follow (0..1,
 a dead band between OP and the valve seen without an oscillation), ngi, nli, regularity, period_s.
 Rule: log_odds >= odds_high stiction, <= odds_low none. Without a sustained oscillation: stiction
 where the valve is seen to stand still, else none. Saturation of OP: no decision.
-Not for: replacing the confirmation tests; `simbench diagnose` says which comes next.
+Not for: replacing the confirmation tests; `simbench diagnose` names the next.
 Source: Jelali (2013), section 11.9; the weights are fitted to simulated loops.
 """
 
@@ -89,15 +89,15 @@ def detect(
     >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
     'no_stiction'
     """
-    found = walk(
+    diagnosis = walk(
         prepared, ProcedureRules(odds_low, odds_high, follow_min, weighted > 0.5, veto > 0.5)
     )
     return Verdict(
         "procedure",
-        found.verdict,
-        found.score,
-        found.indices,
-        S=found.S,
-        J=found.J,
-        reason=found.reason,
+        diagnosis.verdict,
+        diagnosis.score,
+        diagnosis.indices,
+        S=diagnosis.S,
+        J=diagnosis.J,
+        reason=diagnosis.reason,
     )

@@ -1,10 +1,10 @@
-"""Rossi & Scali 2005: behind a sticky valve PV is what a relay would make of the process, not a
-sine.
+"""Rossi & Scali 2005: downstream of a sticky valve PV is what a relay would make of the process,
+not a sine.
 
-Needs: PV, three periods of a sustained oscillation; both process types (behind an integrator the
+Needs: PV, three periods of a sustained oscillation; both process types (after an integrator the
 relay's answer is a triangle).
-Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), own, 0 in the
-source.
+Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), set here, 0 in
+the source.
 Indices: eta_rossi in -1..1, from sine to relay.
 Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine
 tenths of PV's half cycles (Eq 11.14), E_relay the least over the square-wave answers of all
@@ -55,7 +55,7 @@ def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     squares and what lies between.
 
     The published triangle is the limit of the relay's answers for a slow process, so it needs no
-    error of its own.
+    separate error.
     """
     points = humps.shape[1]
     sine, relay = typical_means(
@@ -97,10 +97,10 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
         )
     index = relay_index(humps, left_out)
     if index > bound:
-        verdict, said = STICTION, "like a relay's answer"
+        verdict, shape = STICTION, "like a relay's answer"
     elif index < -bound:
-        verdict, said = NO_STICTION, "like a sine"
+        verdict, shape = NO_STICTION, "like a sine"
     else:
-        verdict, said = NO_DECISION, "between sine and relay's answer"
-    reason = f"PV is {said}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
+        verdict, shape = NO_DECISION, "between sine and relay's answer"
+    reason = f"PV is {shape}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
     return Verdict("rossi_scali", verdict, 0.5 + 0.5 * index, {"eta_rossi": index}, reason=reason)

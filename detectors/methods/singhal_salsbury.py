@@ -2,8 +2,8 @@
 cycle peaks late.
 
 Needs: PV of a self-regulating process under PI, three periods of a sustained oscillation.
-Parameters: `R_low` (-), published; `cleaned` (1 or 0), own, 0 in the source: drift and noise are
-taken off first.
+Parameters: `R_low` (-), published; `cleaned` (1 or 0), set here, 0 in the source: drift and noise
+are taken off first.
 Indices: r_area > 0, mean of the areas before over the areas after the peak of the half cycles of
 the error.
 Rule: R = mean(A1 / A2); R > 1: stiction; else none.

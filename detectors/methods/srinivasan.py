@@ -2,11 +2,11 @@
 sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2
-counts. The label that most cycles carry wins.
+Parameters: `by_kind` (0 or 1), set here to 0: where the kind of loop is known only its column of
+Table 11.2 counts. The label that most cycles carry wins.
 Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1),
 under the keys op_square, op_triangle, op_sawtooth, op_sine, pv_...
-Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision.
+Rule: (OP, PV) listed in Table 11.2: stiction; sine and sine: none; any other pair: no decision.
 Shapes of the chapter's table: triangle-square and square-square (flow), triangle-sine (pressure,
 temperature), triangle-triangle and parabola-triangle (level; a parabola is labelled sine).
 Saw-teeth count as triangles: J > 0 tilts them.
@@ -82,14 +82,14 @@ def templates() -> tuple[np.ndarray, np.ndarray]:
     return shapes / shapes.std(axis=1, keepdims=True), np.array([0, 1, 2, 2, 3])
 
 
-def label_shares(found: np.ndarray) -> np.ndarray:
+def label_shares(pieces: np.ndarray) -> np.ndarray:
     """Return the share of cycles nearest to each label, shape (4,), in the order of LABELS."""
     from dtaidistance import dtw
 
     shapes, label = templates()
-    m = len(found)
+    m = len(pieces)
     distance = dtw.distance_matrix_fast(
-        np.vstack([found, shapes]),
+        np.vstack([pieces, shapes]),
         window=CYCLE_POINTS // 10,
         block=((0, m), (m, m + len(shapes))),
         compact=True,
@@ -131,14 +131,14 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
         )
     shares, indices = {}, {}
     for name in ("OP", "PV"):
-        found = cycles(prepared.band(name.lower(), period / _HARMONICS), period)
-        if len(found) < 3:
+        pieces = cycles(prepared.band(name.lower(), period / _HARMONICS), period)
+        if len(pieces) < 3:
             return Verdict(
                 "srinivasan",
                 NO_DECISION,
-                reason=f"{len(found)} whole cycles in {name}; at least 3 are needed",
+                reason=f"{len(pieces)} whole cycles in {name}; at least 3 are needed",
             )
-        shares[name] = label_shares(found)
+        shares[name] = label_shares(pieces)
         indices |= {
             f"{name.lower()}_{label}": float(s)
             for label, s in zip(SHAPES, shares[name], strict=True)
@@ -147,7 +147,7 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     score = 1.0 - float(shares[decisive][SHAPES.index("sine")])
     seen = {name: SHAPES[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
-    said = ", ".join(
+    looks = ", ".join(
         f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV")
     )
     pairs = _LEVEL if prepared.integrating else FAST | SLOW
@@ -155,10 +155,10 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
     if pair in pairs:
         return Verdict(
-            "srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2"
+            "srinivasan", STICTION, score, indices, reason=f"{looks}: a pair of Table 11.2"
         )
     if pair == ("sine", "sine"):
-        return Verdict("srinivasan", NO_STICTION, score, indices, reason=said)
+        return Verdict("srinivasan", NO_STICTION, score, indices, reason=looks)
     return Verdict(
-        "srinivasan", NO_DECISION, score, indices, reason=f"{said}: no pair of Table 11.2"
+        "srinivasan", NO_DECISION, score, indices, reason=f"{looks}: no pair of Table 11.2"
     )

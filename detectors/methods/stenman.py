@@ -2,8 +2,8 @@
 explain PV best.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; the paper judges the jumps by
-eye.
+Parameters: `score_low`, `score_high` (-), set here from simulated loops; the paper judges the jumps
+by eye.
 Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for,
 0..1), stuck_share (share of samples without a jump, 0..1), jumps_per_period.
 Rule: score = gain stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 -
@@ -30,7 +30,7 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 _SAMPLES = 30  # per period at least, after averaging
 _LENGTH = 400  # averaged samples
 _ROUNDS = 3
-_PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
+_PRICE = 0.5  # of a jump, in ln(n) times the error variance; set here on simulated loops
 _FIRST_GUESSES = (
     0.0,
     0.4,
@@ -157,8 +157,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y / y.std()
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
-    found = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
-    cost, x = found
+    best = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
+    cost, x = best
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)
     stuck = 1.0 - jumps / (n - 1)

@@ -70,9 +70,9 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
         )
     e = record.e - drift(record.e, period)
     # surrogates of a clean cycle hang on the last digits, and these on the unit of PV
-    found = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
-    nonlinear = found.npi > npi_low
-    said = (
+    test = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
+    nonlinear = test.npi > npi_low
+    numbers = (
         "nonlinear"
         if nonlinear
         else "no nonlinearity seen, which a strict cycle would not show either"
@@ -80,7 +80,7 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     return Verdict(
         "surrogate",
         STICTION if nonlinear else NO_STICTION,
-        found.npi,
-        {"npi": found.npi},
-        reason=f"{said}: NPI = {found.npi:.2f} over {found.cycles:.0f} cycles",
+        test.npi,
+        {"npi": test.npi},
+        reason=f"{numbers}: NPI = {test.npi:.2f} over {test.cycles:.0f} cycles",
     )

@@ -1,4 +1,4 @@
-"""Yamashita 2006: a sticky valve stands still while OP moves, and then catches up.
+"""Yamashita 2006: a sticky valve rests while OP moves, and then catches up.
 
 Needs: OP with the valve position, or with PV of a flow loop; three periods.
 Parameters: `step` (samples) over which a movement is counted, 1 as published, more for records
@@ -8,8 +8,8 @@ Indices: rho1 in 0..1 (share of movements with OP moving and the valve not), rho
 stiction).
 Rule: stiction when rho3 > 0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 =
 0.41, rho3 = 0.13.
-Not for: PV in place of the valve position behind a slow process; noise or sampling so fast that
-differences are noise; a valve that never stands still.
+Not for: PV in place of the valve position after a slow process; noise or sampling so fast that
+differences are noise; a valve that never rests.
 Source: Y. Yamashita (2006), Control Engineering Practice 14, 503-510; Jelali (2013), Eqs 11.3 to
 11.5 with the denominator tau_total - tau_SS, which alone reproduces the printed values of loop
 PAP2.
@@ -104,8 +104,8 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
     if not np.isfinite(rho3):
         return Verdict("yamashita", NO_DECISION, reason="OP or valve position does not move")
     verdict = STICTION if rho3 > rho3_min else NO_STICTION
-    said = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
-    reason = f"the valve {said}: rho3 = {rho3:.2f} ({note})"
+    behaviour = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
+    reason = f"the valve {behaviour}: rho3 = {rho3:.2f} ({note})"
     return Verdict(
         "yamashita", verdict, rho3, {"rho1": rho1, "rho2": rho2, "rho3": rho3}, reason=reason
     )

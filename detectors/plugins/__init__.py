@@ -1,1 +1,1 @@
-"""How a plug-in's file is found, kept apart and judged."""
+"""How a plug-in's file is located, kept apart and judged."""

@@ -120,7 +120,7 @@ class Host:
             str(Path(__file__).resolve().parents[2]),
             *os.environ.get("PYTHONPATH", "").split(os.pathsep),
         ]
-        own = {
+        variables = {
             **dict.fromkeys(_TEMPORARY, self._folder),
             **dict.fromkeys(_CACHES, str(kernels)),
             "PYTHONPATH": os.pathsep.join(os.path.abspath(p) for p in paths if p),
@@ -143,7 +143,7 @@ class Host:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
             cwd=self._folder,
-            env=os.environ | own,
+            env=os.environ | variables,
         )
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
         _tell_unlimited()
@@ -173,9 +173,9 @@ class Host:
             if not isinstance(lost, Exception):
                 raise
             self.strikes += 1
-            said = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
+            fault = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
             raise PluginError(
-                self._named(said if gone else "answered with something that cannot be understood")
+                self._named(fault if gone else "answered with something that cannot be understood")
             ) from None
         finally:
             self._until = math.inf

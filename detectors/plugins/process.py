@@ -24,7 +24,7 @@ def main() -> None:
     null = os.open(os.devnull, os.O_RDWR)
     for handle in (0, 1, 2):  # what the plug-in prints mixes with no answer
         os.dup2(null, handle)
-    # a process that a plug-in leaves behind must not hold the pipes open
+    # a process that a plug-in leaves running must not hold the pipes open
     if hasattr(os, "register_at_fork"):
         os.register_at_fork(
             after_in_child=lambda: os.closerange(source.fileno(), sink.fileno() + 1)
@@ -57,16 +57,16 @@ def _answer(question: bytes, most: int) -> bytes:
     try:
         function, arguments = pickle.loads(question)
         answer = pickle.dumps(("", function(*arguments)))
-        said = ("failed", f"answers with {len(answer)} bytes; at most {most} are allowed")
+        failure = ("failed", f"answers with {len(answer)} bytes; at most {most} are allowed")
         if len(answer) <= most:
             return answer
     except MemoryError:
-        said = ("failed", "takes more memory than it may")
+        failure = ("failed", "takes more memory than it may")
     except UserError as error:
-        said = ("form" if isinstance(error, AnswerError) else "refused", str(error))
+        failure = ("form" if isinstance(error, AnswerError) else "refused", str(error))
     except BaseException as error:  # whatever the code of others does, sys.exit too
-        said = ("failed", _sentence(error))
-    return pickle.dumps(said)
+        failure = ("failed", _sentence(error))
+    return pickle.dumps(failure)
 
 
 def _sentence(error: BaseException) -> str:

@@ -55,7 +55,7 @@ class PluginFolder:
 
     def names(self) -> list[str]:
         """Return every known name, sorted; nothing is imported."""
-        return sorted(self._own | set(self._entry_points) | set(self._files))
+        return sorted(self._built_in | set(self._entry_points) | set(self._files))
 
     def lend(self, name: str, module: str) -> None:
         """Make a plug-in of the house known that needs more than this package; it is asked for by
@@ -73,7 +73,7 @@ class PluginFolder:
         """Return whether a plug-in, or the one of which this is a variant, comes with this
         project.
         """
-        return name.partition("@")[0] in {*self._own, *self._above}
+        return name.partition("@")[0] in {*self._built_in, *self._above}
 
     def load(self, name: str) -> ModuleType:
         """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError
@@ -84,9 +84,9 @@ class PluginFolder:
         if name not in self._loaded:
             if name not in self._above and name not in self.names():
                 raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
-            own = self._above.get(name, f"{self.package}.{name}")
+            module = self._above.get(name, f"{self.package}.{name}")
             self._loaded[name] = self._checked(
-                self._outside(name) or importlib.import_module(own), name
+                self._outside(name) or importlib.import_module(module), name
             )
         return self._loaded[name]
 
@@ -102,7 +102,7 @@ class PluginFolder:
                 f"{self.kind} file {path} is no Python file; one that ends in .py is needed"
             )
         module = importlib.util.module_from_spec(spec)
-        # where any other module stands as well: a plug-in may look itself up
+        # as any other module: a plug-in may look itself up
         sys.modules[spec.name] = module
         try:
             spec.loader.exec_module(module)
@@ -116,7 +116,7 @@ class PluginFolder:
         return name
 
     def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
-        """Register files, each imported in a worker process of its own; every plug-in known may
+        """Register files, each imported in a separate worker process; every plug-in known may
         lose its worker anew.
         """
         if not 0.0 < seconds < 1e6:
@@ -190,12 +190,13 @@ class PluginFolder:
         """Return whether a file is that of a built-in plug-in."""
         folder = importlib.import_module(self.package).__path__[0]
         return (
-            Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+            Path(path).stem in self._built_in
+            and Path(path).resolve().parent == Path(folder).resolve()
         )
 
     @contextmanager
     def adopted(self, modules: Mapping[str, ModuleType]) -> Iterator[None]:
-        """Make a caller's own plug-ins known for one question only."""
+        """Make a caller's plug-ins known for one question only."""
         before = dict(self._files)
         self.adopt(modules)
         try:
@@ -204,7 +205,7 @@ class PluginFolder:
             self._files = before
 
     def adopt(self, modules: Mapping[str, ModuleType]) -> None:
-        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run
+        """Make plug-ins known that stand in no file: a caller's, who answers for them; they run
         where the caller does.
         """
         for name in modules:
@@ -234,7 +235,7 @@ class PluginFolder:
         }
 
     def _outside(self, name: str) -> ModuleType | None:
-        """Return what another distribution publishes under a name, or what stands for it here."""
+        """Return what another distribution publishes under a name, or its replacement here."""
         point = self._entry_points.get(name)
         if point is None:
             return None
@@ -253,14 +254,14 @@ class PluginFolder:
             raise self._useless(where, repr(error)) from error
 
     @cached_property
-    def _own(self) -> frozenset[str]:
+    def _built_in(self) -> frozenset[str]:
         package = importlib.import_module(self.package)
         return frozenset(
             m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")
         )
 
     def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
-        """Start a plug-in's worker and return what stands for it here: its attributes, and
+        """Start a plug-in's worker and return its replacement here: its attributes, and
         functions that refuse.
         """
         host = Host(self.describe, [(self.kind, source)], seconds)
@@ -362,5 +363,5 @@ methods = _Detectors(
     "detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED
 )
 methods.describe, methods.host_entries = _describe_detector, True
-# stands above this package, which may stand alone
+# belongs to a higher package; this one may be used alone
 methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -58,18 +58,18 @@ def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np
 def hold(
     series: Mapping[str, Series], Ts: float | None, where: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float, list[str]]:
-    """Put signals with times of their own on one even grid, every value held until the next."""
+    """Put signals with separate times on one even grid, every value held until the next."""
     steps = {role: base_step(series[role][0]) for role in ("op", "pv")}
     if Ts is None:
         known = [s for s in steps.values() if s is not None]
         if len(known) < 2 or abs(known[0] - known[1]) > _TOLERANCE * max(known):
-            told = ", ".join(
+            intervals = ", ".join(
                 f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}"
                 for r, s in steps.items()
             )
             raise RecordError(
-                f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts"
-                " is needed"
+                f"{where}: OP and PV have times of their own ({intervals}); say which sampling"
+                " period Ts is needed"
             )
         Ts = min(known)
     begin, end = (

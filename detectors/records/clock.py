@@ -116,17 +116,17 @@ def seconds(
     notes: list[str] | None = None,
     again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest comes
     first.
     """
-    said = notes if notes is not None else []
+    remarks = notes if notes is not None else []
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
         t[np.isnat(values)] = np.nan
     elif isinstance(values, np.ndarray) and values.dtype.kind in "fiu":
-        t = _counted(values.astype(np.float64), unit, name, where, said)
+        t = _counted(values.astype(np.float64), unit, name, where, remarks)
     else:
-        t = _read([str(v).strip() for v in values], unit, name, where, place, said)
+        t = _read([str(v).strip() for v in values], unit, name, where, place, remarks)
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         given = str(values[bad[0]]).strip()[:60]
@@ -136,7 +136,7 @@ def seconds(
         )
     step = np.diff(t)
     if t.size > 2 and np.all(step <= 0 if again else step < 0) and t[0] > t[-1]:
-        said.append(f"time: {name} falls; read from its end")
+        remarks.append(f"time: {name} falls; read from its end")
         return t
     back = np.flatnonzero(step < 0 if again else step <= 0)
     if back.size:
@@ -266,11 +266,11 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     if others:
         largest = [float(np.diff(rising[f]).max()) for f in (form, others[0])]
         if largest[0] > 0.1 * largest[1]:
-            said = (
+            sentence = (
                 f"{where}: {name} can be read as {form} and as {others[0]}; write dates as"
                 " 2024-05-31"
             )
-            raise RecordError(said, f"--ts {float(np.median(np.diff(rising[form]))):g}")
+            raise RecordError(sentence, f"--ts {float(np.median(np.diff(rising[form]))):g}")
         notes.append(
             f"time: {name} read as {form}, as any other order of day and month leaves holes of days"
         )
@@ -282,11 +282,11 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     return rising[form]
 
 
-def _month(found: re.Match) -> str:
-    word = plain(found[0].rstrip("."))
+def _month(match: re.Match) -> str:
+    word = plain(match[0].rstrip("."))
     if word[:3].capitalize() in month_abbr:
         return word[:3].capitalize()
-    return next((month for begins, month in _MONTHS.items() if word.startswith(begins)), found[0])
+    return next((month for begins, month in _MONTHS.items() if word.startswith(begins)), match[0])
 
 
 def _at_once(texts: list[str], form: str) -> np.ndarray | None:

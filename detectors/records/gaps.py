@@ -54,12 +54,12 @@ def whole(
         inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
         usable = segment >= _SHORTEST and inside <= MOST_MISSING * segment
         if not (usable and longest_segment):
-            said = (
+            sentence = (
                 f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%}"
                 " may be"
             )
             cure = "--longest-segment" if usable and not longest_segment else ""
-            said += (
+            sentence += (
                 f"; the longest segment without a long hole has {segment} samples" if cure else ""
             )
             # counting the samples in place of reading the clock is right only where no sample is
@@ -69,11 +69,11 @@ def whole(
                 and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
                 and known.all()
             ):
-                said, cure = (
+                sentence, cure = (
                     f"{where}: {summer}, so that {missing} of {size} samples seem to be missing",
                     f"--ts {Ts:g}",
                 )
-            raise RecordError(said, cure)
+            raise RecordError(sentence, cure)
     used = known
     for name in ("sp", "mv"):
         x = signals.get(name)

@@ -30,7 +30,7 @@ from detectors.records.tables import BLANK, Sheet
 
 _LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
-# what stands in place of a number when there is none
+# words written in place of a missing number
 _NO_VALUE = set(
     entries("""
     bad, no data, nodata, no good data, bad input, bad quality, bad data, i/o timeout, io timeout,
@@ -84,10 +84,10 @@ _COUNTS = (
 )
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
-_APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
-# a cell that says its unit: 12,3 m3/h
+_APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
+# a cell with its unit: 12,3 m3/h
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
-# a historian's mark behind a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
+# a historian's mark after a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
 _MARKED, _MARK_ENDS = (
     re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
     ("?", "*", ")"),
@@ -184,12 +184,12 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         for n, c in sheet.columns.items()
         if n.startswith(BLANK)
     }
-    said = {
+    renamed = {
         n: f"Status.{i}"
         for i, (n, cells) in enumerate(nameless.items(), 1)
         if cells and cells <= words
     }
-    sheet.columns = {said.get(n, n): c for n, c in sheet.columns.items()}
+    sheet.columns = {renamed.get(n, n): c for n, c in sheet.columns.items()}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name != time and written and _numeric(written[1]):
@@ -202,7 +202,7 @@ def op_span(
     unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]
 ) -> tuple[float, float] | None:
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others
-    need to be told.
+    must be given.
     """
     if known is not None:
         return None
@@ -211,19 +211,19 @@ def op_span(
         notes.append(f"unit: OP is in {name}, {lo:g} to {hi:g} {name} taken as 0 to 100 %")
         return lo, hi
     if unit_of_op in _OTHER_SPANS:
-        said = (
+        sentence = (
             f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
         )
         counts = next(
             (span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top),
             "0 100",
         )
-        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
+        raise RecordError(sentence, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
     return None
 
 
 def open_span(record: LoopRecord, where: str) -> list[str]:
-    """Return what must be said of an OP whose unit nothing tells; a share of 1 is asked for, as %
+    """Return the notes on an OP of unknown unit; a share of 1 is asked for, as %
     is 100 times as large.
     """
     if record.op_span is not None:
@@ -231,11 +231,11 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
     lo, hi = float(record.op.min()), float(record.op.max())
     runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
     if record.op_share:
-        said = (
+        sentence = (
             f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0"
             " and 100 % is needed"
         )
-        raise RecordError(said, "--op-span 0 1")
+        raise RecordError(sentence, "--op-span 0 1")
     if record.op_percent is None:
         likely = next(
             (span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}"
@@ -252,7 +252,7 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
-    """Return columns as numbers; states such as "Bad" count as missing, and that is said."""
+    """Return columns as numbers; states such as "Bad" count as missing, with a note."""
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
@@ -350,11 +350,11 @@ def apply_quality(
     for name, words in about.items():
         if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
-        beside = _beside(name, list(sheet.columns), about, roles)
+        neighbour = _neighbour(name, list(sheet.columns), about, roles)
         mine = [
             r
             for r in signals
-            if (roles[r] == beside if beside else not words or _about(words, roles[r], r))
+            if (roles[r] == neighbour if neighbour else not words or _about(words, roles[r], r))
         ]
         if not mine:
             continue
@@ -373,10 +373,10 @@ def apply_quality(
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
 
 
-def _beside(
+def _neighbour(
     name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]
 ) -> str | None:
-    """Return the column that one of several qualities of one name stands behind, or before; None of
+    """Return the column that one of several qualities of one name follows, or precedes; None of
     the only one.
     """
     alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
@@ -404,11 +404,11 @@ def _about(words: Sequence[str], column: str, role: str) -> bool:
     """Whether a quality's name speaks of a signal: of its column, its loop, or the signal
     itself.
     """
-    said = parse(".".join(words))
+    named = parse(".".join(words))
     mine = parse(column)
     return (
-        said.role == role and said.loop in ((), mine.loop)
-        if said.role
+        named.role == role and named.loop in ((), mine.loop)
+        if named.role
         else tuple(words) == mine.loop
     )
 
@@ -459,18 +459,18 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
     """Decide whether the comma is the decimal sign, by every number of the table together."""
     if not any("," in t and _numeric(t) for t in texts):
         return False
-    found = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
-    point, comma = (all(rule.fullmatch(t) for t in found) for rule in (_POINT, _COMMA))
+    signed = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
+    point, comma = (all(rule.fullmatch(t) for t in signed) for rule in (_POINT, _COMMA))
     if point and comma:
-        if sheet.delimiter == ";" and not any("." in t for t in found):
+        if sheet.delimiter == ";" and not any("." in t for t in signed):
             return True  # such files exist because the comma is taken
-        example = next(t for t in found if "," in t)
+        example = next(t for t in signed if "," in t)
         raise RecordError(
             f"{where}: {example!r} may be {example.replace(',', '.')} or"
             f" {example.replace(',', '')}; write points"
         )
     if not point and not comma:
-        one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
+        one, other = (next(t for t in signed if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
         raise RecordError(
             f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is"
             " needed"
@@ -481,16 +481,18 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
 
 
 def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
-    """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
+    """Refuse 987 in one column with 1.012, which a program that separates thousands writes for
+    1012.
+    """
     marked = [t for t in column if "," in t or "." in t]
-    # most columns are told by their first number
+    # the first number decides most columns
     if any(not _GROUPS.fullmatch(t) and _numeric(t) for t in marked):
         return
     plain = [abs(float(t)) for t in column if len(t) < 5 and re.fullmatch(r"[+-]?[1-9]\d\d", t)]
     signed = [t for t in marked if _numeric(t)] if plain else []
     if signed:
         read = [abs(float(t.replace(",", "."))) for t in signed if len(re.findall("[.,]", t)) == 1]
-        # 514.503 beside 515 is a decimal point: as 514503 it would be another signal
+        # 514.503 next to 515 has a decimal point: as 514503 it would be another signal
         if read and min(read) > 0.1 * min(plain):
             return
         raise RecordError(
@@ -558,17 +560,17 @@ def _judged(
         if inverted and not _sure(name) and last != "detail" and "detail" not in last:
             return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
         if max(kinds) < 192 and max(kinds) != 128:  # which PCS 7 writes for good
-            said = (
+            sentence = (
                 f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known,"
                 " or words"
             )
-            raise RecordError(said, "--columns quality=none")
+            raise RecordError(sentence, "--columns quality=none")
         codes &= 255  # OPC UA and historians keep more above the lowest byte
         return codes < 64, int(((codes >= 64) & (codes < 192)).sum()), True
     odd = sorted(t for t, k in words.items() if t and k not in _GOOD | _BAD | _UNSURE)
     if odd and len(odd) < len(set(texts) - {""}):
-        said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
-        raise RecordError(said, "--columns quality=none")
+        sentence = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
+        raise RecordError(sentence, "--columns quality=none")
     # a flag named Bad is true where the sample is bad
     flagged = _GOOD if plain(name).endswith("bad") else _BAD
     bad = np.array([words[t] in flagged for t in texts], dtype=bool)

@@ -51,7 +51,7 @@ from detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_t
 from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
-# what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
+# what a loop without stiction may have instead; more words may follow ("tuning problem")
 _CAUSES = entries("""
     tuning, disturbance, load, interaction, sensor, nonlinearity, quantisation, healthy, other
 """)
@@ -88,11 +88,11 @@ def read_record(
     Ts : float, optional
         Sampling period (s), in place of the time column.
     loops : str or Path, optional
-        A table of loops (TOML) that says of the tag what the caller does not, see
+        A table of loops (TOML) that states what the caller does not, see
         `detectors.records.loop_table`.
     automatic : bool
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
-        `meta["manual"]` says where OP was the operator's.
+        `meta["manual"]` marks where OP was the operator's.
     **about
         Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a
         record of which more than 20 % is missing is not refused, and its longest segment without a
@@ -103,7 +103,7 @@ def read_record(
     LoopRecord
         Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the
         longest whole segment is returned; of an archive that stores changes only, values hold until
-        the next. `notes` says all of it, and everything else that had to be assumed: lines left
+        the next. `notes` lists all of it, and everything else that had to be assumed: lines left
         out, states such as "Bad", units, the order of day and month.
 
     Raises
@@ -128,7 +128,7 @@ def read_record(
     for row in read_loop_table(loops) if loops is not None else []:
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
             return _of_row(path, row, given, named=wanted is not None)
-    return _only(_of_file(path, wanted, single=True, **_told({}, given)))
+    return _only(_of_file(path, wanted, single=True, **_merged({}, given)))
 
 
 def read_records(
@@ -141,32 +141,32 @@ def read_records(
         if not records:
             raise next(iter(refused.values()))
         return records, {name: str(error) for name, error in refused.items()}
-    records, said = {}, {}
+    records, refusals = {}, {}
     for row in read_loop_table(loops):
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
         try:
             records[row["tag"]] = _of_row(path, row, given)
         except RecordError as error:
-            said[row["tag"]] = str(error)
-    return records, said
+            refusals[row["tag"]] = str(error)
+    return records, refusals
 
 
 def _of_row(
     path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False
 ) -> LoopRecord:
-    """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its
+    """Return the loop of a table's row; where neither row nor caller (`named`) names the file, its
     columns must name the tag.
     """
     tag = None if "columns" in row else row["tag"]
-    found = _of_file(
-        path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given)
+    loops = _of_file(
+        path, tag, single=True, in_columns=not named and "file" not in row, **_merged(row, given)
     )
-    return replace(_only(found), tag=row["tag"])
+    return replace(_only(loops), tag=row["tag"])
 
 
-def _only(found: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
-    records, refused = found
+def _only(loops: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
+    records, refused = loops
     if refused:
         raise next(iter(refused.values()))
     return next(iter(records.values()))
@@ -188,7 +188,7 @@ def read_folder(
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
-        # a tag told of many files picks a loop that their columns name, and names none
+        # a tag given for many files picks a loop that their columns name, and names none
         sources = {
             printable(f.stem): (f, None)
             for f in sorted(path.iterdir())
@@ -201,7 +201,7 @@ def read_folder(
     wanted = None if names is None else set(names)
     records: dict[str, LoopRecord] = {}
     refused: dict[str, str] = {}
-    for name, (file, own) in sources.items():
+    for name, (file, file_tag) in sources.items():
         asked = (
             wanted is None
             or loops is not None
@@ -210,13 +210,13 @@ def read_folder(
         if not asked and len(sources) > 1:
             continue
         try:
-            found, not_read = read_records(
-                file, tag=own, loops=loops, **{**(each or {}).get(name, {}), **given}
+            loaded, not_read = read_records(
+                file, tag=file_tag, loops=loops, **{**(each or {}).get(name, {}), **given}
             )
         except RecordError as error:
-            found, not_read = {}, {printable(file.stem): printable(error)}
-        several = len(found) + len(not_read) > 1
-        for into, what in ((records, found), (refused, not_read)):
+            loaded, not_read = {}, {printable(file.stem): printable(error)}
+        several = len(loaded) + len(not_read) > 1
+        for into, what in ((records, loaded), (refused, not_read)):
             for label, value in what.items():
                 key = (
                     name
@@ -237,8 +237,8 @@ def read_folder(
     return records, refused
 
 
-def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a table of loops says of one, under what the caller says."""
+def _merged(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a table of loops states about one, overridden by the caller."""
     both = {**row, **{k: v for k, v in given.items() if v is not None}}
     return {
         k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")
@@ -265,15 +265,15 @@ def _of_file(
     if path.suffix.lower() == ".mat":
         from detectors.records.isdb import read_loop
 
-        cells, found = read_loop(path, tag)
-        Ts = Ts if Ts is not None else found.pop("Ts", None)
+        cells, facts = read_loop(path, tag)
+        Ts = Ts if Ts is not None else facts.pop("Ts", None)
         table = _Opened(Sheet(cells), {}, None, where)
         made = _record(
             table,
             find_loops(list(cells), chosen, where)[""],
             chosen,
             Ts,
-            {**found, **about},
+            {**facts, **about},
             where,
             automatic,
         )
@@ -302,8 +302,10 @@ def _of_file(
     records, refused = {}, {}
     for label, (table, roles) in mine.items():
         try:
-            own = {"tag": printable(label or path.stem), **about}
-            records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
+            known = {"tag": printable(label or path.stem), **about}
+            records[label] = _record(
+                table.with_separate_notes(), roles, chosen, Ts, known, where, automatic
+            )
         except RecordError as error:
             refused[label] = (
                 error
@@ -352,7 +354,7 @@ def _label(text: str, where: str) -> str:
 
 @dataclass
 class _Opened:
-    """A file's table with the units of its columns and, where signals have times of their own, a
+    """A file's table with the units of its columns and, where signals have separate times, a
     part per tag.
     """
 
@@ -361,8 +363,8 @@ class _Opened:
     parts: dict[str, Sheet] | None
     where: str
 
-    def own(self) -> _Opened:
-        """Return the same with notes of its own, for one of several loops."""
+    def with_separate_notes(self) -> _Opened:
+        """Return the same with separate notes, for one of several loops."""
         parts = (
             None
             if self.parts is None
@@ -401,10 +403,10 @@ def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
     if table.parts:
         cells = {name: list(part.columns.values())[-1] for name, part in table.parts.items()}
     named = [(n, c) for n, c in cells.items() if not n.startswith(BLANK)]
-    said = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (
+    ranges = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (
         ", ..." if len(named) > 12 else ""
     )
-    return RecordError(f"{error.sentence}; columns are: {said}", error.cure)
+    return RecordError(f"{error.sentence}; columns are: {ranges}", error.cure)
 
 
 def _record(
@@ -436,8 +438,8 @@ def _record(
         parts = {role: table.parts[name] for role, name in roles.items()}
         t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
         if MODE in parts:
-            when, said = read_series(parts[MODE], MODE, where, chosen)
-            modes = last_known(t, when, said, "")
+            when, words = read_series(parts[MODE], MODE, where, chosen)
+            modes = last_known(t, when, words, "")
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
@@ -491,15 +493,15 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
     is.
     """
     share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
-    said = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
+    shares = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
     runs = runs_of(held != MAN)
     lengths = runs[:, 1] - runs[:, 0]
     if share[MAN] == 0.0:
-        notes.append(f"mode: {said} of {held.size} samples")
+        notes.append(f"mode: {shares} of {held.size} samples")
         return t, signals, 1.0
     if lengths.max(initial=0) < 3:
         notes.append(
-            f"mode: {said}: the controller is never in automatic, which says nothing about cycles"
+            f"mode: {shares}: the controller is never in automatic, which says nothing about cycles"
         )
         return t, signals, 0.0
     a, b = map(int, runs[np.argmax(lengths)])
@@ -507,25 +509,27 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
         f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest"
         " stretch in automatic"
     )
-    notes.append(f"mode: {said}; {part}")
+    notes.append(f"mode: {shares}; {part}")
     return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
 
 
 def _outside(record: LoopRecord, where: str) -> list[str]:
-    """Refuse a span that is another signal's; say of how many samples a signal leaves its own."""
-    said = []
+    """Refuse a span that is another signal's; note how many samples of a signal lie outside its
+    span.
+    """
+    notes = []
     for name in ("op", "pv"):
         lo, hi = getattr(record, f"{name}_span") or (0.0, 0.0)
-        told = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
+        sentence = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
         if (share := record.outside(name)) > MOST_OUTSIDE:
             x = getattr(record, name)
             needed = (
                 f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
             )
-            raise RecordError(f"{where}: {told} {share:.0%} of the samples, {needed}")
+            raise RecordError(f"{where}: {sentence} {share:.0%} of the samples, {needed}")
         if share := record.outside(name, 0.0):
-            said.append(f"span: {told} {share:.1%} of the samples")
-    return said
+            notes.append(f"span: {sentence} {share:.1%} of the samples")
+    return notes
 
 
 def _wide(
@@ -628,11 +632,11 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
     ]
     if Ts is None and uneven:
         usual = float(np.median(np.diff(series["pv"][0])))
-        said = (
+        sentence = (
             f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling"
             " period Ts to use"
         )
-        raise RecordError(said, f"--ts {usual:.3g}")
+        raise RecordError(sentence, f"--ts {usual:.3g}")
     t, signals, step, notes = hold(series, Ts, where)
     parts["pv"].notes += notes or [
         "archive: OP and PV have times of their own; OP is the last value before each PV"

@@ -13,7 +13,7 @@ from detectors.errors import RecordError, nearest
 from detectors.record import PROCESSES
 from detectors.records.tables import Columns
 
-# The file's own words for what a loop controls, in its type or comments.
+# The file's words for what a loop controls, in its type or comments.
 _KIND_WORDS = {
     "flow": "flow",
     "level": "level",
@@ -52,7 +52,7 @@ def read_loops(path: Path) -> dict[str, Any]:
 
 
 def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
-    """Return the signals of one loop and what the file says about it."""
+    """Return the signals of one loop and what the file states about it."""
     loops = read_loops(path)
     if loop is None:
         if len(loops) != 1:

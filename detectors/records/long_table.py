@@ -1,5 +1,5 @@
-"""Tables whose signals have times of their own: one row per time, tag and value, or a column of
-times beside every signal.
+"""Tables whose signals have separate times: one row per time, tag and value, or a column of
+times next to every signal.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from detectors.records.roles import ends_with, is_quality, is_time, parse
 from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
-_LOOKED = 60  # rows by which a table is told to hold one value each
+_LOOKED = 60  # rows by which a table is recognised to hold one value each
 _TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 _TIME = "t"  # the column of times in a part
 
 
 def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
-    """Take a table apart whose signals have times of their own, tag by tag; None where they share
+    """Take a table apart whose signals have separate times, tag by tag; None where they share
     one.
     """
     names = list(sheet.columns)
-    found = long_columns(names)
-    if found is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
-        return _long(sheet, *found)
+    columns = long_columns(names)
+    if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
+        return _long(sheet, *columns)
     return _paired(sheet) or _interleaved(sheet)
 
 
@@ -86,11 +86,11 @@ def read_series(
 
 def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, Sheet]:
     cells = [sheet.columns[name] for name in tags]
-    own = [str(v).strip() for v in cells[0]]
-    if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(own)}:
-        own = [f"{a}.{str(b).strip()}" for a, b in zip(own, cells[1], strict=True)]
+    tag_of_row = [str(v).strip() for v in cells[0]]
+    if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(tag_of_row)}:
+        tag_of_row = [f"{a}.{str(b).strip()}" for a, b in zip(tag_of_row, cells[1], strict=True)]
     rows: dict[str, list[int]] = {}
-    for i, name in enumerate(own):
+    for i, name in enumerate(tag_of_row):
         rows.setdefault(name, []).append(i)
     others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
     also = {n: n for n in others}

@@ -26,7 +26,7 @@ _KEYS = {
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
     """Return the loops of a table, one dict each, checked."""
     try:
-        found = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise RecordError(
             f"table of loops {path} cannot be read: {(error.strerror or str(error)).lower()}"
@@ -35,9 +35,9 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
         raise RecordError(
             f"table of loops {path} is no TOML: {error}; [[loop]] tables are needed"
         ) from None
-    rows = found.get("loop")
-    if not isinstance(rows, list) or not rows or set(found) != {"loop"}:
-        has = ", ".join(found) or "nothing"
+    rows = table.get("loop")
+    if not isinstance(rows, list) or not rows or set(table) != {"loop"}:
+        has = ", ".join(table) or "nothing"
         raise RecordError(
             f"table of loops {path}: it has {has}; [[loop]] tables, one a tag, are needed"
         )

@@ -94,7 +94,7 @@ def _number(text: str) -> int | None:
 
 
 def _word(text: str) -> str:
-    # "AUT.", "AUTO-INIT" and "P-AUTO" are said of a controller in automatic
+    # "AUT.", "AUTO-INIT" and "P-AUTO" mean a controller in automatic
     return _MEANS.get(text) or next(
         (_MEANS[w] for w in text.replace("-", " ").replace(".", " ").split() if w in _MEANS), ""
     )

@@ -23,7 +23,7 @@ def entries(table: str) -> tuple[str, ...]:
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
-ASKED = "NAME"  # stands in a hint for the column that the user alone can name
+ASKED = "NAME"  # used in a hint for the column that the user alone can name
 TIME_NAMES = entries("""
     t s, t, time, timestamp, ts, datetime, date time, date, time stamp, t stamp, time string,
     date and time, elapsed, elapsed time, zeitstempel, zeit, zeitpunkt, datum, datum uhrzeit,
@@ -34,7 +34,7 @@ DATES, CLOCKS = (
     entries("date, datum, fecha, 日期"),
     entries("time, uhrzeit, zeit, heure, hora, ora, 时间"),
 )
-# other words for a signal, its own first; CV and MV mean different things in different plants.
+# words for a signal, its standard name first; CV and MV mean different things in different plants.
 # Accents are left out
 SIGNAL_WORDS = {
     "pv": entries("""
@@ -74,18 +74,18 @@ PARAMETER_COLUMNS = entries("""
     field, parameter, attribute, property, signal, merkmal, parametre, parametro, 参数
 """)
 VALUES = entries("value, val, var value, varvalue, wert, messwert, valeur, valor, 值, 数值")
-# behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
+# after a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
 _VALUE_SUFFIX = entries("cv, value, val, f, actual, current, raw, avg, mean, last, average, wert")
 _UNITS = entries("""
     pct, percent, prozent, %, kpa, mpa, hpa, pa, bar, barg, mbar, psi, psig, degc, degf, m3h, m3hr,
     kgh, kghr, nm3h, lpm, gpm, lmin, mm, cm, ma, v, volt, counts, cnt, ppm, rpm, celsius, hz, mmhg,
     scfm, kgs, tph, th, c, m
 """)
-_DIN = {"w": "sp", "x": "pv", "y": "op"}  # behind a tag, as DIN 19226 calls them: TIC5.X
+_DIN = {"w": "sp", "x": "pv", "y": "op"}  # after a tag, as DIN 19226 calls them: TIC5.X
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
 # what may stand before the name of what is measured: Consigne débit; an output or a position may be
-# the process's own
+# the process's
 _FIRST = entries("""
     setpoint, sollwert, istwert, stellgrosse, stellgroesse, stellwert, mesure, consigne, sortie,
     commande, medida, medicion, consigna, salida, misura, uscita
@@ -101,7 +101,7 @@ class Name:
     loop: tuple[str, ...]
     role: str | None
     unit: str
-    rank: int  # 0 the signal's own word, 1 another word for it
+    rank: int  # 0 the signal's standard name, 1 another word for it
     loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
 
 
@@ -146,7 +146,7 @@ def parse(name: str) -> Name:
 
 
 def _parts(name: object) -> list[str]:
-    """Return the words of a name, whatever separates them, without what stands in brackets behind
+    """Return the words of a name, whatever separates them, without what follows in brackets
     them.
     """
     text = str(name).strip()
@@ -166,16 +166,16 @@ def _parts(name: object) -> list[str]:
 
 
 def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
-    """Return which signal some words end with, in how many of them, and whether by its own word (0)
-    or another (1).
+    """Return which signal some words end with, in how many of them, and whether by its standard
+    name (0) or another (1).
     """
     for cut in range(len(parts), 0, -1):
         best: tuple[str | None, int, int] = (None, 0, 1)
         for role, among in SIGNAL_WORDS.items():
             for rank, phrase in enumerate(among):
-                said = phrase.split()
-                if list(parts[max(cut - len(said), 0) : cut]) == said and len(said) > best[1]:
-                    best = (role, len(said), min(rank, 1))
+                words = phrase.split()
+                if list(parts[max(cut - len(words), 0) : cut]) == words and len(words) > best[1]:
+                    best = (role, len(words), min(rank, 1))
         if best[0]:
             return best[0], best[1] + len(parts) - cut, best[2]
         if parts[cut - 1] not in _VALUE_SUFFIX:
@@ -190,23 +190,23 @@ def find_loops(
     fixed = _chosen(names, chosen, where)
     groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for name in names:
-        said = parse(name)
-        if said.role is not None and name not in fixed.values():
-            groups.setdefault(said.loop, {}).setdefault(said.role, []).append(name)
-    for loop, found in groups.items():
-        # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may
+        parsed = parse(name)
+        if parsed.role is not None and name not in fixed.values():
+            groups.setdefault(parsed.loop, {}).setdefault(parsed.role, []).append(name)
+    for loop, signals in groups.items():
+        # MV with SV, and no OP, is the controller's output as Yokogawa names it; untagged it may
         # be a valve's position
         if (
             loop
-            and "op" not in found
-            and len(found.get("mv", [])) == 1
-            and any(_says_sv(n) for n in found.get("sp", []))
+            and "op" not in signals
+            and len(signals.get("mv", [])) == 1
+            and any(_ends_with_sv(n) for n in signals.get("sp", []))
         ):
-            found["op"] = found.pop("mv")
+            signals["op"] = signals.pop("mv")
     if {"pv", "op"} & set(fixed):
         return {"": _one(names, groups, fixed, where, tag)}
-    whole = {loop: found for loop, found in groups.items() if {"pv", "op"} <= set(found)}
-    if len(whole) > 1:  # Mesure débit beside FIC101.PV is something else
+    whole = {loop: signals for loop, signals in groups.items() if {"pv", "op"} <= set(signals)}
+    if len(whole) > 1:  # Mesure débit next to FIC101.PV is something else
         whole = {
             k: v for k, v in whole.items() if min(parse(n).rank for n in (*v["pv"], *v["op"])) < 2
         } or whole
@@ -215,8 +215,8 @@ def find_loops(
         if len(whole) > 1:
             raise several_loops(
                 {
-                    _shown_tag(loop, found): _picked(found, {}, where)
-                    for loop, found in whole.items()
+                    _shown_tag(loop, signals): _picked(signals, {}, where)
+                    for loop, signals in whole.items()
                 },
                 where,
             )
@@ -227,17 +227,19 @@ def find_loops(
             groups = {k: v for k, v in groups.items() if _within(_parts(tag), k)}
     if len(whole) > 1:
         sure = {
-            loop: found
-            for loop, found in whole.items()
-            if not any(parse(n).loose for c in found.values() for n in c)
+            loop: signals
+            for loop, signals in whole.items()
+            if not any(parse(n).loose for c in signals.values() for n in c)
         }
         whole = sure or whole
     if not whole:
         return {"": _one(names, groups, fixed, where, tag)}
     if len(whole) == 1:
-        loop, found = next(iter(whole.items()))
-        return {_shown_tag(loop, found): _one(names, groups, fixed, where, tag, loop)}
-    return {_shown_tag(loop, found): _picked(found, fixed, where) for loop, found in whole.items()}
+        loop, signals = next(iter(whole.items()))
+        return {_shown_tag(loop, signals): _one(names, groups, fixed, where, tag, loop)}
+    return {
+        _shown_tag(loop, signals): _picked(signals, fixed, where) for loop, signals in whole.items()
+    }
 
 
 def is_loop(name: str, tag: str) -> bool:
@@ -247,7 +249,7 @@ def is_loop(name: str, tag: str) -> bool:
 
 def names_loops(names: Sequence[str]) -> bool:
     """Whether the column of any signal names the loop that it is of."""
-    return any(said.loop for said in map(parse, names) if said.role is not None)
+    return any(parsed.loop for parsed in map(parse, names) if parsed.role is not None)
 
 
 def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
@@ -273,15 +275,17 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
     return roles
 
 
-def _says_sv(name: str) -> bool:
+def _ends_with_sv(name: str) -> bool:
     return any(p == "sv" for p in _parts(name)[-2:])
 
 
-def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str) -> dict[str, str]:
-    """Return one column per signal of one loop: of the signal's own word, else of another."""
+def _picked(
+    signals: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
+) -> dict[str, str]:
+    """Return one column per signal of one loop: of the standard name, else of another."""
     roles = dict(fixed)
     for role in (*SIGNALS, MODE):
-        among = found.get(role, [])
+        among = signals.get(role, [])
         if role in roles or not among:
             continue
         exact = [n for n in among if plain(n) == role]
@@ -290,8 +294,8 @@ def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
         if len(best) > 1 and role == MODE and len(actual) == 1:
             best = actual
         if len(best) > 1:
-            said = f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed"
-            raise RecordError(said, _columns({role: ASKED}))
+            sentence = f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed"
+            raise RecordError(sentence, _columns({role: ASKED}))
         roles[role] = best[0]
     return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
 
@@ -304,18 +308,20 @@ def _one(
     tag: str | None,
     loop: tuple[str, ...] | None = None,
 ) -> dict[str, str]:
-    """Return the signals of the only loop: its own columns, then such as name no other loop."""
+    """Return the signals of the only loop: its columns, then such as name no other loop."""
     if loop is None and "pv" in fixed:
         loop = parse(fixed["pv"]).loop
-    own = {
+    mine = {
         role: [n for n in c if not parse(n).loose or loop]
         for role, c in groups.get(loop or (), {}).items()
     }
     digits = _digits(loop or ())
     for role in (*SIGNALS, MODE):
-        if own.get(role):
+        if mine.get(role):
             continue
-        others = [n for found in groups.values() for n in found.get(role, []) if not parse(n).loose]
+        others = [
+            n for signals in groups.values() for n in signals.get(role, []) if not parse(n).loose
+        ]
         # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
         if loop:
             others = [
@@ -324,8 +330,8 @@ def _one(
                 if not parse(n).loop or (digits and _digits(parse(n).loop) == digits)
             ]
         if others:
-            own[role] = others
-    roles = _picked(own, fixed, where)
+            mine[role] = others
+    roles = _picked(mine, fixed, where)
     loops = {
         role: parse(roles[role]).loop
         for role in ("pv", "op")
@@ -356,19 +362,20 @@ def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> st
             if n not in exact and re.match(r"(date|time)", plain(n)) and not is_quality(n)
         ]
         if others and not re.fullmatch(r"time_ms", plain(others[0])):
-            said = f"{first!r} and {others[0]!r} may both be times; say which, or export one"
-            raise RecordError(f"{where}: {said}", _columns({"t": ASKED}))
+            sentence = f"{first!r} and {others[0]!r} may both be times; say which, or export one"
+            raise RecordError(f"{where}: {sentence}", _columns({"t": ASKED}))
         return first
-    found = [n for n in names if is_time(n)]
-    if len(found) > 1:
+    candidates = [n for n in names if is_time(n)]
+    if len(candidates) > 1:
         raise RecordError(
-            f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": ASKED})
+            f"{where}: {' or '.join(candidates)} may be the time; one is needed",
+            _columns({"t": ASKED}),
         )
-    return found[0] if found else None
+    return candidates[0] if candidates else None
 
 
 def is_time(name: str) -> bool:
-    """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
+    """Whether a name is that of a time, with its unit after an underscore or a tag before it."""
     parts = _parts(name)
     ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
     return (
@@ -384,14 +391,14 @@ def is_quality(name: str) -> bool:
 
 
 def quality_of(name: str) -> list[str] | None:
-    """Return the words of which the name of a quality says it is one, or None; of several alike the
+    """Return the words of the signal whose quality a name is, or None; of several alike the
     later are numbered.
     """
     return ends_with(re.sub(r"\.\d+$", "", name), QUALITY)
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
-    """Return what a command line says of columns."""
+    """Return the columns that a command line names."""
     pairs = {}
     for text in (
         part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)
@@ -412,7 +419,7 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
     """Return the refusal of a table without a signal, with the form of the option that names it
     where a column is free.
     """
-    said = f"{where}: no {role.upper()} column"
+    sentence = f"{where}: no {role.upper()} column"
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
     if not any(re.search(r"[^\W\d]", n) for n in names):
@@ -421,15 +428,18 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
             " needed first"
         )
     if role == "op" and "mv" in roles:
-        said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
+        sentence, free = (
+            f"{sentence}; MV may be the controller's output: then say so",
+            [roles["mv"]],
+        )
     known = {r: n for r, n in roles.items() if r in ("pv", "op")}
     if len(free) > 1 - len(known):
-        return RecordError(said, _columns({"op": ASKED, "pv": ASKED} | known))
-    return RecordError(f"{said}; columns are: {shown(names)}")
+        return RecordError(sentence, _columns({"op": ASKED, "pv": ASKED} | known))
+    return RecordError(f"{sentence}; columns are: {shown(names)}")
 
 
 def unit(name: str) -> str:
-    """Return the unit in a name: in brackets at its end, behind a signal, or behind the last
+    """Return the unit in a name: in brackets at its end, after a signal, or after the last
     underscore of a time.
     """
     tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", plain(name))
@@ -453,14 +463,14 @@ def ends_with(name: str, among: Sequence[str]) -> list[str] | None:
 
 
 def _bracket(name: object) -> str:
-    found = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", str(name))
-    return found.group(1).lower() if found else ""
+    match = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", str(name))
+    return match.group(1).lower() if match else ""
 
 
 def _digits(words: Sequence[str]) -> str:
     """Return the number of a tag: of the last word that has one."""
     return next(
-        (found for w in reversed(words) if (found := "".join(c for c in w if c.isdigit()))), ""
+        (digits for w in reversed(words) if (digits := "".join(c for c in w if c.isdigit()))), ""
     )
 
 
@@ -482,39 +492,39 @@ def _tagged(
         lambda k: list(k[-len(words) :]) == words,
         lambda k: _within(words, k),
     ):
-        found = {k: v for k, v in whole.items() if fits(k)}
-        if found:
-            return found
+        matches = {k: v for k, v in whole.items() if fits(k)}
+        if matches:
+            return matches
     return {}
 
 
 def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordError:
     """Return the refusal of a file with several loops where one record is needed."""
     ops = list(dict.fromkeys(roles["op"] for roles in loops.values()))
-    said = f"{' or '.join(ops[:2])} may be OP: " if len(ops) > 1 else ""
-    said += f"{len(loops)} loops, {shown(list(loops))}; the tag of one is needed"
-    return RecordError(f"{where}: {said}", f"--tag {quote(next(iter(loops)))}")
+    sentence = f"{' or '.join(ops[:2])} may be OP: " if len(ops) > 1 else ""
+    sentence += f"{len(loops)} loops, {shown(list(loops))}; the tag of one is needed"
+    return RecordError(f"{where}: {sentence}", f"--tag {quote(next(iter(loops)))}")
 
 
 def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
     whole = [
-        _shown_tag(loop, found)
-        for loop, found in groups.items()
-        if loop and {"pv", "op"} <= set(found)
+        _shown_tag(loop, signals)
+        for loop, signals in groups.items()
+        if loop and {"pv", "op"} <= set(signals)
     ]
-    said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
+    sentence = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
     if not whole:
-        return RecordError(said)
+        return RecordError(sentence)
     close = max(
         whole,
         key=lambda name: SequenceMatcher(None, " ".join(_parts(name)[-1:]), plain(tag)).ratio(),
     )
-    return RecordError(said, f"--tag {quote(close)}")
+    return RecordError(sentence, f"--tag {quote(close)}")
 
 
-def _shown_tag(loop: Sequence[str], found: Mapping[str, list[str]]) -> str:
+def _shown_tag(loop: Sequence[str], signals: Mapping[str, list[str]]) -> str:
     """Return the tag of a loop as its columns write it."""
-    name = found["pv"][0]
+    name = signals["pv"][0]
     lower, last = name.casefold(), (loop[-1] if loop else "")
     at = lower.rfind(last)
     return (

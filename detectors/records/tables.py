@@ -48,16 +48,16 @@ _OFTEN = {
 
 @dataclass
 class Sheet:
-    """A table as it stands in its file."""
+    """A table as its file holds it."""
 
     columns: Columns  # cells by name
-    # of the file on which each row stands; empty where a file has none
+    # of the file of each row; empty where a file has none
     lines: list[int] = field(default_factory=list)
     delimiter: str = ""  # between the cells of a CSV
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
 
     def place(self, row: int) -> str:
-        """Say where a row stands."""
+        """Return the line of a row in its file."""
         return f"line {self.lines[row] if self.lines else row + 2}"
 
     def part(self, names: Mapping[str, str], rows: Sequence[int]) -> Sheet:
@@ -110,9 +110,9 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
-        said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
+        message = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(
-            f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed"
+            f"file {path} cannot be read as {suffix[1:]}: {message}; a whole file is needed"
         ) from error
     collecting = gc.isenabled()
     gc.disable()  # a million rows, none of them garbage, would be looked through again and again
@@ -125,18 +125,18 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
 
 def range_of(cells: Sequence[object]) -> str:
     """Return the range of a column's numbers, or that it holds none."""
-    found = []
+    numbers = []
     for cell in cells:
         try:
-            found.append(float(str(cell).replace(",", ".")))
+            numbers.append(float(str(cell).replace(",", ".")))
         except ValueError:
             continue
-    kept = [x for x in found if np.isfinite(x)]
+    kept = [x for x in numbers if np.isfinite(x)]
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
 def _refuse_large_parquet(path: Path) -> None:
-    """Refuse a parquet file by what its footer says of it, before anything is unpacked."""
+    """Refuse a parquet file by its footer, before anything is unpacked."""
     from pyarrow.parquet import read_metadata
 
     about = read_metadata(path)
@@ -217,16 +217,16 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         chinese = data.decode("gb18030", errors="replace")
         if re.search("时间|日期|位号|测量值|设定值|输出", chinese[:4096]):
             return chinese, [f"file: byte {error.start} is not UTF-8, read as GB 18030"]
-        said = (
+        note = (
             f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in"
             " both"
         )
-        return data.decode("cp1252", errors="replace"), [said]
+        return data.decode("cp1252", errors="replace"), [note]
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and
-    says nothing of it.
+    gives no note.
     """
     text, notes = _decoded(path)
     lines = text.splitlines()
@@ -260,13 +260,13 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
         if cells and cells != [""]:
             rows.append(cells)
             numbers.append(start + line)
-    found = _table(path, rows, numbers, lambda cells: True, above)
+    sheet = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    found.notes = (
-        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
+    sheet.notes = (
+        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + sheet.notes
     )
-    found.delimiter = delimiter
-    return found
+    sheet.delimiter = delimiter
+    return sheet
 
 
 def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[str], int]]:
@@ -303,7 +303,7 @@ def _table(
     names = _distinct(merged)
     several_times = "" in names or names != merged
     again = rows.count(rows[start]) - 1 if rows else 0
-    if again > 0:  # exports written one behind the other
+    if again > 0:  # exports written one after the other
         lines = [line for i, line in enumerate(lines) if i <= start or rows[i] != rows[start]]
         rows = [row for i, row in enumerate(rows) if i <= start or row != rows[start]]
     body, kept = rows[start + 1 :], lines[start + 1 :]
@@ -340,12 +340,12 @@ def _table(
         )
     )
     skipped = sum(any(c.strip() for c in row) for row in rows[:start])
-    said = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    note = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
     return Sheet(
         columns,
         kept,
         "",
-        said + [f"file: {again} repetitions of the header left out"] * (again > 0),
+        note + [f"file: {again} repetitions of the header left out"] * (again > 0),
     )
 
 

@@ -26,7 +26,7 @@ _SETS = ("all", "fast", "full", PUBLISHED)
 
 
 class ShownConclusion(Protocol):
-    """What all evidence says of one valve; whoever weighs it gives
+    """The conclusion of all evidence about one valve; whoever weighs it gives
     `detectors.detection.judge_files` the function."""
 
     def as_lines(self) -> list[str]:
@@ -46,7 +46,7 @@ class Report:
     scores: list[dict[str, Any]] = field(default_factory=list)
     # what was judged, by name
     records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
-    # what all evidence says of each record, by name; the methods alone conclude nothing
+    # the conclusion of all evidence about each record, by name; the methods alone conclude nothing
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
@@ -66,10 +66,10 @@ class Report:
 
     def __getitem__(self, method: str) -> Verdict:
         """Return the verdict of one method; of several records, the first."""
-        found = {v.method: v for _, v in reversed(self.verdicts)}
-        if method not in found:
-            raise UnknownName("method", method, found, "this report")
-        return found[method]
+        by_method = {v.method: v for _, v in reversed(self.verdicts)}
+        if method not in by_method:
+            raise UnknownName("method", method, by_method, "this report")
+        return by_method[method]
 
     def as_text(self, *, why: bool = False, colour: bool = False) -> str:
         """Return summary, table and scores for a terminal.
@@ -85,7 +85,7 @@ class Report:
         -------
         str
         """
-        concluded = {name: found.as_lines() for name, found in self.conclusions.items()}
+        concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
         text = summary.as_text(self.groups(), concluded, why=why, colour=colour)
         if not self.scores:
             return text
@@ -93,14 +93,14 @@ class Report:
             ((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores),
             key=lambda n: n[1],
         )
-        said = (
+        legend = (
             f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no"
             " costs"
         )
-        said += (
+        legend += (
             f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
         )
-        return "\n".join([text, "", *table(self.scores), said])
+        return "\n".join([text, "", *table(self.scores), legend])
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per verdict.
@@ -182,14 +182,14 @@ def score_units(
         votes: dict[bool, list[bool | None]] = {True: [], False: []}
         scores = {True: [], False: []}
         covered = {
-            key: found
-            for key, found in groups.items()
-            if any(v.applicable is not False for v in found)
+            key: verdicts_of_unit
+            for key, verdicts_of_unit in groups.items()
+            if any(v.applicable is not False for v in verdicts_of_unit)
         }
-        for (_, label), found in covered.items():
-            decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
+        for (_, label), verdicts_of_unit in covered.items():
+            decided = [v.verdict == STICTION for v in verdicts_of_unit if v.verdict != NO_DECISION]
             votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
-            known = [v.score for v in found if not np.isnan(v.score)]
+            known = [v.score for v in verdicts_of_unit if not np.isnan(v.score)]
             if known:
                 scores[label == STICTION].append(float(np.median(known)))
         rows.append(

@@ -32,16 +32,16 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     others = [v for v in asked if v.applicable is not False]
     count = Counter(v.verdict for v in others)
     left_out = len(asked) - len(others)
-    said = (
+    text = (
         f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'}"
         " stiction, "
     )
-    said += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
-    return said + (f"; {left_out} not made for this loop" if left_out else "")
+    text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
+    return text + (f"; {left_out} not made for this loop" if left_out else "")
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
-    """Return what is true of the record and not of one method: said by most of several, or by the
+    """Return what is true of the record and not of one method: stated by most of several, or by the
     loader.
     """
     clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))
@@ -65,10 +65,10 @@ def as_text(
     """Return what was concluded of each record, summary and table, and the reasons where asked
     for.
     """
-    found, concluded = list(groups), concluded or {}
+    records, concluded = list(groups), concluded or {}
     lines = []
-    if len(found) == 1:
-        name, verdicts, record = found[0]
+    if len(records) == 1:
+        name, verdicts, record = records[0]
         lines += [
             *_about(name, record),
             *concluded.get(name, ()),
@@ -80,11 +80,11 @@ def as_text(
             "",
             *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
         ]
-    elif found:
-        lines += [f"{name}: {concluded[name][0]}" for name, _, _ in found if name in concluded]
-        lines += [*_drawn(_matrix(found), colour), _LEGEND]
+    elif records:
+        lines += [f"{name}: {concluded[name][0]}" for name, _, _ in records if name in concluded]
+        lines += [*_drawn(_matrix(records), colour), _LEGEND]
     if why:
-        for name, verdicts, record in found:
+        for name, verdicts, record in records:
             shared = set(notes_of(verdicts, record))
             where = "" if name is None else f"{name}: "
             lines += [
@@ -106,9 +106,16 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
         named = {} if name is None else {"record": name}
         (S_lo, S_hi), (J_lo, J_hi) = level_ends(v.S), level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
-        told = {"method": v.method, "verdict": v.verdict, "score": v.score}
+        answer = {"method": v.method, "verdict": v.verdict, "score": v.score}
         rows.append(
-            {**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices}
+            {
+                **named,
+                **answer,
+                **levels,
+                "applicable": v.applicable,
+                "reason": v.reason,
+                **v.indices,
+            }
         )
     return pd.DataFrame(rows)
 
@@ -146,8 +153,8 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
         if head:
             table.add_column(head, justify="right", no_wrap=True)
     # of a loop of unknown kind a note says so once
-    told = any(v.applicable is not None for v in verdicts)
-    if told:
+    any_known = any(v.applicable is not None for v in verdicts)
+    if any_known:
         table.add_column("made for this loop", no_wrap=True)
     for v in verdicts:
         score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
@@ -158,7 +165,7 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
             f"[{_COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]",
             score,
             *levels,
-            *([fits] if told else []),
+            *([fits] if any_known else []),
         )
     return table
 

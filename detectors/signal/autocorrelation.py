@@ -13,7 +13,7 @@ from detectors.compiled import quick
 
 
 def detrend(x: np.ndarray) -> np.ndarray:
-    """Return the signal without its least-squares straight line, in units of its own std; zeros for
+    """Return the signal without its least-squares straight line, in units of its std; zeros for
     a constant.
     """
     return detrended(x[None])[0]
@@ -27,7 +27,7 @@ def detrended(rows: np.ndarray) -> np.ndarray:
     flat = rows - k * (rows @ k / square)[:, None]
     off = flat - np.add.reduce(flat, axis=1, keepdims=True) / n
     std = np.sqrt(np.add.reduce(off * off, axis=1) / n)
-    # rounding leaves 1e-16 of the values behind: no signal
+    # rounding leaves 1e-16 of the values: no signal
     alive = std > 1e-10 * np.abs(rows).max(axis=1)
     std[~alive] = np.inf
     return flat / std[:, None]

@@ -66,7 +66,7 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 /
     (E|X1 X2|^2 E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of
     freedom: mean 1/K, std 1/K, the largest of m values about ln(m)/K. Bounds that 5 % of such
-    signals exceed whatever their length found fewer sticky loops than the published limits, and
+    signals exceed whatever their length detected fewer sticky loops than the published limits, and
     were right less often.
     Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and
     nothing shows.
@@ -111,8 +111,8 @@ def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
     x = means(e, step)
     if x.size < _FEWEST * _OF_CYCLES:
         return None
-    found = bicoherence(x, _OF_CYCLES)
-    return replace(found, f1=found.f1 / step, f2=found.f2 / step)
+    result = bicoherence(x, _OF_CYCLES)
+    return replace(result, f1=result.f1 / step, f2=result.f2 / step)
 
 
 def resampling_step(period: float) -> float:

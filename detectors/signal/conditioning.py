@@ -14,13 +14,13 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
     """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of
     it removed.
 
-    Not for records of less than three periods: what stands for drift then is a guess.
+    Not for records of less than three periods: the drift is then a guess.
     """
     return smooth(x - drift(x, period), period / harmonics)
 
 
 def clear_harmonics(x: np.ndarray, period: float) -> float:
-    """Return up to which harmonic a triangle of this size and period stands above the white noise
+    """Return up to which harmonic a triangle of this size and period exceeds the white noise
     in the signal.
 
     A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 /
@@ -87,7 +87,7 @@ def means(x: np.ndarray, step: float) -> np.ndarray:
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
 
-    Source: the zero-phase filter with sharp boundaries that stands for the Wiener filter of
+    Source: the zero-phase filter with sharp boundaries that replaces the Wiener filter of
     Choudhury et al. (2006). Not for signals with steps: sharp boundaries ring.
     """
     line = np.linspace(x[0], x[-1], x.size)
@@ -104,7 +104,7 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     first, last = int(np.ceil(half)), int(np.floor(n - 1 - half))
     if last < first:
         return np.full(n, x.mean())
-    # running integral of the linearly interpolated signal, read half a period ahead and behind
+    # running integral of the linearly interpolated signal, read half a period earlier and later
     total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
     inner = np.arange(first, last + 1)
     mean = (
@@ -147,7 +147,7 @@ def _kept(n: int, shortest: float) -> np.ndarray:
 
 
 def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
-    """Return the spectrum of a signal and its mirror image behind it, whose ends meet: its cosine
+    """Return the spectrum of a signal and its mirror image after it, whose ends meet: its cosine
     transform, shape (n,).
     """
     from scipy.fft import dct

@@ -78,11 +78,11 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     M = (S1 + S2 @ T)[[2, 1, 0]] * np.array([[0.5], [-1.0], [0.5]])
     _, vectors = np.linalg.eig(M)
     vectors = vectors.real
-    found = np.flatnonzero(4.0 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0.0)
-    if found.size == 0:
+    elliptic = np.flatnonzero(4.0 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0.0)
+    if elliptic.size == 0:
         return None
-    A, B, C = vectors[:, found[0]].tolist()
-    D, E, F = (T @ vectors[:, found[0]]).tolist()
+    A, B, C = vectors[:, elliptic[0]].tolist()
+    D, E, F = (T @ vectors[:, elliptic[0]]).tolist()
     bend = 4.0 * A * C - B * B
     centre = (B * E - 2.0 * C * D) / bend, (B * D - 2.0 * A * E) / bend
     level = -(F + 0.5 * (D * centre[0] + E * centre[1]))

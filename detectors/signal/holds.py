@@ -34,7 +34,7 @@ def stuck(x: np.ndarray, unit: float = 0.0) -> float:
     moving = [1.4826 * float(np.median(np.abs(b))) for b in blocks if b.size >= 10]
     if len(moving) < 0.7 * len(blocks):
         return 0.0
-    # the quietest tenth of the record says how often two neighbours agree
+    # the quietest tenth of the record shows how often two neighbours agree
     agree = unit / (2.5 * float(np.quantile(moving, 0.1)))
     if agree > 0.5:
         return 0.0

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 _UNITS = 10.0 ** -np.arange(-3.0, 10.0)
-# times the digits a column is written in, below which a spacing is not told from these
+# times the digits a column is written in, below which a spacing cannot be distinguished from these
 _COARSER = 5.0
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 _REPEATS = 20  # samples per level from which a lattice is plain
@@ -39,7 +39,7 @@ def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
     """Return the decimal unit a column is written in; one far coarser than its neighbours' digits
-    is the signal's own lattice.
+    is the signal's lattice.
     """
     unit = resolution(x)
     places = _places(x)
@@ -54,7 +54,7 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 
     A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have
     been written down on a finer one: its levels are then a little off, each always by the same. Not
-    for a file's own decimals: a transmitter of the same step could not be told from them.
+    for a file's decimals: a transmitter of the same step cannot be distinguished from them.
     """
     rising = np.sort(x)
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
@@ -87,7 +87,7 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 
 
 def root_lattice(x: np.ndarray) -> float:
-    """Return the step, at the signal's mean, of the lattice on which its square stands.
+    """Return the step, at the signal's mean, of the lattice on which its square lies.
 
     A flow is the square root of the differential pressure that was digitised. The levels' phases
     over one step are put on a circle (Rayleigh's test): for values that lie anywhere their mean is

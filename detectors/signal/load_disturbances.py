@@ -22,18 +22,20 @@ def oscillation_by_loads(
 
     Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50
     integral times). The integral time is read off OP and e, as below; where they show none, the
-    oscillation's own period stands in. That a period must be found is our own: many detectors need
-    it, and in a large noise every few samples are a load. Not for a P controller or a slow
-    oscillation, of more than about ten integral times: too few loads are in memory at once.
+    oscillation's period is used. That a period is required is an addition of this package: many
+    detectors need it, and in a large noise every few samples are a load. Not for a P controller or
+    a slow oscillation, of more than about ten integral times: too few loads are in memory at once.
     """
-    found = find_oscillation(op, pv, Ts)
-    period = integral_time(op, e, Ts) or found.period_s
+    oscillation = find_oscillation(op, pv, Ts)
+    period = integral_time(op, e, Ts) or oscillation.period_s
     span = float(np.ptp(pv)) if span is None else span
     if not (np.isfinite(period) and span > 0.0):
-        return replace(found, sustained=False, loads=0.0)
+        return replace(oscillation, sustained=False, loads=0.0)
     loads = iae_loads(e, Ts, _SMALLEST * span, period, np.exp(-Ts / (_SUPERVISION * period)))
     return replace(
-        found, sustained=loads > MOST_LOADS and bool(np.isfinite(found.period_s)), loads=loads
+        oscillation,
+        sustained=loads > MOST_LOADS and bool(np.isfinite(oscillation.period_s)),
+        loads=loads,
     )
 
 

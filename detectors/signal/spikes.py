@@ -14,7 +14,7 @@ _ALONE = 2.0  # times the spread of its neighbours about their line; a corner ha
 def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return isolated one-sample spikes.
 
-    A spike stands off the line through its four neighbours by far more than they stand off it
+    A spike lies off the line through its four neighbours by far more than they lie off it
     themselves (a corner, a step and a bend do not), and by far more than samples do at this time
     (those of a burst of noise do not). The largest are taken out first, so that one does not hide
     the next; where three are sure, smaller ones are believed as well.
@@ -22,7 +22,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     none = np.empty(0, dtype=int), np.empty(0)
     if x.size < 20:
         return none
-    found: dict[int, float] = {}
+    outliers: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
     usual = np.abs(clean - _around(clean).mean(axis=0))
     floor = max(0.5 * unit, 1e-12)
@@ -37,21 +37,21 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(10):
         off, near = off_line(clean)
         size = np.abs(off)
-        least = np.maximum((_SPIKE if len(found) < 3 else _FURTHER) * overall, local)
+        least = np.maximum((_SPIKE if len(outliers) < 3 else _FURTHER) * overall, local)
         hit = (size > least) & (size > _ALONE * near)
         # of spikes that touch, only the larger is sure
         new = {
             int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))
         }
-        if not new and len(found) >= 3:
+        if not new and len(outliers) >= 3:
             new = _touching(clean, least)
         if not new:
             break
         for k, height in new.items():
-            found[k] = found.get(k, 0.0) + height
+            outliers[k] = outliers.get(k, 0.0) + height
             clean[k] -= height
-    order = sorted(found)
-    return np.array(order, dtype=int), np.array([found[k] for k in order])
+    order = sorted(outliers)
+    return np.array(order, dtype=int), np.array([outliers[k] for k in order])
 
 
 def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:

@@ -16,13 +16,13 @@ _NOISY = 0.3
 
 
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Return the valve position without its noise, and where it stands still.
+    """Return the valve position without its noise, and where it rests.
 
     Own. Not for drift faster than the oscillation.
     """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
-    # even: read backwards, a record stands still at the same samples
+    # even: read backwards, a record rests at the same samples
     reach = 2 * max(round(0.025 * period), 1)
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
@@ -34,7 +34,7 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
 def stuck_intervals(
     op: np.ndarray, still: np.ndarray, period: float, least_op: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the intervals in which the valve stands still while OP moves."""
+    """Return the intervals in which the valve rests while OP moves."""
     edges = runs_of(still).ravel()
     start, stop = edges[::2], edges[1::2]
     if start.size == 0:

@@ -24,7 +24,7 @@ def step(u, state, S, J, lo=0.0, hi=100.0):
 
     Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a
     valve at rest breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S
-    - J)/2 behind OP until OP turns or stands still. Where the published flow chart is ambiguous,
+    - J)/2 from OP until OP turns or rests. Where the published flow chart is ambiguous,
     the place of rest is remembered until the valve moves. Not for noisy OP on a valve with inertia:
     every reversal of OP stops this valve.
     """

@@ -99,10 +99,10 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
         np.interp(np.linspace(0.0, x.size, cycles * cycle + 1), np.arange(total.size), total)
     )
     x = (x - x.mean()) / max(float(x.std()), 1e-300)
-    own = prediction_error(x, cycle, cycle)
+    error = prediction_error(x, cycle, cycle)
     others = [
         prediction_error(y, cycle, cycle)
         for y in iaaft(x, _SURROGATES, np.random.default_rng(seed))
     ]
     spread = max(float(np.std(others, ddof=1)), _LEAST_VARIANCE * x.size)
-    return _Npi((float(np.mean(others)) - own) / (3.0 * spread), float(cycles))
+    return _Npi((float(np.mean(others)) - error) / (3.0 * spread), float(cycles))

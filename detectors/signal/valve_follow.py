@@ -43,7 +43,7 @@ class Follow:
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:
     """Fit a straight and a sticky valve, each with a short lag, to a measured valve position.
 
-    Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows;
+    Source: Kano et al. (2004), method A: the position rests while OP moves, then follows;
     here as a comparison of two fitted valves over the whole record. Not for flows that a pressure
     moves more than the valve does: a ramp of pressure that OP compensates looks like a dead band
     until OP turns; hence the count of reversals.

@@ -30,7 +30,7 @@ from simbench.blind.making import PLANTS, write_item
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import PLANNED, Item
 from simbench.gap.closed_loop.gap import closed, measure
-from simbench.gap.diagnosis import beside_tests, diagnose
+from simbench.gap.diagnosis import assess_with_tests, diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import read_test
 from simbench.gap.plan.expected import plan
@@ -127,7 +127,7 @@ def _refused(item: Item, texts: Mapping[str, str]) -> str:
         situation = check(read_record(record), loop)
         try:
             test = read_test(str(outcomes.shown(Path(place), "test", texts)), loop)
-            notes = beside_tests(situation, [test]).situation.notes
+            notes = assess_with_tests(situation, [test]).situation.notes
         except UserError as error:
             return str(error)
     return next((note for note in notes if "contradicts the record" in note), "")

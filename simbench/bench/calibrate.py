@@ -1,5 +1,5 @@
 """Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another,
-beside the published ones.
+compared with the published ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ROC_POINTS = 200
 
 @dataclass(frozen=True, eq=False)
 class _Calibration:
-    """Cuts found on seeds A and what they do on seeds B."""
+    """Cuts from seeds A and what they do on seeds B."""
 
     # wanted share of healthy loops called sticky; also the wanted share of wrong answers among the
     # decided
@@ -141,10 +141,10 @@ def calibrate(
             )
             for name, seed in (("seeds-a", seed_a), ("seeds-b", seed_b))
         ]
-    found = calibrate_books(*books, false_alarm)
+    calibration = calibrate_books(*books, false_alarm)
     if out is not None:
-        found.write(out)
-    return found
+        calibration.write(out)
+    return calibration
 
 
 def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibration:
@@ -156,32 +156,33 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
     for i, method in enumerate(b.methods):
         score_a, score_b = _scores(a.score, a, i), _scores(b.score, b, i)
         cut = cut_for(score_a[~_labels(a)], false_alarm)
-        # without the front end: it says "no" to more cycling loops than a small share of wrong
+        # without the front end: it answers "no" to more cycling loops than a small share of wrong
         # answers allows
         low, high = abstention(_scores(a.score_raw, a, i), _labels(a), false_alarm)
         raw_b = _scores(b.score_raw, b, i)
-        said = b.verdict[i, b.truth["cycled"] >= 0]
+        verdicts = b.verdict[i, b.truth["cycled"] >= 0]
         above, decided = score_b > cut, (raw_b > high) | (raw_b <= low)
         wrong = ((raw_b > high) & ~positive) | ((raw_b <= low) & positive)
         known = ~np.isnan(score_b)
         area = auc(score_b[known], positive[known])
-        row: dict[str, Any] = {"method": method, "cut": cut}
-        row.update(_rate("false_alarm", above[~positive]), **_rate("detection", above[positive]))
-        row.update(
-            auc=area.value,
-            auc_lo=area.lo,
-            auc_hi=area.hi,
-            informative=not area.lo <= 0.5 <= area.hi,
+        rows.append(
+            {
+                "method": method,
+                "cut": cut,
+                **_rate("false_alarm", above[~positive]),
+                **_rate("detection", above[positive]),
+                "auc": area.value,
+                "auc_lo": area.lo,
+                "auc_hi": area.hi,
+                "informative": not area.lo <= 0.5 <= area.hi,
+                "published_false_alarm": float((verdicts[~positive] == 1).mean()),
+                "published_detection": float((verdicts[positive] == 1).mean()),
+                "no_stiction_below": low,
+                "stiction_above": high,
+                "coverage": float(decided.mean()),
+                "wrong_decided": float(wrong.sum() / max(decided.sum(), 1)),
+            }
         )
-        row.update(
-            published_false_alarm=float((said[~positive] == 1).mean()),
-            published_detection=float((said[positive] == 1).mean()),
-            no_stiction_below=low,
-            stiction_above=high,
-            coverage=float(decided.mean()),
-            wrong_decided=float(wrong.sum() / max(decided.sum(), 1)),
-        )
-        rows.append(row)
         curves.append(roc(score_b, positive).assign(method=method))
     about = {
         "grid": b.manifest["grid"],
@@ -214,9 +215,7 @@ def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[f
     score, positive = score[known], positive[known]
     if score.size == 0:
         return -math.inf, math.inf
-    # the smallest score is a candidate too: below it lies nothing
-    cuts = np.unique(np.quantile(score, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
-    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    cuts = _cuts(score)
     below = np.array([[(score <= c).sum(), (positive & (score <= c)).sum()] for c in cuts])
     above = np.array([[(score > c).sum(), (~positive & (score > c)).sum()] for c in cuts])
     decided = below[:, None, 0] + above[None, :, 0]
@@ -233,10 +232,15 @@ def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     import pandas as pd
 
     finite = np.where(np.isnan(score), -np.inf, score)
-    cuts = np.unique(np.quantile(finite, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
-    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    cuts = _cuts(finite)
     rates = [[c, (finite[~positive] > c).mean(), (finite[positive] > c).mean()] for c in cuts]
     return pd.DataFrame(rates, columns=["threshold", "false_alarm", "detection"])
+
+
+def _cuts(score: np.ndarray) -> np.ndarray:
+    """Return quantiles of scores, and one cut that the smallest score exceeds."""
+    quantiles = np.quantile(score, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf")
+    return np.unique([-np.inf, *quantiles])
 
 
 def _labels(book: RunArrays) -> np.ndarray:

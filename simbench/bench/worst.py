@@ -1,4 +1,4 @@
-"""Worst case: the healthy loop on which a method is most confidently wrong, found by random search
+"""Worst case: the healthy loop on which a method is most confidently wrong, by random search
 and refinement.
 """
 
@@ -59,14 +59,14 @@ KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 @dataclass(frozen=True)
 class WorstCase:
-    """A healthy loop and what a method says about it."""
+    """A healthy loop and the answer of a method."""
 
     method: str  # method id
     loop: Loop  # its valve has no friction
     seed: int  # of its run
     verdict: Verdict  # the method's answer
-    # tried, fooled: loops simulated, and on how many of those drawn far and wide the method said
-    # stiction, of `drawn`
+    # tried, fooled: loops simulated, and how many of those drawn far and wide
+    # were called sticky, of `drawn`
     tried: int
     drawn: int  # loops drawn far and wide
     fooled: int
@@ -91,14 +91,14 @@ class WorstCase:
 
     def as_json(self) -> dict[str, Any]:
         """Return the finding as JSON types."""
-        found = {
+        numbers = {
             "method": self.method,
             "seed": self.seed,
             "tried": self.tried,
             "drawn": self.drawn,
             "fooled": self.fooled,
         }
-        return {**found, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
+        return {**numbers, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
 
     def to_toml(self) -> str:
         """Return the loop file, with seed and answer in comments."""
@@ -175,7 +175,7 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
         if integrating
         else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
     )
-    # without an oscillation from outside, the loop's own sets the pace: about four dead times and
+    # without an oscillation from outside, the loop's sets the pace: about four dead times and
     # lags
     period = x["period"] * (T + 2 * Td) if kind in OSCILLATING else 4 * Td + T
     table: dict[str, Any] = {

@@ -13,7 +13,7 @@ from typing import Any
 from detectors.errors import ParameterError
 from simbench.blind import outcomes
 from simbench.files import folder as make_folder
-from simbench.files import remove_stale_temporaries, whole_file
+from simbench.files import remove_stale_temporaries
 from simbench.handout import ask_in_processes
 from simbench.progress import Progress
 
@@ -27,7 +27,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
     answers-2/ID.json.
 
     After each round the test that an answer asks for is opened and logged; where none is asked for,
-    or it is refused, an answer stands.
+    or it is refused, an answer is kept.
     """
     folder = Path(folder).resolve()
     if not 0 <= tests <= MOST_TESTS:
@@ -42,7 +42,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
         for name, text in answers.items():
             asked = (json.loads(text).get("next_test") or {}).get("test")
             if asked is None:
-                _write(place / name, text)
+                outcomes.write_whole(place / name, text)
             else:
                 record = name.removesuffix(".json")
                 opened.setdefault(record, []).append(
@@ -55,14 +55,8 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 
                     f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before"
                     " stands"
                 )
-                _write(place / name, answers[name])
+                outcomes.write_whole(place / name, answers[name])
     return done
-
-
-def _write(file: Path, text: str) -> None:
-    """Write whole or not at all: a call that is cut off can be resumed."""
-    with whole_file(file) as f:
-        f.write(text)
 
 
 def answers_after(folder: Path, tests: int) -> Path:
@@ -92,10 +86,10 @@ def _round(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
     with bar:
-        for name, (found, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
+        for name, (reply, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
             costs += f"{name},{cpu:.3f}\n"
-            _write(place / f"{name}.json", json.dumps(found, indent=1))
-            _write(cost, costs)
+            outcomes.write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
+            outcomes.write_whole(cost, costs)
             bar.update()
     return len(todo)
 
@@ -110,12 +104,12 @@ def _answered(path: Path) -> bool:
 def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, Any], float]:
     start = time.process_time()
     try:
-        found = diagnose(
+        reply = diagnose(
             Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else [])
         )
     except Exception as error:  # one bad record must not cost the others
-        found = {"error": f"{type(error).__name__}: {error}"}
-    return found, time.process_time() - start
+        reply = {"error": f"{type(error).__name__}: {error}"}
+    return reply, time.process_time() - start
 
 
 def _blindfold(folder: str) -> None:

@@ -23,7 +23,7 @@ _CANDIDATES = 5
 
 def true_shrinkages(
     truth: Mapping[str, Any],
-    found: Mapping[str, Any],
+    answer: Mapping[str, Any],
     record: pd.DataFrame,
     baseline: Mapping[str, Any],
     here: Circumstances,
@@ -47,13 +47,13 @@ def true_shrinkages(
     before = cloud(runs([]), scale)
     if before.distance(values) < RESOLVABLE * before.floor:
         return []
-    ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
+    ranked = sorted(answer.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     group = indistinguishable(str(truth["effect"]), here)
     rows = []
     for candidate in [r for r in ranked if r["effect"] in WORLD_EFFECTS and r.get("parameters")][
         :_CANDIDATES
     ]:
-        claimed = claimed_shrinkage(candidate, found)
+        claimed = claimed_shrinkage(candidate, answer)
         if claimed is None:
             continue
         effect = str(candidate["effect"])
@@ -64,7 +64,7 @@ def true_shrinkages(
             )
         except ParameterError:
             continue
-        # one yardstick for both, the claimed loop's own
+        # one yardstick for both, that of the claimed loop
         start, floor = after._replace(mean=before.mean).distance(values), after.floor
         true = (
             1.0 - max(after.distance(values) - floor, 0.0) / (start - floor)
@@ -86,7 +86,7 @@ def _scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:
     """Return what the records of a loop are measured in, by its baseline."""
     plant, control = baseline["plant"], baseline["controller"]
     K, Kc, Ts = abs(float(plant["K"])), float(control["Kc"]), float(baseline["sampling"]["Ts"])
-    # lambda tuning: the gain that was chosen says how fast the loop was meant to be
+    # lambda tuning: the gain that was chosen shows how fast the loop was meant to be
     speed = float(plant.get("T", 1.0)) / (K * Kc)
     noise = float(baseline.get("noise", {}).get("std", 0.0))
     step_unit = float(plant["K"]) if "T" in plant else 1.0 / Kc

@@ -133,7 +133,7 @@ def _answer_to_steps(s: Signals, scale: Scale, lag: int) -> list[float]:
 
 class Cloud(NamedTuple):
     """What one simulation looks like over many seeds: mean and spread of every feature, and the
-    distance of its own members.
+    distance of its members.
     """
 
     mean: np.ndarray
@@ -153,8 +153,8 @@ def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
     left_out = []
     for i in range(len(table)):
         others = np.delete(table, i, axis=0)
-        own = Cloud(others.mean(0), np.hypot(others.std(0, ddof=1), blur), 0.0)
-        left_out.append(own.distance(table[i]))
+        rest = Cloud(others.mean(0), np.hypot(others.std(0, ddof=1), blur), 0.0)
+        left_out.append(rest.distance(table[i]))
     return Cloud(
         table.mean(0),
         np.hypot(table.std(0, ddof=1), blur),

@@ -1,5 +1,5 @@
-"""Every effect taken out of the library in turn: what is said then, and how far does the gap shrink
-once it is back?
+"""Every effect taken out of the library in turn: what is answered then, and how far does the gap
+shrink once it is back?
 
 Knows the truth and the diagnosis, so neither a world nor the diagnosis imports it.
 """
@@ -55,8 +55,8 @@ def leave_out(
     most so many tests asked for.
 
     `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law
-    that describes what has no name; `resolvable` says whether the gap stands out of its floor at
-    all: of the others nobody can say anything.
+    that describes what has no name; `resolvable` is whether the gap exceeds its floor at
+    all: of the others nothing is known.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
@@ -95,10 +95,10 @@ def leave_out(
         ):
             done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
-    found = pd.read_csv(table, keep_default_na=False)
-    found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
-    write_table(summary(found), out / "table.csv")
-    return found
+    finished = pd.read_csv(table, keep_default_na=False)
+    finished = finished.loc[finished.record.isin(list(names))].reset_index(drop=True)
+    write_table(summary(finished), out / "table.csv")
+    return finished
 
 
 def _one(
@@ -111,23 +111,14 @@ def _one(
     seed: int,
     tests: int,
 ) -> dict[str, Any]:
-    """Draw one record, and diagnose it without and with its effect, beside the tests that were
+    """Draw one record, and diagnose it without and with its effect, with the tests that were
     asked for without it.
     """
     strength = _STRENGTHS[i % 2]
-    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {
-        "record": name,
-        "effect": effect,
-        "strength": strength,
-    }
+    hidden = {"effect": effect, "strength": strength}
+    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, **hidden}
     number = 1000 * list(WORLD_EFFECTS).index(effect) + i
-    entry = {
-        "kind": "single",
-        "effect": effect,
-        "strength": strength,
-        "mv": i % 4 < 2,
-        "plant": PLANTS[i % 3],
-    }
+    entry = {"kind": "single", **hidden, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
         item = draw_item(seed, number, entry)
         record_file, baseline_file = write_item(item, place, name)
@@ -146,12 +137,8 @@ def _one(
     except UserError as e:
         return row | {"error": str(e)}
     known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
-    law = (
-        without.looks_like.gap
-        if without.looks_like is not None and without.looks_like.law is not None
-        else None
-    )
-    gap = law or without.gap
+    like = without.looks_like
+    gap = (None if like is None or like.law is None else like.gap) or without.gap
     here = true_circumstances(item.answer, item.baseline, pd.DataFrame(item.columns))
     return row | {
         "said": without.effect,
@@ -168,21 +155,17 @@ def _one(
     }
 
 
-def summary(found: pd.DataFrame) -> pd.DataFrame:
+def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return one row per effect, in the vocabulary's order, and one for all."""
-    rows = [_summary(effect, found[found.effect == effect]) for effect in WORLD_EFFECTS]
-    return pd.DataFrame([*rows, _summary("all", found)])
+    rows = [_summary(effect, table[table.effect == effect]) for effect in WORLD_EFFECTS]
+    return pd.DataFrame([*rows, _summary("all", table)])
 
 
 def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
     failed = int((part.error != "").sum())
     seen = part[(part.error == "") & (part.resolvable.astype(str) == "True")]
-    row: dict[str, Any] = {
-        "effect": effect,
-        "block": block_of(effect) if effect in WORLD_EFFECTS else "",
-        "n": len(seen),
-        "failed": failed,
-    }
+    block = block_of(effect) if effect in WORLD_EFFECTS else ""
+    row: dict[str, Any] = {"effect": effect, "block": block, "n": len(seen), "failed": failed}
     if seen.empty:
         return row
     shares = {

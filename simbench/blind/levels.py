@@ -13,7 +13,7 @@ from simbench.calibration import calibration_error
 
 _SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
 _COUNTED = ("medium", "strong")
-"""Strengths the levels are for; weak is shown beside them."""
+"""Strengths the levels are for; weak is shown, too."""
 
 
 def _holds(figure: Share | Figure) -> bool | None:
@@ -102,7 +102,7 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("two effects: the first named is one of them", two.one_of_two),
         share(
             "foreign: unknown, of the resolvable", foreign["first"], 0.75
-        ),  # or called by its own name
+        ),  # or called by its name
         share("foreign: block right, of the resolvable", foreign.block_right),
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),
         share("known effect called none", single.called_none),
@@ -149,9 +149,9 @@ def by_effect(table: pd.DataFrame) -> pd.DataFrame:
             "called_none",
             "both_top3",
         ):
-            found = share(measure, part[measure]).row()
+            counted = share(measure, part[measure]).row()
             about = {"kind": kind, "effect": effect, "strength": strength, "measure": measure}
-            rows.append(about | {k: found[k] for k in ("k", "n", "value", "lo", "hi")})
+            rows.append(about | {k: counted[k] for k in ("k", "n", "value", "lo", "hi")})
     return pd.DataFrame(rows)
 
 

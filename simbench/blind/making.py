@@ -21,7 +21,7 @@ from scenarios.spec import Loop
 from simbench.blind import outcomes, seal
 from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
-from simbench.files import folder, whole_file
+from simbench.files import folder
 from simbench.handout import refuse_key_inside, refuse_unwritable_key
 from simbench.progress import Progress
 
@@ -127,10 +127,10 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, _ANSWER_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
-    for row in answers:
-        writer.writerow(
-            {k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()}
-        )
+    writer.writerows(
+        {k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()}
+        for row in answers
+    )
     return text.getvalue()
 
 
@@ -139,12 +139,8 @@ def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
     files.
     """
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    for file, text in (
-        (record, csv_of(item.columns)),
-        (baseline, Loop.from_table(item.baseline, name).to_toml()),
-    ):
-        with whole_file(file) as f:
-            f.write(text)
+    outcomes.write_whole(record, csv_of(item.columns))
+    outcomes.write_whole(baseline, Loop.from_table(item.baseline, name).to_toml())
     return record, baseline
 
 
@@ -178,26 +174,22 @@ def make(
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        found = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
-        items = list(Progress(found, total=len(entries), desc="records", delay=1.0))
+        drawn = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
+        items = list(Progress(drawn, total=len(entries), desc="records", delay=1.0))
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
-    text = _answers_csv(
-        [
-            item.answer | {"id": name, "world": world}
-            for name, item in zip(names, items, strict=True)
-        ]
-    )
-    sealed = seal.seal(text)
+    named = dict(zip(names, items, strict=True))
+    answers = [item.answer | {"id": name, "world": world} for name, item in named.items()]
+    sealed = seal.seal(_answers_csv(answers))
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
-    half = out / ".records"  # until all of it stands; a call that was killed begins anew
+    half = out / ".records"  # until all of it is written; a call that was killed begins anew
     rmtree(half, ignore_errors=True)
     try:
-        for name, item in zip(names, items, strict=True):
+        for name, item in named.items():
             write_item(item, folder(half), name)
         if tests:
-            outcomes.write(out, drawn_by.test, dict(zip(names, items, strict=True)), jobs)
+            outcomes.write(out, drawn_by.test, named, jobs)
         seal.write(sealed, out, key)
         half.rename(out / "records")
     finally:

@@ -24,12 +24,12 @@ class TestPlan:
     """One test on a loop."""
 
     id: str
-    n: int  # samples, at the log's own period
-    sp: np.ndarray  # (n,) deviation of SP (PV units) from where it stands
+    n: int  # samples, at the period of the log
+    sp: np.ndarray  # (n,) deviation of SP (PV units) from where it is
     op: np.ndarray  # (n,) deviation of OP (%) from where the operator takes over; NaN in automatic
     Kc_ratio: float = 1.0  # factor on the controller's gain
     faster: int = 1  # samples of the log in one of the controller
-    raw: bool = False  # whether no archive stands between
+    raw: bool = False  # whether no archive lies between
     mv: bool = False  # whether the stem position is logged
     lab: np.ndarray | None = (
         # samples at which the true process value is taken, and the std of its error (PV units)
@@ -43,7 +43,7 @@ class TestPlan:
         return np.isfinite(self.op)
 
     def settings(self, Ts: float) -> dict[str, dict[str, Any]]:
-        """Return the tables that are declared beside the record; `Ts` of the controller (s)."""
+        """Return the tables that are declared with the record; `Ts` of the controller (s)."""
         test: dict[str, Any] = {"id": self.id}
         if self.manual.any():
             moves = self.op[self.manual]

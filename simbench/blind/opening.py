@@ -18,11 +18,12 @@ from simbench.blind import seal
 from simbench.blind.answering import COST, MOST_TESTS, answers_after
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Figure, Share, by_effect, levels, median, rank
+from simbench.blind.outcomes import write_whole
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
 from simbench.files import folder as make_folder
-from simbench.files import whole_file, write_table
+from simbench.files import write_table
 from simbench.progress import Progress
 
 _OPEN_ANSWERS = "answers.csv"
@@ -48,16 +49,16 @@ def open_(
     for row in Progress(truth, desc="scored", delay=1.0):
         record, baseline = _record(folder, row["id"])
         here = true_circumstances(row, baseline, record)
-        found = _answer(folder / "answers" / f"{row['id']}.json")
-        judged.append(judge_record(row, found, here))
+        answer = _answer(folder / "answers" / f"{row['id']}.json")
+        judged.append(judge_record(row, answer, here))
         for tests, rows in after.items():
             later = _answer(answers_after(folder, int(tests)) / f"{row['id']}.json")
             rows.append(judge_record(row, later, here))
-        if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
+        if judged[-1]["kind"] == "single" and row.get("case") and answer is not None:
             claims += [
                 {"id": row["id"], **c}
                 for c in true_shrinkages(
-                    row, found, record, baseline, here, row.get("world") or world
+                    row, answer, record, baseline, here, row.get("world") or world
                 )
             ]
     table = pd.DataFrame(judged)
@@ -77,8 +78,7 @@ def open_(
         }
     make_folder(out)
     for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
-        with whole_file(out / name) as f:
-            f.write(content)
+        write_whole(out / name, content)
     for name, frame in (
         ("score", pd.DataFrame(score["figures"])),
         ("by_effect", effects),
@@ -88,11 +88,11 @@ def open_(
     draw(confusion(table), out)
     for tests, rows in after.items():
         write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
-    said = [
+    later_scores = [
         f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}"
         for tests, rows in after.items()
     ]
-    return score | {"markdown": markdown(figures, effects) + "".join(said)}
+    return score | {"markdown": markdown(figures, effects) + "".join(later_scores)}
 
 
 def _read_answers(text: str) -> list[dict[str, Any]]:
@@ -176,12 +176,12 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
 
 def _answer(path: Path) -> dict[str, Any] | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        answer = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     except ValueError:
         raise ParameterError(f"withheld: {path} is no JSON; delete it and answer again") from None
-    return found if isinstance(found, dict) else None
+    return answer if isinstance(answer, dict) else None
 
 
 def _cell(value: str) -> Any:
@@ -213,9 +213,6 @@ def _cost(folder: Path) -> list[Figure]:
     path = folder / COST
     if not path.exists():
         return []
-    cost = pd.read_csv(path)
-    return (
-        [Figure("CPU-seconds per record, mean", float(cost.cpu_s.mean()), len(cost))]
-        if len(cost)
-        else []
-    )
+    cost = pd.read_csv(path).cpu_s
+    mean = Figure("CPU-seconds per record, mean", float(cost.mean()), len(cost))
+    return [mean] if len(cost) else []

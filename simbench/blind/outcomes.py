@@ -21,6 +21,12 @@ TESTS, OPENED, OPENED_LOG = "tests", "opened", "opened.csv"
 _SEED = 9000  # added to a record's seed, with the test's place on the menu: other load, other noise
 
 
+def write_whole(file: Path, content: str | bytes) -> None:
+    """Write whole or not at all: a call that is cut off can be resumed."""
+    with whole_file(file, "w" if isinstance(content, str) else "wb") as f:
+        f.write(content)
+
+
 def write(out: Path, test: Callable[..., Any], items: Mapping[str, Any], jobs: int) -> None:
     """Write tests/ID-TEST.sealed of every record and test."""
     place = folder(out / TESTS)
@@ -29,8 +35,8 @@ def write(out: Path, test: Callable[..., Any], items: Mapping[str, Any], jobs: i
 
 def _write(place: Path, test: Callable[..., Any], name: str, item: Any) -> None:
     for id_ in menu.MENU:
-        with whole_file(place / f"{name}-{id_}.sealed", "wb") as f:
-            f.write(zlib.compress(json.dumps(outcome(test, item, id_)).encode()))
+        sealed = zlib.compress(json.dumps(outcome(test, item, id_)).encode())
+        write_whole(place / f"{name}-{id_}.sealed", sealed)
 
 
 def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
@@ -48,7 +54,7 @@ def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
 
 
 def open_one(out: Path, name: str, id_: str, order: int) -> Path:
-    """Open one test of a record, log it, and return the record it shows; its settings lie beside
+    """Open one test of a record, log it, and return the record it shows; its settings lie next to
     it.
     """
     sealed = out / TESTS / f"{name}-{id_}.sealed"
@@ -59,8 +65,7 @@ def open_one(out: Path, name: str, id_: str, order: int) -> Path:
     log = out / OPENED_LOG
     rows = log.read_text(encoding="utf-8") if log.exists() else "id,order,test\n"
     if f"{name},{order},{id_}\n" not in rows:
-        with whole_file(log) as f:
-            f.write(f"{rows}{name},{order},{id_}\n")
+        write_whole(log, f"{rows}{name},{order},{id_}\n")
     return shown(
         folder(out / OPENED), f"{name}-{id_}", json.loads(zlib.decompress(sealed.read_bytes()))
     )
@@ -69,6 +74,5 @@ def open_one(out: Path, name: str, id_: str, order: int) -> Path:
 def shown(place: Path, name: str, texts: Mapping[str, str]) -> Path:
     """Write the two files of a test and return its record."""
     for kind in ("toml", "csv"):
-        with whole_file(place / f"{name}.{kind}") as f:
-            f.write(texts[kind])
+        write_whole(place / f"{name}.{kind}", texts[kind])
     return place / f"{name}.csv"

@@ -23,12 +23,12 @@ def confusion(table: pd.DataFrame) -> pd.DataFrame:
     return counts.reindex(index=rows, columns=columns, fill_value=0)
 
 
-def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]:
+def draw(counts: pd.DataFrame, out: Path) -> None:
     """Draw the confusion counts as row shares and save PNG and SVG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shares = counts.to_numpy(float) / np.maximum(counts.to_numpy(float).sum(1, keepdims=True), 1)
+    shares = counts.div(counts.sum(axis=1).clip(lower=1), axis=0).to_numpy(float)
     figure = Figure(
         figsize=(0.36 * shares.shape[1] + 3, 0.32 * shares.shape[0] + 2.6), layout="constrained"
     )
@@ -37,15 +37,8 @@ def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (i, j), n in np.ndenumerate(counts.to_numpy()):
         if n:
-            axes.text(
-                j,
-                i,
-                str(n),
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if shares[i, j] > 0.5 else "black",
-            )
+            colour = "white" if shares[i, j] > 0.5 else "black"
+            axes.text(j, i, str(n), ha="center", va="center", fontsize=7, color=colour)
     axes.set_xticks(range(shares.shape[1]), list(counts.columns), rotation=90, fontsize=8)
     axes.set_yticks(
         range(shares.shape[0]), [f"{e} ({n})" for e, n in counts.sum(axis=1).items()], fontsize=8
@@ -56,8 +49,6 @@ def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]
     axes.set_xlabel("named")
     axes.set_ylabel("true (records)")
     axes.set_title("What was there, what was named (colour: share of the row)", fontsize=10)
-    paths = [out / f"{stem}.png", out / f"{stem}.svg"]
-    for path in paths:
-        with whole_file(path, "wb") as f:
-            figure.savefig(f, format=path.suffix[1:], dpi=130)
-    return paths
+    for kind in ("png", "svg"):
+        with whole_file(out / f"confusion.{kind}", "wb") as f:
+            figure.savefig(f, format=kind, dpi=130)

@@ -14,22 +14,24 @@ from simbench.loop.effects._alike import Circumstances, circumstances, indisting
 
 
 def judge_record(
-    truth: Mapping[str, Any], found: Mapping[str, Any] | None, here: Circumstances
+    truth: Mapping[str, Any], answer: Mapping[str, Any] | None, here: Circumstances
 ) -> dict[str, Any]:
     """Compare one answer with the truth."""
     effect, second = _text(truth.get("effect")) or NONE, _text(truth.get("effect2"))
     foreign = effect not in EFFECTS and effect != NONE
     kind = "none" if effect == NONE else "foreign" if foreign else "two" if second else "single"
-    answered = found is not None and "effect" in found
-    found = found if found is not None and answered else {"effect": "", "block": "", "ranking": []}
-    named, order = str(found["effect"]), first_three(found)
+    answered = answer is not None and "effect" in answer
+    answer = (
+        answer if answer is not None and answered else {"effect": "", "block": "", "ranking": []}
+    )
+    named, order = str(answer["effect"]), first_three(answer)
     block = _text(truth.get("block")) or (EFFECTS[effect].block if effect in EFFECTS else effect)
     strange = (_text(truth.get("foreign")) or effect) if foreign else ""
-    # a foreign kind may have joined the library since its world was written: its own name is as
+    # a foreign kind may have joined the library since its world was written: its name is as
     # right as `unknown`
     group = frozenset({UNKNOWN, strange}) if foreign else indistinguishable(effect, here)
     right = group if foreign else {effect}
-    probability = {str(r["effect"]): r.get("probability") or 0.0 for r in found.get("ranking", [])}
+    probability = {str(r["effect"]): r.get("probability") or 0.0 for r in answer.get("ranking", [])}
     ratio = _number(truth.get("ratio"))
     in_group = named in group
     accepted = {effect, second} if kind == "two" else group
@@ -45,7 +47,7 @@ def judge_record(
         "mv": here.mv,
         "answered": answered,
         "named": named,
-        "named_block": str(found.get("block", "")),
+        "named_block": str(answer.get("block", "")),
         "probability": probability.get(named, 0.0),
         "probability_of_group": sum(
             p for e, p in probability.items() if e in indistinguishable(named, here)
@@ -54,37 +56,37 @@ def judge_record(
         "in_group": in_group,
         "top3": bool(right & set(order)),
         "top3_group": bool(group & set(order)),
-        "block_right": in_group or str(found.get("block", "")) == block,
+        "block_right": in_group or str(answer.get("block", "")) == block,
         "one_of_two": named in accepted,
         "both_top3": kind == "two" and {effect, second} <= set(order),
         "both_named": kind == "two"
-        and {effect, second} == {str(x["effect"]) for x in found.get("effects") or []},
+        and {effect, second} == {str(x["effect"]) for x in answer.get("effects") or []},
         "called_unknown": named == UNKNOWN,
         "called_none": named == NONE,
         "resolvable": ratio is None or ratio >= RESOLVABLE,
         "shrinkage_true": _number(truth.get("shrinkage")),
-        "shrinkage_claimed": _number((found.get("shrinkage") or {}).get("value")),
-        **_claims(found, group, kind),
-        "parameter_error": _parameter_error(effect, truth.get("parameters"), found)
+        "shrinkage_claimed": _number((answer.get("shrinkage") or {}).get("value")),
+        **_claims(answer, group, kind),
+        "parameter_error": _parameter_error(effect, truth.get("parameters"), answer)
         if named == effect and kind == "single"
         else None,
     }
 
 
-def first_three(found: Mapping[str, Any]) -> list[str]:
+def first_three(answer: Mapping[str, Any]) -> list[str]:
     """Return an answer's first three candidates: those it names, then its ranking, `none` and
     `unknown` included.
     """
-    ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
-    named = [str(x["effect"]) for x in found.get("effects") or []] or [str(found["effect"])]
+    ranked = sorted(answer.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
+    named = [str(x["effect"]) for x in answer.get("effects") or []] or [str(answer["effect"])]
     return list(dict.fromkeys(named + [str(r["effect"]) for r in ranked]))[:3]
 
 
-def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
-    """Return the share of the gap a ranked candidate says it closes, None where the answer has no
-    resolvable gap.
+def claimed_shrinkage(candidate: Mapping[str, Any], answer: Mapping[str, Any]) -> float | None:
+    """Return the share of the gap that a ranked candidate closes by its answer, None where that
+    has no resolvable gap.
     """
-    gap = found.get("gap") or {}
+    gap = answer.get("gap") or {}
     before, after, floor = (
         _number(x)
         for x in (candidate.get("gap_before"), candidate.get("gap_after"), gap.get("floor"))
@@ -100,25 +102,24 @@ def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) ->
     return 1.0 - max(after - floor, 0.0) / (before - floor)
 
 
-def _claims(found: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[str, float | None]:
-    shares = {str(r["effect"]): claimed_shrinkage(r, found) for r in found.get("ranking") or []}
-    effects = {e: s for e, s in shares.items() if e in EFFECTS and s is not None}
-    if kind != "single":
-        return {"claim_right": None, "claim_wrong": None}
-    right, wrong = (
-        [s for e, s in effects.items() if (e in group) is inside] for inside in (True, False)
-    )
-    return {"claim_right": max(right, default=None), "claim_wrong": max(wrong, default=None)}
+def _claims(answer: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[str, float | None]:
+    shares = {str(r["effect"]): claimed_shrinkage(r, answer) for r in answer.get("ranking") or []}
+    closed: dict[bool, list[float]] = {True: [], False: []}
+    for effect, share in shares.items():
+        if kind == "single" and effect in EFFECTS and share is not None:
+            closed[effect in group].append(share)
+    names = {"claim_right": True, "claim_wrong": False}
+    return {name: max(closed[right], default=None) for name, right in names.items()}
 
 
-def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float | None:
+def _parameter_error(effect: str, truth: Any, answer: Mapping[str, Any]) -> float | None:
     """Largest relative error over the effect's numbers that are not at their identity; J excepted,
     R by its logarithm.
     """
     mine = next(
         (
             x.get("parameters") or {}
-            for x in found.get("effects") or []
+            for x in answer.get("effects") or []
             if x.get("effect") == effect
         ),
         None,
@@ -128,12 +129,9 @@ def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float
     errors = []
     for name, quantity in EFFECTS[effect].parameters.items():
         true, got = _number(truth.get(name)), _number(mine.get(name))
-        if (
-            not isinstance(quantity, Number)
-            or name in ("J", "c")
-            or true is None
-            or true == quantity.identity
-        ):
+        if not isinstance(quantity, Number) or name in ("J", "c"):
+            continue
+        if true is None or true == quantity.identity:
             continue
         got = quantity.identity if got is None else got
         if name == "R":
@@ -157,11 +155,7 @@ def true_circumstances(
 
 
 def _text(value: Any) -> str:
-    return (
-        ""
-        if value is None or (isinstance(value, float) and math.isnan(value))
-        else str(value).strip()
-    )
+    return "" if pd.isna(value) else str(value).strip()
 
 
 def _number(value: Any) -> float | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from detectors.errors import ParameterError
-from simbench.files import whole_file
+from simbench.blind.outcomes import write_whole
 from simbench.handout import commitment_of, matches, read_key, write_key
 
 SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
@@ -51,14 +51,16 @@ def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
 
 
 def write(sealed: _Sealed, folder: Path, key: Path) -> None:
-    """Write sealed answers and commitment into the folder, and the key into its own file readable
+    """Write sealed answers and commitment into the folder, and the key into another file readable
     by its owner only.
     """
     secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
-    told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
-    for file, content in told.items():
-        with whole_file(file, "wb") as f:
-            f.write(content)
+    published = {
+        folder / SEALED: sealed.content,
+        folder / COMMITMENT: f"{sealed.commitment}\n".encode(),
+    }
+    for file, content in published.items():
+        write_whole(file, content)
     write_key(key, json.dumps(secret).encode())
 
 

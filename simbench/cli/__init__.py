@@ -17,7 +17,7 @@ from typer import Exit, Option
 
 from detectors.errors import ParameterError
 
-# a user without a home folder is told by matplotlib that its cache is temporary, which needs no
+# without a home folder matplotlib warns that its cache is temporary, which needs no
 # action
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
@@ -26,7 +26,7 @@ from simbench.cli import simulate, detect, plant, bench, exam, confirm, gap, cat
 from simbench.cli.common import app
 from simbench.usage import exit_code
 
-# typer has carried its own copy of click since 0.2x; its public error leads to the classes of
+# typer has carried a copy of click since 0.2x; its public error leads to the classes of
 # whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
 

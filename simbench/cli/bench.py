@@ -12,6 +12,8 @@ from typer import Argument, Exit, Option
 
 from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
+    Address,
+    Backend,
     ControllerPlugin,
     EffectPlugin,
     FrontEnd,
@@ -23,6 +25,7 @@ from simbench.cli.common import (
     PlantPlugin,
     Plugin,
     Report,
+    Resume,
     Seed,
     Thresholds,
     ValvePlugin,
@@ -32,14 +35,14 @@ from simbench.cli.common import (
     pairs,
     refuse_picture,
     show,
-    show_found,
+    show_result,
     threshold_file,
 )
 
 if TYPE_CHECKING:
     from simbench.bench.execute.failures import Failures
 
-Run = Annotated[Path, Argument(metavar="RUN", help="Folder of a run.")]
+Run = Annotated[Path, Argument(metavar="RUN", help="Read the results of the run in this folder.")]
 
 AllowFailed = Annotated[
     float,
@@ -48,8 +51,8 @@ AllowFailed = Annotated[
         min=0.0,
         max=1.0,
         help=(
-            "Share of scenarios or of a method's records that may fail; above it: no rank for the"
-            " method, exit code 1."
+            "Allow this share of scenarios, or of a method's records, to fail; above it the method"
+            " is not ranked, and the exit code is 1."
         ),
     ),
 ]
@@ -63,14 +66,22 @@ AllowFailed = Annotated[
 def run(
     grid: GridName,
     out: Annotated[
-        Path | None, Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")
+        Path | None, Option("-o", "--out", help="Write the run to this folder or URL [runs/GRID].")
     ] = None,
     jobs: Jobs = 1,
     method: Annotated[
         list[str] | None,
-        Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle]."),
+        Option(
+            metavar="ID",
+            help=(
+                "Ask these methods: ids, or the groups fast, full and oracle; may be repeated "
+                "[fast, oracle]."
+            ),
+        ),
     ] = None,
-    raw: Annotated[bool, Option("--raw", help="Only without the oscillation front end.")] = False,
+    raw: Annotated[
+        bool, Option("--raw", help="Report only the verdicts without the test for oscillation.")
+    ] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
@@ -78,22 +89,31 @@ def run(
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[str, Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
-    address: Annotated[str | None, Option(metavar="URL", help="Of a running scheduler.")] = None,
-    resume: Annotated[bool, Option("--resume", help="Go on where an earlier run stopped.")] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     until_width: Annotated[
         float | None,
-        Option(metavar="W", help="Add seeds until accuracy's interval is this narrow."),
+        Option(
+            metavar="W",
+            help="Add seeds until the 95 % interval of the accuracy is narrower than this.",
+        ),
     ] = None,
-    sets: Annotated[list[str] | None, Option("--set", metavar="K=V", help="Repeatable.")] = None,
+    sets: Annotated[
+        list[str] | None,
+        Option("--set", metavar="K=V", help="Change a setting of the grid; may be repeated."),
+    ] = None,
     axis: Annotated[
-        list[str] | None, Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")
+        list[str] | None,
+        Option(metavar="K=a,b,c", help="Replace the values of an axis; may be repeated."),
     ] = None,
     thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
-    large: Annotated[bool, Option("--large", help="Yes, more than a million scenarios.")] = False,
+    large: Annotated[
+        bool, Option("--large", help="Allow a run of more than a million scenarios.")
+    ] = False,
     fresh_seeds: Annotated[
-        bool, Option("--fresh-seeds", help="Draw a new seed instead of the grid's.")
+        bool, Option("--fresh-seeds", help="Draw a new seed instead of using the grid's.")
     ] = False,
     sealed: Annotated[
         bool, Option("--sealed", hidden=True)
@@ -151,38 +171,43 @@ def run(
 @app.command(
     "map",
     epilog=examples(
-        "map chapter -o map --points 400", "map own.toml -o map --x valve.S --y noise.std"
+        "map chapter -o map --points 400", "map mine.toml -o map --x valve.S --y noise.std"
     ),
 )
 def map_of_grid(
     grid: GridName,
-    out: Annotated[Path, Option("-o", "--out", metavar="DIR", help="Folder to write.")],
+    out: Annotated[
+        Path, Option("-o", "--out", metavar="DIR", help="Write the results to this folder.")
+    ],
     points: Annotated[
         int | None,
         Option(
-            min=1, help="Scenarios to simulate [10 % of the grid, 200 at least, 10000 at most]."
+            min=1,
+            help="Simulate this many scenarios [10 % of the grid, 200 at least, 10000 at most].",
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
-        Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast]."),
+        Option(
+            metavar="ID",
+            help=(
+                "Ask these methods: ids, or the groups fast, full and oracle; may be repeated "
+                "[fast]."
+            ),
+        ),
     ] = None,
     x: Annotated[
-        str | None, Option(metavar="AXIS", help="Axis of the pictures, from left to right.")
+        str | None,
+        Option(metavar="AXIS", help="Show this axis from left to right in the pictures."),
     ] = None,
     y: Annotated[
-        str | None, Option(metavar="AXIS", help="Axis of the pictures, from bottom to top.")
+        str | None,
+        Option(metavar="AXIS", help="Show this axis from bottom to top in the pictures."),
     ] = None,
     jobs: Jobs = 1,
-    backend: Annotated[
-        str, Option(metavar="loky|dask|ray", help="What simulates the scenarios.")
-    ] = "loky",
-    address: Annotated[
-        str | None, Option(metavar="URL", help="Address of a running scheduler.")
-    ] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Continue a map that was interrupted.")
-    ] = False,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
     as_json: Json = False,
 ) -> None:
     """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its
@@ -192,7 +217,7 @@ def map_of_grid(
     from simbench.figures import draw_map
 
     with _interruptible():
-        found = map_grid(
+        grid_map = map_grid(
             grid,
             out,
             points,
@@ -204,8 +229,8 @@ def map_of_grid(
             address=address,
             resume=resume,
         )
-    draw_map(found)
-    show(found.methods if as_json else found.as_text(), as_json)
+    draw_map(grid_map)
+    show(grid_map.methods if as_json else grid_map.as_text(), as_json)
 
 
 @app.command(
@@ -216,22 +241,37 @@ def map_of_grid(
 def score(
     folder: Run,
     raw: Annotated[
-        bool, Option("--raw", help="Verdicts without the oscillation front end.")
+        bool, Option("--raw", help="Score the verdicts without the test for oscillation.")
     ] = False,
     report: Report = None,
     against: Annotated[
-        Path | None, Option("--compare", metavar="RUN", help="A second run, paired by scenario.")
+        Path | None,
+        Option(
+            "--compare", metavar="RUN", help="Compare with this second run, scenario by scenario."
+        ),
     ] = None,
     paired: Annotated[
-        bool, Option("--paired", help="Compare this run's methods with each other, paired.")
+        bool,
+        Option(
+            "--paired",
+            help="Compare the methods of this run with each other, scenario by scenario.",
+        ),
     ] = False,
     cost: Annotated[
         float,
-        Option("--cost", min=0.0, max=1.0, help="Cost of a no-decision answer; an error costs 1."),
+        Option(
+            "--cost",
+            min=0.0,
+            max=1.0,
+            help="Set the cost of a no-decision answer relative to an error (an error costs 1).",
+        ),
     ] = 0.5,
     truth: Annotated[
         str,
-        Option(metavar="cycled|predicted|sticky", help="The label that answers are compared with."),
+        Option(
+            metavar="cycled|predicted|sticky",
+            help="Choose the label that verdicts are compared with.",
+        ),
     ] = "cycled",
     allow_failed: AllowFailed = 0.0,
     full: Full = False,
@@ -274,26 +314,32 @@ def score(
 @app.command(epilog=examples("check runs/ci --against results/baseline --exact"))
 def check(
     folder: Run,
-    against: Annotated[Path, Option(metavar="DIR", help="Baseline.")],
+    against: Annotated[
+        Path, Option(metavar="DIR", help="Compare with the baseline in this folder.")
+    ],
     junit: Annotated[
-        Path | None, Option(metavar="FILE.xml", help="JUnit summary to write.")
+        Path | None, Option(metavar="FILE.xml", help="Write a JUnit summary to this file.")
     ] = None,
     markdown: Annotated[
-        Path | None, Option(metavar="FILE.md", help="Markdown summary to write.")
+        Path | None, Option(metavar="FILE.md", help="Write a Markdown summary to this file.")
     ] = None,
     update: Annotated[
-        bool, Option("--update", help="Make this run the baseline, and show the difference.")
+        bool,
+        Option("--update", help="Replace the baseline by this run, and print the differences."),
     ] = False,
-    margin: Annotated[float, Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
+    margin: Annotated[
+        float, Option(min=0.0, max=1.0, help="Allow a rate to fall by this much.")
+    ] = 0.01,
     exact: Annotated[
         bool,
         Option(
-            "--exact", help="Fail on every changed verdict of a built-in method, and list them."
+            "--exact",
+            help="Fail on every changed verdict or score of a built-in method, and list them.",
         ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Compare a run with a baseline; exit 1 when accuracy regressed, or when nobody could tell."""
+    """Compare a run with a baseline; exit 1 if accuracy dropped or the run is too small to tell."""
     from simbench.bench.execute.again import check_and_ask_again
     from simbench.bench.score.check import update_baseline
     from simbench.files import refuse_own_input, whole_file
@@ -307,7 +353,7 @@ def check(
         if path is not None:
             with whole_file(path) as f:
                 f.write(text)
-    show_found(result, as_json)
+    show_result(result, as_json)
     if result.answer != "passed":
         raise Exit(1)
 
@@ -321,104 +367,130 @@ def verify(
         float,
         Option(
             help=(
-                "Share of the scenarios to simulate and judge again; at least 1000 by fast methods,"
-                " 100 by others."
+                "Simulate and judge this share of the scenarios again, but at least 1000 for fast"
+                " methods and 100 for others."
             )
         ),
     ] = 0.05,
     jobs: Jobs = 1,
     plugin: Annotated[
         list[Path] | None,
-        Option(metavar="FILE.py", help="File of a plug-in of the run, of any kind; repeatable."),
+        Option(
+            metavar="FILE.py",
+            help="Load a plug-in that the run used, of any kind; may be repeated.",
+        ),
     ] = None,
     time_limit: Limit = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Simulate a random share of a run again, judge it again, and recompute every score; exit 1
-    with each contradiction.
+    """Simulate and judge a random share of a run again, and recompute every score; exit 1 if they
+    differ.
     """
     from simbench.bench.execute.verify import verify_run
 
-    found = verify_run(folder, share, jobs, plugin or [], time_limit)
-    show_found(found, as_json)
-    if found.contradictions:
+    verification = verify_run(folder, share, jobs, plugin or [], time_limit)
+    show_result(verification, as_json)
+    if verification.contradictions:
         raise Exit(1)
 
 
 @app.command(epilog=examples("history results/baseline -o history.svg"))
 def history(
-    baseline: Annotated[Path, Argument(metavar="DIR", help="Folder of a baseline.")] = Path(
-        "results/baseline"
-    ),
+    baseline: Annotated[
+        Path, Argument(metavar="DIR", help="Read the baseline in this folder.")
+    ] = Path("results/baseline"),
     out: Annotated[
-        Path | None, Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")
+        Path | None, Option("-o", "--out", metavar="FILE.svg", help="Draw a picture to this file.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show how accuracy moved over the baselines kept."""
+    """Show how accuracy changed over the stored baselines."""
     from simbench.bench.score.history import read_history
 
     refuse_picture(out)
-    found = read_history(baseline)
+    accuracies = read_history(baseline)
     if out is not None:
         from simbench.figures import draw_history
 
-        draw_history(found, out)
-    show_found(found, as_json)
+        draw_history(accuracies, out)
+    show_result(accuracies, as_json)
 
 
 @app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
 def calibrate(
-    grid: Annotated[str, Argument(help="Name of a grid, or a TOML file.")],
+    grid: Annotated[str, Argument(help="Name a grid, or give a TOML file.")],
     false_alarm: Annotated[
-        float, Option(help="Wanted share of healthy loops called sticky.")
+        float,
+        Option(
+            help="Set the wanted false-positive rate: the share of healthy loops called sticky."
+        ),
     ] = 0.05,
     method: Annotated[
-        list[str] | None, Option(metavar="ID", help="Method ids, fast or full; repeatable.")
+        list[str] | None,
+        Option(
+            metavar="ID",
+            help="Ask these methods: ids, or the groups fast or full; may be repeated.",
+        ),
     ] = None,
     jobs: Jobs = 1,
     out: Annotated[
-        Path | None, Option("-o", "--out", help="Folder for thresholds and ROC curves.")
+        Path | None, Option("-o", "--out", help="Write thresholds and ROC curves to this folder.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find each method's threshold for a wanted false-alarm rate."""
+    """Find each method's threshold for a wanted false-positive rate."""
     from simbench.bench.calibrate import calibrate as run_calibration
 
-    found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
-    show_found(found, as_json)
+    calibration = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
+    show_result(calibration, as_json)
 
 
 @app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
 def worst(
-    method: Annotated[str, Argument(help="Method id.")],
-    out: Annotated[Path | None, Option("-o", "--out", help="Loop file to write.")] = None,
-    budget: Annotated[int, Option(min=1, help="Loops to try.")] = 2000,
+    method: Annotated[str, Argument(help="Search loops on which this method fails.")],
+    out: Annotated[
+        Path | None,
+        Option("-o", "--out", help="Write the loop file of the worst loop to this file."),
+    ] = None,
+    budget: Annotated[int, Option(min=1, help="Try this many loops.")] = 2000,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Search the healthy loop on which a method is most confidently wrong."""
+    """Search for the healthy loop on which a method is most confidently wrong."""
     from simbench.bench.worst import worst as search
     from simbench.files import whole_file
 
-    found = search(method, budget=budget, seed=seed)
+    case = search(method, budget=budget, seed=seed)
     if out is not None:
         with whole_file(out) as f:
-            f.write(found.to_toml())
-    show_found(found, as_json)
+            f.write(case.to_toml())
+    show_result(case, as_json)
 
 
 @app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))
 def figure(
-    ids: Annotated[list[str], Argument(metavar="ID|all", help="Figure ids.")],
-    out: Annotated[Path, Option("-o", "--out", help="Folder to write to.")],
+    ids: Annotated[
+        list[str],
+        Argument(
+            metavar="ID|all", help="Draw these figures; `simbench list figures` names them all."
+        ),
+    ],
+    out: Annotated[Path, Option("-o", "--out", help="Write the figures to this folder.")],
     run_folder: Annotated[
-        Path | None, Option("--run", metavar="RUN", help="Run for the figures that show one.")
+        Path | None,
+        Option(
+            "--run",
+            metavar="RUN",
+            help="Draw figures that show scores from the run in this folder.",
+        ),
     ] = None,
-    isdb: Annotated[Path | None, Option(metavar="FILE|DIR", help="Real records.")] = None,
+    isdb: Annotated[
+        Path | None,
+        Option(metavar="FILE|DIR", help="Draw figures that show real records from this folder."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
+    """Draw the chapter's figures and tables, and write the numbers of each to a CSV file."""
     from simbench.figures import make_figures
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)

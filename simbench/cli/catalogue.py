@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Exit
 
 from detectors.errors import ParameterError, nearest
-from simbench.cli.common import Json, app, examples, show, show_found
+from simbench.cli.common import Json, app, examples, show, show_result
 
 
 @app.command(epilog=examples("contract my_detector.py"))
@@ -17,7 +17,10 @@ def contract(
         Path,
         Argument(
             metavar="FILE",
-            help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).",
+            help=(
+                "Check this file: a detector, valve, effect, recogniser or world (.py), or a grid "
+                "(.toml)."
+            ),
         ),
     ],
     as_json: Json = False,
@@ -25,20 +28,20 @@ def contract(
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
     from simbench.contract import check_in_subprocess
 
-    found = check_in_subprocess(path)
-    show_found(found, as_json)
-    if not found.kept:
+    report = check_in_subprocess(path)
+    show_result(report, as_json)
+    if not report.kept:
         raise Exit(1)
 
 
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
     what: Annotated[
-        str | None, Argument(help="detectors, valves, grids, effects or figures.")
+        str | None, Argument(help="List detectors, valves, grids, effects or figures.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is, one line and source each."""
+    """List what is available, with one line and the source of each."""
     from simbench.catalogue import LISTED_KINDS, catalogue
 
     if what is None:

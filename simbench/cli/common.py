@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,29 +16,39 @@ import typer
 from typer import Argument, Option
 
 from detectors.errors import ParameterError, masked
+from simbench.cli.help import GroupedCommand
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
+_COLUMNS = 100  # of a terminal, beyond which a sentence goes on in the next line
 _BARE: dict[str, Any] = {
     "add_completion": False,
     "no_args_is_help": True,
     "rich_markup_mode": None,
     "pretty_exceptions_enable": False,
 }
-app = typer.Typer(
+
+
+class _Verbs(typer.Typer):
+    """An application whose verbs print their options in groups."""
+
+    def command(self, *args: Any, **settings: Any) -> Any:
+        """Add a verb, as `typer.Typer.command`."""
+        return super().command(*args, cls=GroupedCommand, **settings)
+
+
+app = _Verbs(
     help="A closed-loop testbench for valve-stiction detectors.",
     **{**_BARE, "add_completion": True},
 )
-confirm_app = typer.Typer(
-    help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.",
+confirm_app = _Verbs(
+    help="Run the chapter's confirmation tests on a simulated loop or on records.",
     **_BARE,
 )
-gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
-withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
-exam_app = typer.Typer(
-    help="A benchmark whose records hold no truth: for methods of others, in any language.", **_BARE
-)
+gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
+withheld_app = _Verbs(help="Check the gap diagnosis on records whose effect is sealed.", **_BARE)
+exam_app = _Verbs(help="Benchmark methods by records without labels, in any language.", **_BARE)
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
@@ -58,83 +69,139 @@ def _workers(jobs: int) -> int:
     return jobs
 
 
-Json = Annotated[bool, Option("--json", help="JSON, and nothing else, on stdout.")]
+Json = Annotated[bool, Option("--json", help="Print JSON, and nothing else, on stdout.")]
+Backend = Annotated[
+    str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
+]
+Address = Annotated[
+    str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
+]
+Resume = Annotated[bool, Option("--resume", help="Continue a call that was interrupted.")]
 Full = Annotated[bool, Option("--full", help="Print every table.")]
 Jobs = Annotated[
-    int, Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")
+    int,
+    Option(
+        "-j", "--jobs", callback=_workers, help="Use this many worker processes; -1 uses all cores."
+    ),
 ]
-Plugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further detector; repeatable.")
-]
+
+
+def _file(what: str) -> Any:
+    return Option(
+        metavar="FILE.py", help=f"Load an additional {what} from this Python file; may be repeated."
+    )
+
+
+Files = list[Path] | None
+Plugin = Annotated[Files, _file("detector")]
+ValvePlugin = Annotated[Files, _file("valve model")]
+EffectPlugin = Annotated[Files, _file("effect")]
+PlantPlugin = Annotated[Files, _file("plant")]
+ControllerPlugin = Annotated[Files, _file("controller")]
 Limit = Annotated[
     float,
     Option(
-        "--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario."
+        "--time-limit",
+        metavar="S",
+        help="Stop a plug-in that takes longer than this for one record or scenario (s).",
     ),
-]
-ValvePlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further valve model; repeatable.")
-]
-EffectPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further effect; repeatable.")
-]
-PlantPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further plant; repeatable.")
-]
-ControllerPlugin = Annotated[
-    list[Path] | None, Option(metavar="FILE.py", help="File of a further controller; repeatable.")
 ]
 Thresholds = Annotated[
     Path | None,
     Option(
         metavar="FILE.json",
-        help="Other thresholds than the published ones, as calibrate writes them.",
+        help=(
+            "Use the thresholds in this JSON file, as `simbench calibrate` writes them, instead of"
+            " the defaults."
+        ),
     ),
 ]
 Span = Annotated[
-    tuple[float, float] | None, Option(metavar="LO HI", help="Values that mean 0 and 100 %.")
+    tuple[float, float] | None,
+    Option(metavar="LO HI", help="State the recorded values that mean 0 and 100 %."),
 ]
 _READING: dict[str, Any] = {
-    "process": Annotated[str | None, Option(help="self-regulating or integrating.")],
-    "kind": Annotated[str | None, Option(help="flow, level, pressure, temperature or analyser.")],
+    "process": Annotated[
+        str | None, Option(help="State whether the process is self-regulating or integrating.")
+    ],
+    "kind": Annotated[
+        str | None,
+        Option(
+            help="State what the loop controls: flow, level, pressure, temperature or analyser."
+        ),
+    ],
     "op_span": Span,
     "pv_span": Span,
     "columns": Annotated[
         list[str] | None,
-        Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable."),
+        Option(
+            metavar="op=NAME,pv=NAME",
+            help="Assign a column to a signal, as in pv=FIC101.PV; may be repeated.",
+        ),
     ],
     "Ts": Annotated[
         float | None,
-        Option("--ts", metavar="S", help="Sampling period (s), where no column says it."),
+        Option(
+            "--ts",
+            metavar="S",
+            help="State the sampling period (s) of a record without a time column.",
+        ),
     ],
     "tag": Annotated[
         str | None,
-        Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1."),
+        Option(
+            metavar="TAG",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
+        ),
     ],
     "longest_segment": Annotated[
         bool | None,
         Option(
             "--longest-segment",
-            help="Of a record with long gaps, take the longest part without one.",
+            help="Judge the longest part without a gap, if the record has long gaps.",
         ),
     ],
     "loops": Annotated[
         Path | None,
-        Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag."),
+        Option(
+            metavar="TABLE.toml",
+            help=(
+                "Read what is known of each loop from this TOML file, with one [[loop]] table per "
+                "tag."
+            ),
+        ),
     ],
 }
-Page = Annotated[Path | None, Option(metavar="FILE.html", help="Page to write.")]
-Report = Annotated[Path | None, Option(metavar="FILE.html", help="Report with pictures to write.")]
-Seed = Annotated[int, Option(min=0)]
+Page = Annotated[
+    Path | None, Option(metavar="FILE.html", help="Write an HTML page with pictures to this file.")
+]
+Report = Annotated[
+    Path | None,
+    Option(metavar="FILE.html", help="Write an HTML report with pictures to this file."),
+]
+Seed = Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")]
 Power = Annotated[
     bool,
-    Option("--power", help="Also say what this record could have shown, from twins of its loop."),
+    Option(
+        "--power",
+        help=(
+            "Also report the smallest stiction that this record could have shown, from simulated "
+            "replicates of its loop."
+        ),
+    ),
 ]
 FrontEnd = Annotated[
-    str, Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")
+    str,
+    Option(
+        metavar="acf|hagglund", help="Choose the method that decides whether a loop oscillates."
+    ),
 ]
 World = Annotated[
-    str, Option(metavar="NAME", help="Plant simulator that draws the records: a name, or a module.")
+    str,
+    Option(metavar="NAME", help="Draw the records with this plant simulator: a name, or a module."),
 ]
 
 
@@ -144,18 +211,23 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
     """
     options = dict(_READING)
     if also_loop:  # as detect called its tag before every verb had one
-        said = Option(
+        tag_option = Option(
             "--tag",
             "--loop",
             metavar="TAG",
-            help="Loop of a file with several: FIC101, chemicals.loop1.",
+            help=(
+                "Choose one loop of a file that holds several, for example FIC101 or "
+                "chemicals.loop1."
+            ),
         )
-        options["tag"] = Annotated[str | None, said]
+        options["tag"] = Annotated[str | None, tag_option]
 
     def given(verb: Callable[..., None]) -> Callable[..., None]:
-        own = inspect.signature(verb, eval_str=True)
+        signature = inspect.signature(verb, eval_str=True)
         named = inspect.Parameter.KEYWORD_ONLY
-        kept = [p.replace(kind=named) for name, p in own.parameters.items() if name != "about"]
+        kept = [
+            p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"
+        ]
         added = [
             inspect.Parameter(name, named, default=None, annotation=kind)
             for name, kind in options.items()
@@ -172,7 +244,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             )
 
         last = [p for p in kept if p.name == "as_json"]
-        asked.__signature__ = own.replace(
+        asked.__signature__ = signature.replace(
             parameters=[*(p for p in kept if p not in last), *added, *last]
         )  # pyright: ignore[reportAttributeAccessIssue]
         asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
@@ -182,14 +254,15 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
-    """Say under an answer what reading its records assumed: beside JSON, or of several records, on
+    """Print what reading the records assumed: after JSON, or of several records, on
     stderr.
     """
     read = list(records)
     for record in read:
         whose = f"{record.tag}: " if len(read) > 1 else ""
         for note in record.notes:
-            print(f"note: {whose}{note}", file=sys.stderr if as_json or whose else sys.stdout)
+            line = wrapped(f"note: {whose}{note}")
+            print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
 
 def method_completion(incomplete: str) -> list[str]:
@@ -211,7 +284,7 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 GridName = Annotated[
-    str, Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)
+    str, Argument(help="Name a grid, or give a TOML file.", autocompletion=grid_completion)
 ]
 
 
@@ -233,21 +306,23 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
         raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        thresholds = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(
             f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}"
         ) from None
     except (ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())[:200]
+        reason = " ".join(str(error).split())[:200]
         raise ParameterError(
-            f"thresholds {path} are no JSON ({said}); a table of method ids is needed"
+            f"thresholds {path} are no JSON ({reason}); a table of method ids is needed"
         ) from None
-    if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+    if not isinstance(thresholds, dict) or not all(
+        isinstance(v, dict) for v in thresholds.values()
+    ):
         raise ParameterError(
             f"thresholds {path}: a table of method ids to tables of numbers is needed"
         )
-    for method, values in found.items():
+    for method, values in thresholds.items():
         for name, value in values.items():
             if (
                 isinstance(value, bool)
@@ -258,7 +333,7 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
                     f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is"
                     " needed"
                 )
-    return found
+    return thresholds
 
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
@@ -284,12 +359,38 @@ def number(text: str) -> Any:
         return text
 
 
-def show_found(found: Any, as_json: bool) -> None:
-    """Print what was found, in its own words or as its own JSON."""
-    show(found.as_json() if as_json else found.as_text(), as_json)
+def show_result(result: Any, as_json: bool) -> None:
+    """Print a result as text, or as JSON where asked."""
+    show(result.as_json() if as_json else result.as_text(), as_json)
 
 
 def show(content: Any, as_json: bool) -> None:
     """Print an answer, as JSON where asked."""
-    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
+    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
+    print(masked(text))
     sys.stdout.flush()
+
+
+def wrapped(text: str) -> str:
+    """Return a text whose lines are broken at blanks to `_COLUMNS`; what follows is indented.
+
+    A row of a table, known by two blanks in a row, stays whole.
+
+    >>> print(wrapped("note: " + "word " * 22))
+    note: word word word word word word word word word word word word word word word word word word
+      word word word word
+    """
+    lines = []
+    for line in text.splitlines():
+        if len(line) <= _COLUMNS or "  " in line.strip():
+            lines.append(line)
+            continue
+        margin = line[: len(line) - len(line.lstrip())] + "  "
+        lines += textwrap.wrap(
+            line,
+            _COLUMNS,
+            subsequent_indent=margin,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    return "\n".join(lines)

@@ -15,13 +15,13 @@ from simbench.cli.common import (
     reads,
     refuse_picture,
     say_assumed,
-    show_found,
+    show_result,
 )
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
-Loop = Annotated[Path | None, Argument(metavar="LOOP.toml")]
-Picture = Annotated[Path | None, Option(help="Picture to write (SVG or PNG).")]
+Loop = Annotated[Path | None, Argument(metavar="LOOP.toml", help="Simulate the test on this loop.")]
+Picture = Annotated[Path | None, Option(help="Draw a picture to this file (SVG or PNG).")]
 
 
 @confirm_app.command("gain-change", epilog=examples("confirm gain-change loop.toml"))
@@ -29,7 +29,11 @@ Picture = Annotated[Path | None, Option(help="Picture to write (SVG or PNG).")]
 def gain_change(
     loop: Loop = None,
     records: Annotated[
-        tuple[Path, Path] | None, Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")
+        tuple[Path, Path] | None,
+        Option(
+            metavar="BEFORE.csv AFTER.csv",
+            help="Read these two records of the test instead of simulating a loop.",
+        ),
     ] = None,
     ratio: Annotated[
         float | None,
@@ -37,7 +41,10 @@ def gain_change(
             "--ratio",
             "--factor",
             metavar="R",
-            help="New gain over old; read off the records when absent.",
+            help=(
+                "State the new controller gain divided by the old; without it, it is estimated "
+                "from the records."
+            ),
         ),
     ] = None,
     picture: Picture = None,
@@ -45,7 +52,7 @@ def gain_change(
     *,
     about: dict,
 ) -> None:
-    """Does the period follow the controller gain?"""
+    """Test whether the period of the oscillation changes with the controller gain."""
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     refuse_picture(picture, loop, *(records or ()))
     read: list[LoopRecord] = []
@@ -55,14 +62,14 @@ def gain_change(
 
         assert records is not None
         read = [read_record(path, **about) for path in records]
-        found = gain_change_recorded(read[0], read[1], ratio)
+        result = gain_change_recorded(read[0], read[1], ratio)
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
 
         with naming(loop):
-            found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
-    _confirmed(found, picture, as_json)
+            result = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
+    _confirmed(result, picture, as_json)
     say_assumed(read, as_json)
 
 
@@ -71,15 +78,19 @@ def gain_change(
 def travel(
     loop: Loop = None,
     record: Annotated[
-        Path | None, Option(metavar="REC.csv", help="Of such a test, in place of a loop.")
+        Path | None,
+        Option(
+            metavar="REC.csv",
+            help="Read this record of a travel test instead of simulating a loop.",
+        ),
     ] = None,
     picture: Picture = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is
-    graded by Table 11.1.
+    """Run a valve travel test: small steps of OP in both directions until PV moves, graded by
+    Table 11.1.
     """
     _one_of("confirm travel", loop, "--record REC.csv", record)
     refuse_picture(picture, loop, record)
@@ -90,14 +101,14 @@ def travel(
 
         assert record is not None
         read = [read_record(record, **about, automatic=False)]  # such a test is made by hand
-        found = travel_recorded(read[0])
+        result = travel_recorded(read[0])
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.grade import graded_test
 
         with naming(loop):
-            found = graded_test(load_loop(loop))
-    _confirmed(found, picture, as_json)
+            result = graded_test(load_loop(loop))
+    _confirmed(result, picture, as_json)
     say_assumed(read, as_json)
 
 
@@ -111,4 +122,4 @@ def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
         from simbench.figures._style import write_picture
 
         write_picture(result.plot(), picture)
-    show_found(result, as_json)
+    show_result(result, as_json)

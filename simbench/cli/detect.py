@@ -36,34 +36,44 @@ from simbench.cli.common import (
 )
 @reads(also_loop=True)
 def detect(
-    path: Annotated[Path, Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
+    path: Annotated[
+        Path,
+        Argument(metavar="REC.csv|DIR", help="Read this record, or every record of this folder."),
+    ],
     method: Annotated[
         list[str] | None,
         Option(
             metavar="ID",
-            help="Method ids, all, fast or full; repeatable.",
+            help="Ask these methods: ids, or the groups all, fast or full; may be repeated.",
             autocompletion=method_completion,
         ),
     ] = None,
     labels: Annotated[
-        Path | None, Option(help="Table with id and label: judge and score its records.")
+        Path | None,
+        Option(help="Judge and score the records that this table lists (columns id and label)."),
     ] = None,
-    raw: Annotated[bool, Option("--raw", help="Without the oscillation front end.")] = False,
+    raw: Annotated[
+        bool,
+        Option("--raw", help="Judge every record, without first testing whether it oscillates."),
+    ] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
     power: Power = False,
-    why: Annotated[bool, Option("--why", help="Each method's reason below the table.")] = False,
+    why: Annotated[
+        bool, Option("--why", help="Print each method's reason below the table.")
+    ] = False,
     csv: Annotated[
-        Path | None, Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")
+        Path | None,
+        Option("--csv", metavar="FILE.csv", help="Write the verdicts to this table (CSV)."),
     ] = None,
     html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Judge a record, or a folder of records, by one or all detectors."""
+    """Judge a record, or every record of a folder, and show each detector's verdict."""
     from detectors.detection import judge_files
     from detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
@@ -71,7 +81,7 @@ def detect(
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     asked = method or ["all"]
-    # single methods are asked for their own verdicts, and answer at once
+    # single methods are asked for their verdicts alone, and answer at once
     weighed = not as_json and {"all", "full", "likelihood"} & {
         one.strip() for text in asked for one in text.split(",")
     }
@@ -120,16 +130,16 @@ def detect(
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
 @reads()
 def diagnose(
-    path: Annotated[Path, Argument(metavar="REC.csv")],
-    picture: Annotated[Path | None, Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    path: Annotated[Path, Argument(metavar="REC.csv", help="Read this record.")],
+    picture: Annotated[
+        Path | None, Option(help="Draw the steps of the diagnosis to this file (SVG or PNG).")
+    ] = None,
     power: Power = False,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Say whether one valve sticks and why, with the causes weighed and the chapter's procedure
-    step by step.
-    """
+    """Diagnose one valve: the conclusion, the causes weighed, and the chapter's procedure."""
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY
@@ -149,7 +159,9 @@ def diagnose(
         "The chapter's procedure, one method among others:",
     ]
     whole = diagnosis.as_json()
-    own = {key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")}
+    procedure_json = {
+        key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")
+    }
     more = {
         "verdict": concluded.verdict,
         "reason": concluded.reason,
@@ -157,7 +169,7 @@ def diagnose(
         "conclusion": concluded.as_json(),
         PROBABILITY: concluded.probability,
         "causes": causes.as_json(),
-        "procedure": own,
+        "procedure": procedure_json,
         "notes": [*record.notes],
     }
     show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
@@ -175,7 +187,7 @@ def _conclude(record: Any) -> Any:
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
     from simbench.plant.command import power_lines
 
-    # beside JSON nothing else may stand on stdout
+    # nothing but JSON may be on stdout
     print(
         "\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout
     )

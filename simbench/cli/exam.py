@@ -8,11 +8,25 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Full, GridName, Jobs, Json, Plugin, Report, exam_app, examples, show
+from simbench.cli.common import (
+    Full,
+    GridName,
+    Jobs,
+    Json,
+    Plugin,
+    Report,
+    Resume,
+    exam_app,
+    examples,
+    show,
+)
 
-Folder = Annotated[Path, Argument(metavar="EXAM", help="Folder of the exam.")]
+Folder = Annotated[Path, Argument(metavar="EXAM", help="Read the exam in this folder.")]
 Key = Annotated[
-    Path, Option(metavar="FILE", help="File of the key, outside the folder of the exam.")
+    Path,
+    Option(
+        metavar="FILE", help="Write or read the key in this file, outside the folder of the exam."
+    ),
 ]
 
 
@@ -24,16 +38,22 @@ Key = Annotated[
 def make(
     grid: GridName,
     out: Annotated[
-        Path, Option("-o", "--out", metavar="EXAM", help="Folder to write, which must be new.")
+        Path,
+        Option(
+            "-o",
+            "--out",
+            metavar="EXAM",
+            help="Write the exam to this folder, which must not exist.",
+        ),
     ],
     key: Key,
     n: Annotated[
-        int | None, Option("--n", metavar="N", help="Number of records, drawn at random [all].")
+        int | None, Option("--n", metavar="N", help="Draw this many records at random [all].")
     ] = None,
     jobs: Jobs = 1,
     seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
 ) -> None:
-    """Draw fresh seeds, write the records without their truth, and write the key elsewhere."""
+    """Draw fresh seeds, and write the records without their labels and the key to another place."""
     from simbench.bench.exam.making import make_exam
 
     print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")
@@ -48,16 +68,19 @@ def make(
 def answer(
     folder: Folder,
     out: Annotated[
-        Path, Option("-o", "--out", metavar="ANSWERS.csv", help="File of answers to write.")
+        Path,
+        Option("-o", "--out", metavar="ANSWERS.csv", help="Write the answers to this file (CSV)."),
     ],
     method: Annotated[
-        list[str] | None, Option(metavar="ID", help="Method ids, fast or full; repeatable [fast].")
+        list[str] | None,
+        Option(
+            metavar="ID",
+            help="Ask these methods: ids, or the groups fast or full; may be repeated [fast].",
+        ),
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
-    resume: Annotated[
-        bool, Option("--resume", help="Go on where an earlier call stopped.")
-    ] = False,
+    resume: Resume = False,
 ) -> None:
     """Ask detectors about every record of an exam."""
     from simbench.bench.exam.answering import answer_exam
@@ -74,10 +97,13 @@ def answer(
 )
 def open_(
     folder: Folder,
-    answers: Annotated[list[Path], Argument(metavar="ANSWERS.csv...", help="Files of answers.")],
+    answers: Annotated[
+        list[Path], Argument(metavar="ANSWERS.csv...", help="Score these files of answers.")
+    ],
     key: Key,
     labels: Annotated[
-        Path | None, Option(metavar="FILE.csv", help="Truth of every record to write.")
+        Path | None,
+        Option(metavar="FILE.csv", help="Write the labels of every record to this file (CSV)."),
     ] = None,
     report: Report = None,
     jobs: Jobs = 1,
@@ -96,7 +122,7 @@ def open_(
     )
     with opened_exam(folder, key, answers, jobs) as opened:
         scores, missing = score_run(opened.run), opened.missing
-        told = {
+        content = {
             **scores.as_json(),
             "failed": read_failures(opened.run).as_json(),
             "missing": missing,
@@ -113,7 +139,7 @@ def open_(
             write_report(opened.run, report)
         show(
             (
-                told
+                content
                 if as_json
                 else "\n".join([*lines, *[""][: len(lines)], scores.as_text(full=full)])
             ),

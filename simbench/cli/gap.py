@@ -1,4 +1,4 @@
-"""Why is the simulation unlike the plant? And the blind check of what answers that."""
+"""Explain why a simulation differs from the plant. And the blind check of what answers that."""
 
 from __future__ import annotations
 
@@ -21,19 +21,21 @@ from simbench.cli.common import (
     pairs,
     reads,
     show,
-    show_found,
+    show_result,
     withheld_app,
 )
 
-Baseline = Annotated[Path, Option(metavar="LOOP.toml", help="The simulation that does not fit.")]
+Baseline = Annotated[
+    Path, Option(metavar="LOOP.toml", help="Compare with the simulation in this loop file.")
+]
 LoopTest = Annotated[
     list[str] | None,
     Option(
         metavar="REC.csv[:SETTINGS.toml]",
-        help="A test of the same loop in other operation; repeatable.",
+        help="Use this record of a test on the same loop as well; may be repeated.",
     ),
 ]
-Check = Annotated[Path, Argument(metavar="DIR", help="Folder of the check.")]
+Check = Annotated[Path, Argument(metavar="DIR", help="Use this folder for the check.")]
 NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 
 
@@ -46,37 +48,51 @@ NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 @reads()
 def gap_diagnose(
     records: Annotated[
-        list[Path], Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")
+        list[Path],
+        Argument(
+            metavar="REC.csv ...", help="Read these records of one loop; they are judged together."
+        ),
     ],
     baseline: Annotated[
         Path | None,
         Option(
             metavar="LOOP.toml",
-            help="The simulation that does not fit; [plant] or [controller] may be missing.",
+            help=(
+                "Compare with the simulation in this loop file; [plant] or [controller] may be "
+                "missing."
+            ),
         ),
     ] = None,
     identify: Annotated[
-        bool, Option("--identify", help="No baseline: estimate one from the record.")
+        bool,
+        Option(
+            "--identify",
+            help="Estimate the simulation from the record instead of reading a loop file.",
+        ),
     ] = False,
     test: LoopTest = None,
     jobs: Jobs = 1,
     no_bootstrap: NoBootstrap = False,
-    html: Annotated[Path | None, Option(metavar="FILE.html", help="Report to write.")] = None,
+    html: Annotated[
+        Path | None, Option(metavar="FILE.html", help="Write an HTML report to this file.")
+    ] = None,
     write_loop: Annotated[
-        Path | None, Option(metavar="FIXED.toml", help="Loop file with the effect in it.")
+        Path | None,
+        Option(metavar="FIXED.toml", help="Write a loop file that models the missing effect."),
     ] = None,
     picture: Annotated[
-        Path | None, Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")
+        Path | None, Option(help="Draw the diagnosis on one sheet to this file (SVG, PNG or PDF).")
     ] = None,
     effect_plugin: EffectPlugin = None,
     window: Annotated[
-        tuple[int, int] | None, Option(metavar="FROM TO", help="Samples to judge.")
+        tuple[int, int] | None,
+        Option(metavar="FROM TO", help="Judge only these samples (first and last)."),
     ] = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
+    """Report where record and simulation differ, and which missing effect explains the gap."""
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
     if (baseline is None) == (not identify):
@@ -91,7 +107,7 @@ def gap_diagnose(
         effect_plugins=effect_plugin or (),
         **about,
     )
-    show_found(report, as_json)
+    show_result(report, as_json)
 
 
 @gap_app.command(
@@ -101,28 +117,33 @@ def gap_diagnose(
 @reads()
 def gap_plan(
     record: Annotated[
-        Path, Argument(metavar="REC.csv", help="The record that is not yet explained.")
+        Path, Argument(metavar="REC.csv", help="Read the record that is not explained yet.")
     ],
     baseline: Baseline,
     limits: Annotated[
-        Path | None, Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")
+        Path | None,
+        Option(
+            metavar="LIMITS.toml",
+            help="Read the limits of a test for PV, OP and time from this TOML file.",
+        ),
     ] = None,
     test: Annotated[
         list[str] | None,
-        Option(metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."),
+        Option(
+            metavar="REC.csv[:SETTINGS.toml]",
+            help="Use this record of a test that was run already; may be repeated.",
+        ),
     ] = None,
     html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Say which test to run next: what it would tell, its size, how long it lasts and what it does
-    to the plant.
-    """
+    """Recommend the next test on the plant: its size, its duration and what it would tell."""
     from simbench.gap.command import plan_files
 
-    found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
-    show_found(found, as_json)
+    plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show_result(plan, as_json)
 
 
 @gap_app.command(
@@ -130,16 +151,19 @@ def gap_plan(
 )
 @reads()
 def gap_predict(
-    record: Annotated[Path, Argument(metavar="REC.csv", help="Record of the loop as it runs now.")],
+    record: Annotated[
+        Path, Argument(metavar="REC.csv", help="Read a record of the loop as it runs now.")
+    ],
     baseline: Annotated[
-        Path, Option(metavar="LOOP.toml", help="The simulation that is diagnosed and corrected.")
+        Path,
+        Option(metavar="LOOP.toml", help="Diagnose and correct the simulation in this loop file."),
     ],
     settings: Annotated[
         list[str] | None,
         Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Setting of controller or setpoint to change; repeatable.",
+            help="Change a setting of controller or set point; may be repeated.",
         ),
     ] = None,
     test: LoopTest = None,
@@ -147,15 +171,13 @@ def gap_predict(
     *,
     about: dict,
 ) -> None:
-    """Predict what PV and OP will do under other settings, with 90 % intervals and whether the
-    record supports them.
-    """
+    """Predict PV and OP under other settings, with 90 % intervals."""
     from simbench.gap.command import predict_file
 
-    found = predict_file(
+    prediction = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )
-    show_found(found, as_json)
+    show_result(prediction, as_json)
 
 
 @gap_app.command(
@@ -166,40 +188,41 @@ def gap_predict(
 )
 @reads()
 def gap_discover(
-    record: Annotated[Path, Argument(metavar="REC.csv", help="Record of the loop.")],
+    record: Annotated[Path, Argument(metavar="REC.csv", help="Read a record of the loop.")],
     baseline: Baseline,
     write_effect: Annotated[
-        Path | None, Option(metavar="FILE.py", help="The law as an effect to simulate.")
+        Path | None,
+        Option(
+            metavar="FILE.py", help="Write the empirical model as an effect plug-in to this file."
+        ),
     ] = None,
     html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Describe by a law what the simulation lacks and no known effect names: where, how, with what
-    certificate.
-    """
+    """Fit an empirical model to a missing effect that the library does not contain."""
     from simbench.gap.command import discover_file
 
-    found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
-    show_found(found, as_json)
+    discovery = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
+    show_result(discovery, as_json)
 
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
 def leave_out_(
-    out: Annotated[Path, Argument(metavar="DIR", help="Folder for records and table.")],
+    out: Annotated[Path, Argument(metavar="DIR", help="Write records and table to this folder.")],
     world: World = "own",
-    n: Annotated[int, Option("-n", "--records", min=1, help="Records per effect.")] = 4,
+    n: Annotated[
+        int, Option("-n", "--records", min=1, help="Draw this many records per effect.")
+    ] = 4,
     seed: Seed = 0,
     tests: Annotated[
-        int, Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")
+        int, Option(min=0, metavar="N", help="Allow the diagnosis this many tests per record.")
     ] = 0,
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
-    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks
-    once it is back.
-    """
+    """Diagnose records while their effect is missing from the library, one effect at a time."""
     from simbench.blind.leave_out import leave_out, summary
 
     table = summary(leave_out(out, world, n, seed, jobs, tests))
@@ -212,39 +235,49 @@ def leave_out_(
     epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"),
 )
 def gap_study(
-    records: Annotated[Path, Argument(metavar="RECORDS", help="Folder of records.")],
-    grid: Annotated[str, Option(help="Name of a grid, or a TOML file.")],
+    records: Annotated[Path, Argument(metavar="RECORDS", help="Read the records of this folder.")],
+    grid: Annotated[str, Option(help="Name a grid, or give a TOML file.")],
     labels: Annotated[
-        Path | None, Option(help="Table with id and label: its records, by unit.")
+        Path | None,
+        Option(
+            help="Take the records that this table lists (columns id and label), grouped by unit."
+        ),
     ] = None,
     html: Annotated[
-        Path | None, Option(metavar="FILE.html", help="Page to write; a killed call goes on.")
+        Path | None,
+        Option(
+            metavar="FILE.html",
+            help="Write an HTML page to this file; an interrupted call is continued.",
+        ),
     ] = None,
     write_grid: Annotated[
-        Path | None, Option(metavar="FILE.toml", help="The grid, with the effects found.")
+        Path | None, Option(metavar="FILE.toml", help="The grid, with these effects.")
     ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
-    """Say what separates a set of records from a grid, which effects explain it, and what each
-    costs each detector.
-    """
+    """Report how a set of records differs from a grid, and what each missing effect costs."""
     from simbench.plant.command import study_folder
 
-    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
-    show_found(found, as_json)
+    study = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
+    show_result(study, as_json)
 
 
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
 def make(
     out: Check,
-    key: Annotated[Path, Option(help="File for the key to the answers, outside DIR.")],
+    key: Annotated[Path, Option(help="Write the key to the answers to this file, outside DIR.")],
     seed: Seed,
-    n: Annotated[int, Option("-n", "--records", min=100, help="About how many records.")] = 600,
+    n: Annotated[
+        int, Option("-n", "--records", min=100, help="Draw about this many records.")
+    ] = 600,
     jobs: Jobs = 1,
     world: World = "own",
     tests: Annotated[
-        bool, Option("--tests", help="With what every test of the menu would show of each record.")
+        bool,
+        Option(
+            "--tests", help="Also simulate what every available test would show of each record."
+        ),
     ] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
@@ -260,12 +293,10 @@ def answer(
     no_bootstrap: NoBootstrap = False,
     world: World = "own",
     tests: Annotated[
-        int, Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")
+        int, Option(metavar="N", help="Allow the diagnosis this many tests per record, 0 to 2.")
     ] = 0,
 ) -> None:
-    """Diagnose every record, without sight of the answers and whatever the world; resumes where it
-    stopped.
-    """
+    """Diagnose every record without access to the answers; an interrupted call is continued."""
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap.command import one_file
 
@@ -276,19 +307,20 @@ def answer(
 def open_sealed(
     out: Check,
     key: Annotated[
-        Path | None, Option(help="Key file; not needed where answers.csv lies open.")
+        Path | None,
+        Option(help="Read the key from this file; it is not needed if answers.csv is readable."),
     ] = None,
     scores: Annotated[
-        Path | None, Option("--scores", metavar="DIR", help="Where the scores go.")
+        Path | None, Option("--scores", metavar="DIR", help="Write the scores to this folder.")
     ] = None,
     world: World = "own",
     as_json: Json = False,
 ) -> None:
-    """Score the answers against the truth."""
+    """Score the diagnoses against the sealed answers."""
     from simbench.blind.opening import open_ as score_answers
 
-    found = score_answers(out, key, scores, world)
+    scored = score_answers(out, key, scores, world)
     show(
-        {k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"],
+        {k: v for k, v in scored.items() if k != "markdown"} if as_json else scored["markdown"],
         as_json,
     )

@@ -7,7 +7,17 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assumed, show_found
+from simbench.cli.common import (
+    Jobs,
+    Json,
+    Page,
+    app,
+    examples,
+    reads,
+    say_assumed,
+    show,
+    show_result,
+)
 
 
 @app.command(
@@ -15,26 +25,32 @@ from simbench.cli.common import Jobs, Json, Page, app, examples, reads, say_assu
 )
 @reads()
 def trust_(
-    path: Annotated[Path, Argument(metavar="REC.csv")],
+    path: Annotated[Path, Argument(metavar="REC.csv", help="Read this record.")],
     loop: Annotated[
-        Path | None, Option(metavar="LOOP.toml", help="The loop; identified if absent.")
+        Path | None,
+        Option(
+            metavar="LOOP.toml",
+            help="Use this loop file; without it the loop is identified from the record.",
+        ),
     ] = None,
     method: Annotated[
-        list[str] | None, Option(metavar="ID", help="Method ids, all, fast or full; repeatable.")
+        list[str] | None,
+        Option(
+            metavar="ID",
+            help="Ask these methods: ids, or the groups all, fast or full; may be repeated.",
+        ),
     ] = None,
     html: Page = None,
     as_json: Json = False,
     *,
     about: dict,
 ) -> None:
-    """Say which detector to trust on this very loop, what it could have seen, and how probable
-    stiction is.
-    """
+    """Report which detector to trust on this loop, and which stiction the record could show."""
     from simbench.plant.command import trust_file
 
-    found = trust_file(path, loop, method or ["all"], html=html, **about)
-    show_found(found, as_json)
-    say_assumed([found.record], as_json)
+    trust = trust_file(path, loop, method or ["all"], html=html, **about)
+    show_result(trust, as_json)
+    say_assumed([trust.record], as_json)
 
 
 @app.command(
@@ -47,33 +63,47 @@ def trust_(
 @reads()
 def report_(
     folder: Annotated[
-        Path, Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several.")
+        Path,
+        Argument(
+            metavar="FOLDER",
+            help=(
+                "Read the records of a plant's loops from this folder, or from one file that holds"
+                " several."
+            ),
+        ),
     ],
     labels: Annotated[
-        Path | None, Option(help="Table with id and label: judge its records.")
+        Path | None, Option(help="Judge the records that this table lists (columns id and label).")
     ] = None,
-    out: Annotated[Path, Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path(
-        "report.html"
-    ),
+    out: Annotated[
+        Path,
+        Option(
+            "-o",
+            "--out",
+            help="Write the HTML page to this file, and a CSV of the same name next to it.",
+        ),
+    ] = Path("report.html"),
     orders: Annotated[
-        Path | None, Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")
+        Path | None,
+        Option(metavar="FILE.xlsx|.csv", help="Write a table of work orders to this file."),
     ] = None,
     previous: Annotated[
         Path | None,
-        Option(metavar="FOLDER", help="Of last week's report: causes that return are said to."),
+        Option(
+            metavar="FOLDER",
+            help="Compare with the earlier report in this folder, and mark the causes that return.",
+        ),
     ] = None,
     jobs: Jobs = 2,
     *,
     about: dict,
 ) -> None:
-    """Put a plant's loops on one page: who must do what, ranked by what the cause costs and how
-    sure it is.
-    """
+    """Rank the loops of a plant by what their cause costs, and list what to do next."""
     from simbench.plant.command import report_folder
 
-    fleet, beside = report_folder(
+    fleet, table = report_folder(
         folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
     )
-    print(fleet.as_text())
+    show(fleet.as_text(), as_json=False)
     say_assumed([m.trust.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}; table: {beside.resolve()}")
+    print(f"page: {out.resolve()}\ntable: {table.resolve()}")

@@ -28,14 +28,30 @@ from simbench.cli.common import (
     )
 )
 def simulate(
-    loop: Annotated[Path | None, Argument(metavar="LOOP.toml", help="Loop file.")] = None,
-    out: Annotated[Path | None, Option("-o", "--out", help="Record to write (CSV).")] = None,
-    seed: Annotated[int, Option(min=0, help="Root of all random numbers.")] = 0,
-    kick: Annotated[float, Option(help="Offset of OP at sample 0 (%).")] = 0.0,
-    from_run: Annotated[
-        Path | None, Option("--from", metavar="RUN", help="Folder of a run.")
+    loop: Annotated[
+        Path | None,
+        Argument(metavar="LOOP.toml", help="Simulate the loop that this file (TOML) describes."),
     ] = None,
-    scenario: Annotated[str | None, Option("--id", help="Scenario of that run.")] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", help="Write the record to this CSV file.")
+    ] = None,
+    seed: Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")] = 0,
+    kick: Annotated[
+        float,
+        Option(
+            help=(
+                "Move OP by this much (%) at the first sample, so that the loop starts away from "
+                "rest."
+            )
+        ),
+    ] = 0.0,
+    from_run: Annotated[
+        Path | None,
+        Option("--from", metavar="RUN", help="Read the results of the run in this folder."),
+    ] = None,
+    scenario: Annotated[
+        str | None, Option("--id", help="Simulate this scenario of the run.")
+    ] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
     plant_plugin: PlantPlugin = None,
@@ -62,8 +78,8 @@ def simulate(
 
             if scenario is None:
                 raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
-            found = read_scenario(from_run, scenario)
-            result = simulated(found.loop, found.seed, kick)
+            repeated = read_scenario(from_run, scenario)
+            result = simulated(repeated.loop, repeated.seed, kick)
         else:
             from scenarios.spec import load_loop
 
@@ -83,11 +99,26 @@ def simulate(
 
 @app.command(epilog=examples("valve --model choudhury --param S=5 --param J=2 op.csv -o mv.csv"))
 def valve(
-    source: Annotated[Path, Argument(metavar="IN.csv", help="Table with a column op.")],
-    model: Annotated[str, Option(help="Valve model.")],
-    out: Annotated[Path, Option("-o", "--out", help="Table to write, with a column mv.")],
+    source: Annotated[
+        Path,
+        Argument(
+            metavar="IN.csv", help="Read the controller output from the column op of this table."
+        ),
+    ],
+    model: Annotated[
+        str, Option(help="Use this valve model; `simbench list valves` names them all.")
+    ],
+    out: Annotated[
+        Path,
+        Option("-o", "--out", help="Write the table with an added column mv, the valve position."),
+    ],
     param: Annotated[
-        list[str] | None, Option("--param", metavar="NAME=VALUE", help="Repeatable.")
+        list[str] | None,
+        Option(
+            "--param",
+            metavar="NAME=VALUE",
+            help="Set a parameter of the valve model; may be repeated.",
+        ),
     ] = None,
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
@@ -103,12 +134,17 @@ def valve(
 
 
 @app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))
-def predict(loop: Annotated[Path, Argument(metavar="LOOP.toml")], as_json: Json = False) -> None:
-    """Say what theory expects of a loop: table, describing function, exact cycle."""
+def predict(
+    loop: Annotated[
+        Path, Argument(metavar="LOOP.toml", help="Predict the limit cycle of this loop file.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Predict a loop's limit cycle by Table 11.3, the describing function and the exact cycle."""
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text
     from simbench.theory.predict import predict as theory
 
     with naming(loop):
-        found = theory(load_loop(loop))
-    show(found if as_json else as_text(found), as_json)
+        prediction = theory(load_loop(loop))
+    show(prediction if as_json else as_text(prediction), as_json)

@@ -41,7 +41,7 @@ class Phase:
     Kc: float  # controller gain (% per PV unit)
     period: float  # s; NaN when there is no sustained oscillation
     amplitude: float  # of OP (%), as sqrt(2) times its standard deviation
-    # whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100,
+    # whether OP rests at its lowest or highest value for more than 2 % of the time: at 0 or 100,
     # or elsewhere for 3 samples or more at a time (the crest of a smooth wave may meet one value in
     # every cycle)
     saturated: bool
@@ -144,10 +144,10 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
         )
     result = None
     for nudge in NUDGES:
-        found = _with_nudge(loop, factor, seed, nudge)
-        if result is None or not np.isnan(found.shift):
-            result = found
-        if not np.isnan(found.shift):
+        outcome = _with_nudge(loop, factor, seed, nudge)
+        if result is None or not np.isnan(outcome.shift):
+            result = outcome
+        if not np.isnan(outcome.shift):
             break
     assert result is not None
     return result
@@ -157,14 +157,14 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     """Return period and amplitude of an oscillating OP; the period is NaN when it is not
     sustained.
     """
-    found = oscillation_of(op, Ts)
+    cycle = oscillation_of(op, Ts)
     amplitude = float(np.sqrt(2) * op.std())
-    seen = found.sustained and amplitude > _SMALLEST
+    seen = cycle.sustained and amplitude > _SMALLEST
     at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
     saturated = bool(amplitude > _SMALLEST and at_ends > 0.02)
     if not seen:
         return Phase(Kc, np.nan, amplitude, saturated)
-    return Phase(Kc, found.period_s, amplitude, saturated, _period_error(op, Ts))
+    return Phase(Kc, cycle.period_s, amplitude, saturated, _period_error(op, Ts))
 
 
 def _period_error(op: np.ndarray, Ts: float) -> float:
@@ -188,7 +188,7 @@ def _interval(value: float, error: float) -> tuple[float, float] | None:
 
 
 def _standing(op: np.ndarray, value: float) -> float:
-    """Return the share of the time that OP stands at a value."""
+    """Return the share of the time that OP rests at a value."""
     length = holds(op)
     there = op[np.cumsum(length) - 1] == value
     return float(length[there & ((length >= 3) | (value in (0.0, 100.0)))].sum() / op.size)
@@ -246,20 +246,20 @@ def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
     shift = abs(after.period / before.period - 1)
     if before.saturated or after.saturated:
         return "no_decision", "OP runs into its limits, where the gain does not act", shift
-    says = (
+    both = (
         f"Kc changed by {change:+.0f} % and the period by"
         f" {100 * (after.period / before.period - 1):+.1f} %"
     )
     if shift <= SHIFT:
-        return "no_stiction", f"{says}: the oscillation comes from outside this loop", shift
+        return "no_stiction", f"{both}: the oscillation comes from outside this loop", shift
     ratio = after.amplitude / before.amplitude
     if not 1 / _KEPT <= ratio <= _KEPT:
         return (
             "no_decision",
-            f"{says}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit",
+            f"{both}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit",
             shift,
         )
-    return "stiction", f"{says} while OP kept its amplitude", shift
+    return "stiction", f"{both} while OP kept its amplitude", shift
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:

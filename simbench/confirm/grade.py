@@ -102,7 +102,7 @@ def graded_test(loop: Loop) -> _GradedTest:
 
 @dataclass(frozen=True, eq=False)
 class _GradedTest:
-    """A travel test and what Table 11.1 says of the loop."""
+    """A travel test and its grades by Table 11.1."""
 
     test: TravelTest
     grades: tuple[_Grade, ...]

@@ -33,10 +33,10 @@ def controller_gain(record: LoopRecord) -> float | None:
     """
     steps, error = np.diff(record.op), record.e
     columns = np.column_stack([np.diff(error), error[1:]])
-    found = np.linalg.lstsq(columns, steps, rcond=None)[0]
-    left = steps - columns @ found
+    gains = np.linalg.lstsq(columns, steps, rcond=None)[0]
+    left = steps - columns @ gains
     explained = 1.0 - float(left @ left) / max(float(steps @ steps), 1e-300)
-    return abs(float(found[0])) if explained >= _EXPLAINED else None
+    return abs(float(gains[0])) if explained >= _EXPLAINED else None
 
 
 def gain_change_recorded(
@@ -140,7 +140,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
 
     Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on
     in the direction of the last movement, S when it goes against it. A sum that one step alone
-    makes up says no more than that step: only sums of small steps, up to a third of the largest,
+    makes up shows no more than that step: only sums of small steps, up to a third of the largest,
     count.
     """
     op = record.op if record.op_percent is None else record.op_percent
@@ -160,7 +160,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     phase, side, total = np.zeros(op.size, dtype=int), 0.0, 0.0
     since = 0
     for k, step in enumerate(steps):
-        # with its sign: the valve stands where it last moved, however OP wanders before it moves
+        # with its sign: the valve is where it last moved, however OP wanders before it moves
         # again
         total += step
         change = abs(seen[k + 1] - seen[since])
@@ -179,7 +179,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
         side, total, since = float(np.sign(total)), 0.0, k + 1
     fine = np.abs(steps)[np.abs(steps) <= small]
     increment = float(np.median(fine)) if fine.size else float(np.abs(steps).min())
-    return _told(
+    return _outcome(
         sums[True],
         sums[False],
         increment,
@@ -210,7 +210,7 @@ def _readings(
     return seen, error
 
 
-def _told(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
+def _outcome(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
     sticky = None if back is None else bool(back > 2 * increment + 1e-9)
     if same is None and back is None:
         reason = (

@@ -38,7 +38,7 @@ class TravelTest:
     reversed: float | None
     increment: float  # size of a small step (%); both sums may be too large by one
     wait: float  # Time (s) given to every step
-    sticky: bool | None  # whether S exceeds two small steps; None when it was not found
+    sticky: bool | None  # whether S exceeds two small steps; None when it is not known
     reason: str  # one sentence
     Ts: float  # sampling period (s)
     phase: np.ndarray  # (n,) 0 big steps, 1 small steps in the same direction, 2 reversed

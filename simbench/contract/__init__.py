@@ -2,8 +2,6 @@
 contract?
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable
 from pathlib import Path

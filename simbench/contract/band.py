@@ -1,7 +1,5 @@
 """A valve's stick band and slip jump measured: what it does, to be held against what it maps on."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import ModuleType
 from typing import Any
@@ -10,11 +8,11 @@ import numpy as np
 
 from simbench.loop.response import stages_response
 
-_STEP = 0.02  # % of travel by which OP moves per sample: slow against every valve's own motion
+_STEP = 0.02  # % of travel by which OP moves per sample: slow against the motion of every valve
 # OP turns at ever other places: a valve that stops at every sample is met in every phase
 _TURNS = (1.0, -1.0, 0.97, -1.03, 0.94, -0.91, 0.96, -0.99, 0.93, -0.95)
-_NEAR = 0.15  # of S or J, and beside it
-_BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is what was said
+_NEAR = 0.15  # of S or J, besides the tolerance below
+_BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is as claimed
 
 
 def measured_band(
@@ -72,8 +70,8 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
 def _without_memory(
     stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13
 ) -> bool:
-    """Return whether MV takes the same way up and down: at a travel stop it stands too, but holds
-    nothing back.
+    """Return whether MV takes the same way up and down: at a travel stop it does not move
+    either, but holds nothing back.
     """
     up = middle + np.arange(-reach, reach, 50 * _STEP)
     mv = stages_response(tuple(stages), np.concatenate([up, up[::-1]]), float(up[0]))

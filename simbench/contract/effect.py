@@ -1,8 +1,6 @@
 """The contract every effect keeps: words and ranges, nothing at no strength, something at some,
-where it says it acts.
+where it claims to act.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterator
@@ -38,7 +36,7 @@ _LEVEL = {
     "plant": {"type": "integrating", "K": 0.05, "Td": 2.0},
     "controller": {"type": "PI", "Kc": 2.0, "Ti": 60.0},
 }
-# shares of the way from no strength to the end of the range; times its own size where there is no
+# shares of the way from no strength to the end of the range; times its size where there is no
 # end
 _SHARES, _TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 50.0)
 
@@ -62,12 +60,12 @@ def check_effect(name: str) -> Contract:
             " recognised"
         )
         return Contract("effect", name, tuple(broken), (note,))
-    found = check_recogniser(name)
+    recognised = check_recogniser(name)
     return Contract(
         "effect",
         name,
-        (*broken, *(f"its recogniser {fault}" for fault in found.broken)),
-        found.notes,
+        (*broken, *(f"its recogniser {fault}" for fault in recognised.broken)),
+        recognised.notes,
     )
 
 
@@ -96,7 +94,7 @@ def _description(module: ModuleType) -> Iterator[str]:
 
 
 def no_strength(module: ModuleType) -> dict[str, float | str]:
-    """Return the parameters under which an effect says it does nothing."""
+    """Return the parameters under which an effect does nothing."""
     return {
         k: r.names[0] if isinstance(r, Choice) else r.identity for k, r in module.PARAMETERS.items()
     }
@@ -134,14 +132,14 @@ def _away(rule: Number, i: int, up: bool) -> float:
 
 def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
     for table in (_EFFECT_LOOP, _LEVEL):
-        found, plain = (
+        answer, plain = (
             _run(name, no_strength(module), table),
             simulate(Loop.from_table(table), seed=3).record,
         )
         where = table["plant"]["type"]
-        if found.faults:
-            yield from found.at(f"at no strength ({where} plant)")
-        elif found.refusal is None and not _same(found.value, plain):
+        if answer.faults:
+            yield from answer.at(f"at no strength ({where} plant)")
+        elif answer.refusal is None and not _same(answer.value, plain):
             yield (
                 "is not the identity at no strength: the record changes at"
                 f" {shown(no_strength(module))} ({where} plant)"
@@ -151,19 +149,19 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
 def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
     plain, refused = simulate(Loop.from_table(_EFFECT_LOOP), seed=3).record, ""
     for table in strengths(module):
-        found = _run(name, table)
-        if found.faults:
-            yield from found.at(f"at {shown(table)}")
+        answer = _run(name, table)
+        if answer.faults:
+            yield from answer.at(f"at {shown(table)}")
             return
-        refused = str(found.refusal or "")
-        if found.refusal is not None or _same(found.value, plain):
+        refused = str(answer.refusal or "")
+        if answer.refusal is not None or _same(answer.value, plain):
             continue
-        if not _same(found.value, _run(name, table).value):
+        if not _same(answer.value, _run(name, table).value):
             yield (
                 f"is not deterministic: the same seed gives another record at {shown(table)}; draw"
                 " from apply's rng"
             )
-        if np.array_equal(found.value.op, plain.op) != (module.ACTS == "record"):
+        if np.array_equal(answer.value.op, plain.op) != (module.ACTS == "record"):
             moved = "stays as it was" if module.ACTS == "loop" else "changes too"
             yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {shown(table)}"
         yield from _label(name, table)
@@ -193,10 +191,10 @@ def _loop(
 def _run(
     name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP
 ) -> Guarded:
-    found = call_guarded(lambda: simulate(_loop(name, parameters, table), seed=3).record)
-    if isinstance(found.refusal, RecordError):  # what the effect made of the signals is none
-        found.faults.append(f"makes a record that is none ({found.refusal})")
-    return found
+    answer = call_guarded(lambda: simulate(_loop(name, parameters, table), seed=3).record)
+    if isinstance(answer.refusal, RecordError):  # what the effect made of the signals is none
+        answer.faults.append(f"makes a record that is none ({answer.refusal})")
+    return answer
 
 
 def _same(a: LoopRecord, b: LoopRecord) -> bool:

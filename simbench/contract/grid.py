@@ -2,17 +2,16 @@
 no two scenarios are one.
 """
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from detectors.contract.detector import Contract
 from detectors.contract.watch import call_guarded
 from scenarios.errors import SpecError
 from scenarios.grid import Grid, Group, load_grid
-from scenarios.spec import Scenario, read_toml
+from scenarios.spec import read_toml
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.resolve import resolve_loop
 
@@ -42,11 +41,11 @@ def check_grid(path: str | Path) -> Contract:
         groups = list(grid.groups())
     except SpecError as error:
         return Contract("grid", path.stem, (str(error),))
-    broken = [*_words(grid), *_repeated(grid, groups), *_scenarios(grid, groups)]
+    broken = [*_words(grid, groups), *_scenarios(grid, groups)]
     return Contract("grid", path.stem, tuple(dict.fromkeys(broken)))
 
 
-def _words(grid: Grid) -> Iterator[str]:
+def _words(grid: Grid, groups: list[Group]) -> Iterator[str]:
     if not grid.title.strip():
         yield "title is empty"
     for name, times in Counter(block.name for block in grid.content.block).items():
@@ -54,9 +53,6 @@ def _words(grid: Grid) -> Iterator[str]:
             yield f"{times} blocks are called {name!r}"
     if not len(grid):
         yield "holds no scenario"
-
-
-def _repeated(grid: Grid, groups: list[Group]) -> Iterator[str]:
     if groups and groups[-1] != grid.group(len(groups) - 1):
         yield "is not deterministic: a group built twice is two groups"
 
@@ -64,28 +60,27 @@ def _repeated(grid: Grid, groups: list[Group]) -> Iterator[str]:
 def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
     # in a plain grid every draft is its scenario; in a ruled one the first of each block stand for
     # the rest
-    chosen = (
-        range(len(groups))
-        if grid.content.loop is not None
-        else sorted({*grid.samples(), *_spread(len(groups))})
-    )
+    count = len(groups)
+    chosen = range(count)
+    if grid.content.loop is None:
+        spread = (i * count // _GROUPS_SETTLED for i in range(_GROUPS_SETTLED) if count)
+        chosen = sorted({*grid.samples(), *spread})
     ids: dict[str, str] = {}
     for i in chosen:
-        settled = call_guarded(lambda i=i: resolve(groups[i]))
-        said = settled.faults or ([str(settled.refusal)] if settled.refusal else [])
-        yield from (f"group {i}: {fault}" for fault in said)
-        for scenario in settled.value or ():
+        faults, scenarios = _answer(lambda i=i: resolve(groups[i]))
+        yield from (f"group {i}: {fault}" for fault in faults)
+        for scenario in scenarios or ():
             place = f"group {i}, member {scenario.tags.get('member')}"
             if scenario.id in ids:
                 yield f"{place} is the same scenario as {ids[scenario.id]}"
             ids[scenario.id] = place
-            yield from (f"{place}: {fault}" for fault in _part_faults(scenario))
+            faults, _ = _answer(
+                lambda scenario=scenario: resolve_loop(scenario.loop, scenario.seed)
+            )
+            yield from (f"{place}: {fault}" for fault in faults)
 
 
-def _part_faults(scenario: Scenario) -> list[str]:
-    found = call_guarded(lambda: resolve_loop(scenario.loop, scenario.seed))
-    return found.faults or ([str(found.refusal)] if found.refusal else [])
-
-
-def _spread(count: int) -> list[int]:
-    return sorted({i * count // _GROUPS_SETTLED for i in range(_GROUPS_SETTLED)}) if count else []
+def _answer(work: Callable[[], Any]) -> tuple[list[str], Any]:
+    """Return why a call gives no answer, and the answer."""
+    answer = call_guarded(work)
+    return answer.faults or ([str(answer.refusal)] if answer.refusal else []), answer.value

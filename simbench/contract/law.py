@@ -1,10 +1,9 @@
-"""The contract every plant and controller plug-in keeps: what it says of itself, its rest, its
+"""The contract every plant and controller plug-in keeps: its description, its rest, its
 step, and that it is a law.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -36,7 +35,7 @@ _KEPT = {
     "controller": ("type", "direction", "sign", "Ts", "op0", "pv0", "lo", "hi"),
 }
 _AT_REST = 1e-9  # PV units or % by which what is at rest may move
-_SAME = 1e-6  # share of its answer by which a plant may miss the transfer function it says it has
+_SAME = 1e-6  # share of its answer by which a plant may miss its claimed transfer function
 _LONG = 20_000  # samples under a constant error
 
 
@@ -86,74 +85,66 @@ def _description(kind: str, module: ModuleType) -> Iterator[str]:
 
 
 def _walked(
-    what: str, start: Callable[[], Any], step: Callable[[Any], Any], count: int
+    what: str, start: Callable[[], Any], step: Callable[[float, Any], Any], size: float, count: int
 ) -> tuple[np.ndarray, list[str]]:
-    """Return the first number of every state from `start` over some steps, and what is wrong with
-    them.
+    """Return the first number of every state from `start` over some steps under a constant input,
+    and what is wrong with them.
     """
+    what = what.format(size)
 
     def walk() -> list[tuple]:
         states = [start()]
-        for _ in range(count):
-            if (
-                not isinstance(states[-1], tuple)
-                or not states[-1]
-                or len(states[-1]) != len(states[0])
-            ):
-                break
-            states.append(step(states[-1]))
+        while len(states) <= count and _is_state(states[-1], states[0]):
+            states.append(step(size, states[-1]))
         return states
 
-    found = call_guarded(walk)
-    if found.faults or found.refusal:
-        return np.empty(0), [f"{fault}, {what}" for fault in found.unanswered()]
-    last = found.value[-1]
-    if not isinstance(last, tuple) or not last or len(last) != len(found.value[0]):
-        return np.empty(0), [
-            f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
-        ]
-    first = [s[0] for s in found.value]
-    if not np.isfinite(first).all():
-        return np.empty(0), [f"gives values that are not finite, {what}"]
-    return np.array(first, dtype=float), []
+    answer = call_guarded(walk)
+    if answer.faults or answer.refusal:
+        return np.empty(0), [f"{fault}, {what}" for fault in answer.unanswered()]
+    last = answer.value[-1]
+    if not _is_state(last, answer.value[0]):
+        fault = f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
+        return np.empty(0), [fault]
+    first = np.array([s[0] for s in answer.value], dtype=float)
+    faults = [] if np.isfinite(first).all() else [f"gives values that are not finite, {what}"]
+    return first, faults
+
+
+def _is_state(state: Any, first: Any) -> bool:
+    return isinstance(state, tuple) and 0 < len(state) == len(first)
 
 
 def _plant_faults(setup: Setup) -> Iterator[str]:
     assert setup.plant_plugin is not None
     module, p = setup.plant_plugin
 
-    def under(w: float, count: int) -> tuple[np.ndarray, list[str]]:
-        return _walked(
-            f"with MV {w:g} % off rest",
-            lambda: module.start(p),
-            lambda s: module.step(w, w, s, p),
-            count,
-        )
-
+    under = partial(
+        _walked,
+        "with MV {:g} % off rest",
+        lambda: module.start(p),
+        lambda w, s: module.step(w, w, s, p),
+    )
     rest, faults = under(0.0, 100)
     up, more = under(1.0, 400)
     yield from (*faults, *more)
     if faults or more:
         return
     if np.abs(rest).max() > _AT_REST:
-        yield (
-            f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under an MV that stands"
-            " still"
-        )
+        yield (f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under a constant MV")
     if np.ptp(up) <= _AT_REST:
         yield "does not answer: PV stays under an MV of 1 % off rest"
     if not np.array_equal(up, under(1.0, 400)[0]):
         yield "is not deterministic: the same MV gives another PV the second time"
     if hasattr(module, "linear"):
         g = sample(setup.num, setup.den, 0.0, setup.Ts)
-        x, told = np.zeros(g.order), [0.0]
+        x, expected = np.zeros(g.order), [0.0]
         for _ in range(400):
             x = g.A @ x + g.B_old + g.B_new
-            told.append(float(g.C @ x))
-        if np.abs(up - told).max() > _SAME * np.abs(told).max():
+            expected.append(float(g.C @ x))
+        if np.abs(up - expected).max() > _SAME * np.abs(expected).max():
             yield (
                 "says linear(p), but its step response differs from it by up to"
-                f" {np.abs(up - told).max():.3g}"
+                f" {np.abs(up - expected).max():.3g}"
             )
 
 
@@ -161,24 +152,20 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
     assert setup.control_plugin is not None
     module, p = setup.control_plugin
 
-    def under(e: float, count: int) -> tuple[np.ndarray, list[str]]:
-        return _walked(
-            f"under an error of {e:g}",
-            lambda: module.start(p),
-            lambda s: module.step(e, setup.pv0, s, p),
-            count,
-        )
-
+    under = partial(
+        _walked,
+        "under an error of {:g}",
+        lambda: module.start(p),
+        lambda e, s: module.step(e, setup.pv0, s, p),
+    )
     rest, faults = under(0.0, 100)
     pushed, more = under(1.0, _LONG)
     yield from (*faults, *more)
     if faults or more:
         return
     if np.abs(rest - setup.op0).max() > _AT_REST:
-        yield (
-            f"does not stay at rest: OP moves by {np.abs(rest - setup.op0).max():.3g} % without an"
-            " error"
-        )
+        moved = np.abs(rest - setup.op0).max()
+        yield f"does not stay at rest: OP moves by {moved:.3g} % without an error"
     if pushed.min() < p.lo or pushed.max() > p.hi:
         yield (
             f"leaves its limits: OP from {pushed.min():.4g} to {pushed.max():.4g}, within"

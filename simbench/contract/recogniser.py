@@ -2,8 +2,6 @@
 effect's ranges allow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
@@ -52,7 +50,7 @@ def check_recogniser(name: str) -> Contract:
 
 @cache
 def _compared() -> tuple[Situation, Engine, Fit]:
-    """Return a short record beside its own baseline, and its fit without effect."""
+    """Return a short record with its baseline, and its fit without effect."""
     loop = Loop.from_table(_RECOGNISER_LOOP)
     situation = check(simulate(loop, seed=5).record.without_mv(), loop)
     engine = Engine(situation.data, load_memory(situation))

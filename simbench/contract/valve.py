@@ -1,8 +1,6 @@
-"""The contract every valve model and stage keeps: what it says of itself, its step, and the band it
-says it has.
+"""The contract every valve model and stage keeps: its description, its step, and the band it
+claims to have.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
@@ -56,12 +54,12 @@ def check_valve(name: str) -> Contract:
 
 
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
-    """Return two sets of parameters that a valve takes, and what it said to those it refused.
+    """Return two sets of parameters that a valve takes, and why it refused others.
 
     >>> _example_tables(VALVES.load("deadband"))[0]
     [{'S': 4.0}, {'S': 7.0}]
     """
-    found, refused = [], ""
+    tables, refused = [], ""
     for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
         table = {
             key: inside(rule, percent)
@@ -72,10 +70,10 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
             table |= band
         try:
             valve_parameters(module, table, 1.0)
-            found.append(table)
+            tables.append(table)
         except UserError as error:
             refused = str(error)
-    return [t for i, t in enumerate(found) if t not in found[:i]], refused
+    return [t for i, t in enumerate(tables) if t not in tables[:i]], refused
 
 
 def inside(rule: Number | Choice, percent: float) -> float | str:
@@ -183,8 +181,8 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
     )
     if np.any(np.abs(rest - begun) > _AT_REST):
         yield (
-            f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that"
-            " stands still"
+            f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under a"
+            " constant OP"
         )
 
 
@@ -192,27 +190,27 @@ def both_ways(run: Callable[[bool], Any]) -> tuple[list[Any], list[str]]:
     """Return what a run answers in plain Python and compiled, or why one of them does not."""
     answers = []
     for plain, how in ((True, "in plain Python"), (False, "compiled")):
-        found = call_guarded(partial(run, plain))
-        if faults := found.unanswered():
+        answer = call_guarded(partial(run, plain))
+        if faults := answer.unanswered():
             return [], [f"{' '.join(fault.split())[:300]}, {how}" for fault in faults]
-        answers.append(found.value)
+        answers.append(answer.value)
     return answers, []
 
 
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     p = valve_parameters(module, table, 1.0)
-    found = call_guarded(
+    answer = call_guarded(
         lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0)
     )
-    if found.faults or not isinstance(found.value, tuple) or len(found.value) != 2:
-        said = (
-            found.faults[0]
-            if found.faults
-            else f"is {found.value!r}, two numbers (S, J) are needed"
+    if answer.faults or not isinstance(answer.value, tuple) or len(answer.value) != 2:
+        words = (
+            answer.faults[0]
+            if answer.faults
+            else f"is {answer.value!r}, two numbers (S, J) are needed"
         )
-        yield f"mapped_SJ {said}"
+        yield f"mapped_SJ {words}"
         return
-    S, J = (float(x) for x in found.value)
+    S, J = (float(x) for x in answer.value)
     if not (0.0 <= S <= 100.0 and 0.0 <= J <= 200.0):
         yield f"maps on S = {S:g}, J = {J:g}; % of travel are needed"
     elif (S > 0.0) != module.FRICTION:
@@ -223,8 +221,8 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
 def shown(table: dict[str, Any]) -> str:
     """Return parameters in words."""
-    said = (
+    words = (
         f"{key} = {value if isinstance(value, str) else f'{value:g}'}"
         for key, value in table.items()
     )
-    return ", ".join(said) or "defaults"
+    return ", ".join(words) or "defaults"

@@ -2,8 +2,6 @@
 load, loops that run again.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from types import ModuleType
@@ -90,10 +88,12 @@ def _entries(module: ModuleType) -> list[dict[str, Any]]:
 
 def _faults(module: ModuleType, entry: dict[str, Any], item: Any) -> list[str]:
     """Return what is wrong with what a world drew, and with the loop that it runs again."""
-    found = call_guarded(
+    guarded = call_guarded(
         lambda: [*_signals(item, entry), *_truth(item, entry), *_again(module, entry, item)]
     )
-    return found.faults + ([str(found.refusal)] if found.refusal else []) + (found.value or [])
+    return (
+        guarded.faults + ([str(guarded.refusal)] if guarded.refusal else []) + (guarded.value or [])
+    )
 
 
 def _signals(item: Any, entry: dict[str, Any]) -> Iterator[str]:
@@ -110,35 +110,35 @@ def _signals(item: Any, entry: dict[str, Any]) -> Iterator[str]:
 
 
 def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
-    said = item.answer
-    missing = [key for key in _ANSWER if key not in said]
+    answer = item.answer
+    missing = [key for key in _ANSWER if key not in answer]
     if missing:
         yield f"the answer lacks {', '.join(missing)}"
         return
     wanted = {"none": NONE, "foreign": UNKNOWN, "single": entry.get("effect")}.get(
-        entry["kind"], said["effect"]
+        entry["kind"], answer["effect"]
     )
-    if said["kind"] != entry["kind"] or said["effect"] != wanted:
+    if answer["kind"] != entry["kind"] or answer["effect"] != wanted:
         yield (
-            f"the answer says {said['kind']} {said['effect']!r}, asked was {entry['kind']}"
+            f"the answer says {answer['kind']} {answer['effect']!r}, asked was {entry['kind']}"
             f" {wanted!r}"
         )
-    if entry["kind"] == "foreign" and said["foreign"] != entry["effect"]:
-        yield f"the answer's foreign fault is {said['foreign']!r}, asked was {entry['effect']!r}"
+    if entry["kind"] == "foreign" and answer["foreign"] != entry["effect"]:
+        yield f"the answer's foreign fault is {answer['foreign']!r}, asked was {entry['effect']!r}"
     for effect, table, block in (
         ("effect", "parameters", "block"),
         ("effect2", "parameters2", "block2"),
     ):
-        known = WORLD_EFFECTS.get(said.get(effect, ""))
+        known = WORLD_EFFECTS.get(answer.get(effect, ""))
         if known is None:
             continue
-        if not set(said.get(table, {})) <= set(known.parameters):
+        if not set(answer.get(table, {})) <= set(known.parameters):
             yield (
-                f"{table} of {said[effect]} are {sorted(said[table])}, known:"
+                f"{table} of {answer[effect]} are {sorted(answer[table])}, known:"
                 f" {', '.join(known.parameters)}"
             )
-        if said.get(block) != known.block:
-            yield f"{block} of {said[effect]} is {said.get(block)!r}, it is {known.block}"
+        if answer.get(block) != known.block:
+            yield f"{block} of {answer[effect]} is {answer.get(block)!r}, it is {known.block}"
 
 
 def _again(module: ModuleType, entry: dict[str, Any], item: Any) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """The chapter's figures and tables, one file each: `data()` returns the numbers drawn, `draw(data)`
 the picture.
 
-A file here is a figure: its name with hyphens for underscores is the id. `SOURCE` says where the
-original stands. The name of `data`'s parameter says what the figure needs: none, `isdb` (ISDB file
+A file here is a figure: its name with hyphens for underscores is the id. `SOURCE` names the
+original. The name of `data`'s parameter is what the figure needs: none, `isdb` (ISDB file
 or folder of real records) or `run` (folder of a run). Files that begin with an underscore are
 shared by the figures and are no figures themselves.
 """
@@ -38,14 +38,15 @@ def draw_history(history: History, path) -> None:
     write_picture(draw(history.table), path)
 
 
-def draw_map(found: GridMap) -> None:
+def draw_map(grid_map: GridMap) -> None:
     """Write a picture per method of a map, METHOD.svg in its folder; see
     `simbench.figures._map`.
     """
     from simbench.figures._map import draw
     from simbench.figures._style import write_picture
 
-    for method, part in found.table.groupby("method", sort=False):
+    for method, part in grid_map.table.groupby("method", sort=False):
         write_picture(
-            draw(part, str(method), found.axes, found.values), found.folder / f"{method}.svg"
+            draw(part, str(method), grid_map.axes, grid_map.values),
+            grid_map.folder / f"{method}.svg",
         )

@@ -1,4 +1,4 @@
-"""The diagnosis procedure as a flow chart, laid out from its own steps, with the path of one
+"""The diagnosis procedure as a flow chart, laid out from its steps, with the path of one
 diagnosis marked on it.
 """
 
@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from detectors.procedure import CONCLUSIONS, FLOW
-from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, write_picture
+from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
@@ -41,28 +41,29 @@ def flow_table() -> pd.DataFrame:
 
 @styled
 def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> Figure:
-    """Draw questions downwards and conclusions beside the question that leads to them."""
+    """Draw questions downwards and conclusions next to the question that leads to them."""
     questions = list(dict.fromkeys(table["source"]))
     texts = {
         q: textwrap.fill(part["question"].iloc[0], 36)
         for q, part in table.groupby("source", sort=False)
     }
     ends: dict[str, list[str]] = {q: [] for q in questions}
-    says = {}
+    conclusions = {}
     for row in table[table["verdict"] != ""].to_dict("records"):
-        if row["target"] not in says:
+        if row["target"] not in conclusions:
             ends[row["source"]].append(row["target"])
-            says[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
-    # rows from the top, as high as what stands in them
+            conclusions[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
+    # rows from the top, as high as their texts
     heights = {
-        name: (text.count("\n") + 1) * _LINE + 2 * _PAD for name, text in {**texts, **says}.items()
+        name: (text.count("\n") + 1) * _LINE + 2 * _PAD
+        for name, text in {**texts, **conclusions}.items()
     }
     top, middle = 0.0, {}
     for q in questions:
-        beside = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
-        tall = max(heights[q], beside)
+        stacked = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
+        tall = max(heights[q], stacked)
         middle[q] = top - tall / 2
-        at = top - tall / 2 + beside / 2
+        at = top - tall / 2 + stacked / 2
         for c in ends[q]:
             middle[c] = at - heights[c] / 2
             at -= heights[c] + 0.14
@@ -84,11 +85,11 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
     for source, target in dict.fromkeys(zip(table["source"], table["target"])):
         part = table[(table["source"] == source) & (table["target"] == target)]
         # of several answers with one target only the one taken is named
-        told = [a for a in part["answer"] if (source, a) in taken] or list(part["answer"])
-        answers = " / ".join(told)
-        ink = RED if (source, told[0]) in taken else BLACK
+        named = [a for a in part["answer"] if (source, a) in taken] or list(part["answer"])
+        answers = " / ".join(named)
+        ink = RED if (source, named[0]) in taken else BLACK
         y, z = middle[source], middle[target]
-        if target in says:
+        if target in conclusions:
             x, bend = left + _BOX + _GAP, left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
             path, at = (
@@ -100,7 +101,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
                 z,
             )
             if target not in ends[source]:
-                # it stands beside an earlier question, whose own answer has its place there: named
+                # it is drawn next to an earlier question, whose answer is named there: this one
                 # where it leaves
                 at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
                 path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
@@ -123,7 +124,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             lane = left - 0.3 - 0.42 * skips.index((str(source), str(target)))
             _arrow(axes, [(left, y), (lane, y), (lane, z), (left, z)], ink)
             axes.text(lane + 0.04, y + 0.04, answers, fontsize=7.5, va="bottom", color=ink)
-    for c, text in says.items():
+    for c, text in conclusions.items():
         pairs = table[table["target"] == c][["source", "answer"]].itertuples(index=False, name=None)
         reached = any(p in taken for p in pairs)
         frame = left + _BOX + _GAP, middle[c], 3.95, heights[c]
@@ -151,11 +152,8 @@ def _box(
     style = "round,pad=0,rounding_size=0.06"
     face = "#FBE9DF" if marked else "white"
     ink = RED if marked else edge
-    axes.add_patch(
-        FancyBboxPatch(
-            (x, y - height / 2), width, height, style, facecolor=face, edgecolor=ink, linewidth=1.1
-        )
-    )
+    look = {"facecolor": face, "edgecolor": ink, "linewidth": 1.1}
+    axes.add_patch(FancyBboxPatch((x, y - height / 2), width, height, style, **look))
     if not bold:
         axes.text(x + width / 2, y, text, ha="center", va="center", fontsize=8.5)
         return
@@ -167,12 +165,4 @@ def _box(
 
 def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
     axes.plot(*zip(*points[:-1]), color=colour, linewidth=1.0, solid_joinstyle="miter")
-    arrow = {
-        "arrowstyle": "-|>",
-        "color": colour,
-        "linewidth": 1.0,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 9,
-    }
-    axes.annotate("", points[-1], points[-2], arrowprops=arrow)
+    arrow(axes, points[-2], points[-1], "-|>", color=colour, linewidth=1.0, mutation_scale=9)

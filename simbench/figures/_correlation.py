@@ -1,7 +1,5 @@
 """The cross-correlation of OP and PV near lag 0, with Horch's points on it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +22,9 @@ class _Marks:
     phi_max: float
     dtau: float
     drho: float
+
+    def __str__(self) -> str:
+        return f"Δτ = {self.dtau:.2f}, Δρ = {self.drho:.2f}"
 
 
 def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
@@ -57,25 +58,19 @@ def marks(table: pd.DataFrame) -> _Marks:
     top = float(np.sign(phi[zero]) * np.abs(near).max())
     tau_l, tau_r = map(float, crossing)
     now = float(phi[zero])
-    return _Marks(
-        tau_l,
-        tau_r,
-        now,
-        top,
-        abs(tau_l - tau_r) / (tau_l + tau_r),
-        abs(now - top) / abs(now + top),
-    )
+    dtau, drho = abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top)
+    return _Marks(tau_l, tau_r, now, top, dtau, drho)
 
 
 def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> _Marks:
     """Draw a cross-correlation with its zero crossings and its values at lag 0 and at the peak."""
-    found = marks(table)
+    points = marks(table)
     axes.axhline(0, color=GREY, linewidth=0.6)
     axes.axvline(0, color=GREY, linewidth=0.6)
     axes.plot(table["lag (s)"], table["Phi (-)"], color=BLUE)
     axes.plot(
-        [-found.tau_l, found.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4
+        [-points.tau_l, points.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4
     )
-    axes.plot([0], [found.phi_0], "ko", zorder=4)
+    axes.plot([0], [points.phi_0], "ko", zorder=4)
     label(axes, "lag τ (s)", "cross-correlation Φ (-)", title)
-    return found
+    return points

@@ -2,8 +2,6 @@
 in five rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -19,12 +17,12 @@ from simbench.theory.sampled import sampled_loop
 
 
 def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
-    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean
+    """Return whole periods of a sticky loop's cycle, begun where OP crosses its mean
     upwards.
     """
     Ts = loop.sampling.Ts
-    found = exact_cycle(sampled_loop(loop))
-    length = 1000 if found is None else round((2 * periods + 2) * found.period / Ts)
+    exact = exact_cycle(sampled_loop(loop))
+    length = 1000 if exact is None else round((2 * periods + 2) * exact.period / Ts)
     record = simulate(loop.with_("sampling.n", length), start=cycle_start(loop)).record
     op, mv, pv = record.op, record.mv, record.pv - record.sp
     at = zero_crossings(op - op.mean(), 0.25 * float(op.std()))
@@ -44,7 +42,7 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
 def panel_cycles(
     panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]
 ) -> pd.DataFrame:
-    """Return three periods of the cycle of every panel's loop, behind the panel, its ratio of dead
+    """Return three periods of the cycle of every panel's loop, after the panel, its ratio of dead
     time and its S/2J.
     """
     cycles = []

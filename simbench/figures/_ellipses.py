@@ -1,25 +1,23 @@
 """PV-OP plots with the ellipse fitted to them, its 10 % limits and its width along OP."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from detectors.signal.ellipse import TOLERANCE, Ellipse
-from simbench.figures._style import BLUE, GREY, ORANGE, RED, label
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, arrow, label
 
 
-def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+def ellipse_points(ellipse: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y of the ellipse, or of a concentric one of another size."""
     angle = np.linspace(0, 2 * np.pi, 181)
     # d' M d = |L' d|^2 with M = L L', so that L' d runs round a circle
-    L = np.linalg.cholesky([[found.A, found.B / 2], [found.B / 2, found.C]])
+    L = np.linalg.cholesky([[ellipse.A, ellipse.B / 2], [ellipse.B / 2, ellipse.C]])
     dx, dy = np.linalg.solve(L.T, size * np.array([np.cos(angle), np.sin(angle)]))
-    return found.x0 + dx, found.y0 + dy
+    return ellipse.x0 + dx, ellipse.y0 + dy
 
 
-def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFrame:
+def ellipse_table(op: np.ndarray, pv: np.ndarray, ellipse: Ellipse) -> pd.DataFrame:
     """Return the plotted points and the ellipse with its two limits, in long form."""
     curves = {"data": (op, pv)}
     for name, size in (
@@ -27,10 +25,10 @@ def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFram
         ("inner limit", 1.0 - TOLERANCE),
         ("outer limit", 1.0 + TOLERANCE),
     ):
-        curves[name] = ellipse_points(found, size)
+        curves[name] = ellipse_points(ellipse, size)
     frames = [pd.DataFrame({"curve": name, "OP": x, "PV": y}) for name, (x, y) in curves.items()]
     return pd.concat(frames, ignore_index=True).assign(
-        **{"fitness (-)": found.fitness(op, pv), "S_apparent": found.apparent_stiction}
+        **{"fitness (-)": ellipse.fitness(op, pv), "S_apparent": ellipse.apparent_stiction}
     )
 
 
@@ -41,11 +39,12 @@ def draw_ellipse(
     points, ring = data[data.curve == "data"], data[data.curve == "ellipse"]
     axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")
     axes.plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6, label="ellipse")
-    for name, says in (("inner limit", "±10 %"), ("outer limit", None)):
+    for name, caption in (("inner limit", "±10 %"), ("outer limit", None)):
         curve = data[data.curve == name]
-        axes.plot(curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=says)
+        axes.plot(
+            curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=caption
+        )
     half = float(data["S_apparent"].iloc[0]) / 2
     x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
-    arrow = {"arrowstyle": "<->", "color": ORANGE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", (x0 + half, y0), (x0 - half, y0), arrowprops=arrow)
+    arrow(axes, (x0 - half, y0), (x0 + half, y0), "<->", color=ORANGE, linewidth=1.6)
     label(axes, op_label, pv_label, title)

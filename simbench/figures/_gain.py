@@ -1,7 +1,5 @@
 """A controller gain change as table and picture: OP and PV around the change, with both periods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -15,24 +13,24 @@ _SHOWN = 5.5  # periods on either side of the change
 
 def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
     """Run the gain-change test and keep some periods around the change."""
-    found = gain_change(loop, factor)
-    t = (np.arange(found.trace.op.size) - found.changed) * found.Ts
+    result = gain_change(loop, factor)
+    t = (np.arange(result.trace.op.size) - result.changed) * result.Ts
     rows = []
-    for phase, chosen in ((found.before, t < 0), (found.after, t >= 0)):
+    for phase, chosen in ((result.before, t < 0), (result.after, t >= 0)):
         near = chosen & (np.abs(t) <= _SHOWN * phase.period)
         signals = {
             "t (s)": t[near],
-            "OP (%)": found.trace.op[near],
-            "PV": found.trace.pv[near] - loop.setpoint.value,
+            "OP (%)": result.trace.op[near],
+            "PV": result.trace.pv[near] - loop.setpoint.value,
         }
         # half peak-to-peak, without the transient right after the change
-        amplitude = np.ptp(found.trace.op[chosen][-round(5 * phase.period / found.Ts) :]) / 2
+        amplitude = np.ptp(result.trace.op[chosen][-round(5 * phase.period / result.Ts) :]) / 2
         rows.append(
             pd.DataFrame(signals).assign(
                 Kc=phase.Kc, **{"period (s)": phase.period, "amplitude (%)": amplitude}
             )
         )
-    return pd.concat(rows, ignore_index=True).assign(verdict=found.verdict)
+    return pd.concat(rows, ignore_index=True).assign(verdict=result.verdict)
 
 
 @styled

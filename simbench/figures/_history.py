@@ -1,7 +1,5 @@
 """Accuracy over the baselines that were kept, one line per method."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

@@ -1,30 +1,34 @@
-"""The tables of the loops that the figures simulate."""
-
-from __future__ import annotations
+"""The loops that the figures simulate."""
 
 from typing import Any
 
+from scenarios.spec import Loop
 
-def pi_table(
+
+def pi_loop(
     *,
-    T: float,
+    K: float = 1.0,
+    T: float | None = None,
     Td: float,
     Kc: float,
-    Ti: float,
+    Ti: float | None,
     Ts: float,
-    K: float = 1.0,
     n: int | None = None,
     **more: Any,
-) -> dict[str, Any]:
-    """Return the table of a PI loop around a first-order plant with dead time, for `n` samples, and
-    what else it has.
+) -> Loop:
+    """Return a PI loop around a first-order plant with dead time, for `n` samples, and what else it
+    has; without T the plant integrates, without Ti the controller is P.
     """
-    return {
-        "plant": {"type": "foptd", "K": K, "T": T, "Td": Td},
-        "controller": {"type": "PI", "Kc": Kc, "Ti": Ti},
-        "sampling": {"Ts": Ts} if n is None else {"Ts": Ts, "n": n},
-        **more,
-    }
+    plant = {"type": "integrating"} if T is None else {"type": "foptd", "T": T}
+    controller = {"type": "P"} if Ti is None else {"type": "PI", "Ti": Ti}
+    return Loop.from_table(
+        {
+            "plant": {**plant, "K": K, "Td": Td},
+            "controller": {**controller, "Kc": Kc},
+            "sampling": {"Ts": Ts} if n is None else {"Ts": Ts, "n": n},
+            **more,
+        }
+    )
 
 
 def choudhury(S: float, J: float) -> dict[str, Any]:

@@ -1,20 +1,14 @@
 """Draw figures by id and write each as SVG, PNG and CSV."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from detectors.errors import RecordError, UnknownName
 from detectors.records.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table
-
-if TYPE_CHECKING:
-    pass
 
 NEEDS = {"isdb": "ISDB", "run": "--run"}
 
@@ -67,21 +61,20 @@ def make_figures(
         if name != "all" and name not in known:
             raise UnknownName("figure", name, [*known, "all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
-    if isdb is not None and not Path(isdb).exists():
-        raise RecordError(
-            f"{isdb} does not exist; an ISDB .mat file or a folder of records is needed"
-        )
-    if (
-        isdb is not None
-        and Path(isdb).is_file()
-        and Path(isdb).suffix.lower() not in (".mat", *RECORD_FILES)
-    ):
-        raise RecordError(
-            f"{isdb} holds no records; an ISDB .mat file or a folder of records is needed"
-        )
+    fault = "" if isdb is None else _no_records(Path(isdb))
+    if fault:
+        raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
     target = folder(out)
     remove_stale_temporaries(target)
     return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
+
+
+def _no_records(isdb: Path) -> str:
+    """Return why a place holds no records; "" where it may."""
+    if not isdb.exists():
+        return "does not exist"
+    readable = isdb.is_dir() or isdb.suffix.lower() in (".mat", *RECORD_FILES)
+    return "" if readable else "holds no records"
 
 
 def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:

@@ -1,7 +1,5 @@
 """Map of a grid: predicted accuracy of one method over two axes, outlined where it is above .9."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -2,8 +2,6 @@
 filtering.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -34,12 +32,12 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
         ),
         pd.DataFrame({"part": "data", "OP": op, "PV": pv}),
     ]
-    found = fit_ellipse(op, pv)
+    fitted = fit_ellipse(op, pv)
     about = {"NGI (-)": higher.ngi, "NLI (-)": higher.nli}
-    if found is not None:
-        x, y = ellipse_points(found)
+    if fitted is not None:
+        x, y = ellipse_points(fitted)
         rows.append(pd.DataFrame({"part": "ellipse", "OP": x, "PV": y}))
-        about |= {"fitness (-)": found.fitness(op, pv), "S_apparent": found.apparent_stiction}
+        about |= {"fitness (-)": fitted.fitness(op, pv), "S_apparent": fitted.apparent_stiction}
     return pd.concat(rows, ignore_index=True).assign(**about)
 
 

@@ -2,15 +2,17 @@
 records.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from detectors.records.isdb import read_loops
+from detectors.signal.conditioning import band
+from detectors.signal.oscillation import find_oscillation
 
 # ISDB's sectors by the letters that the chapter's loop names begin with
 _SECTORS = {
@@ -32,17 +34,25 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
     path = Path(isdb)
     if path.is_dir():
         for stem in (name, f"ISDB_{name}"):
-            found = [
+            matches = [
                 f
                 for f in sorted(path.glob(f"{stem}.*"))
                 if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")
             ]
-            if found:
-                return replace(read_record(found[0], **about), tag=name)
+            if matches:
+                return replace(read_record(matches[0], **about), tag=name)
     else:
         letters = name.rstrip("0123456789")
         wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
-        found = [loop for loop in read_loops(path) if loop.lower() == wanted]
-        if found:
-            return replace(read_record(path, tag=found[0], **about), tag=name)
+        matches = [loop for loop in read_loops(path) if loop.lower() == wanted]
+        if matches:
+            return replace(read_record(path, tag=matches[0], **about), tag=name)
     raise NeedsRecord(f"needs ISDB loop {name}; {path} does not hold it")
+
+
+def filtered(record: LoopRecord) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return OP and PV filtered around the record's oscillation, as detectors see them, and its
+    period in samples.
+    """
+    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
+    return band(record.op, period, 3), band(record.pv, period, 3), period

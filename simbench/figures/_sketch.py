@@ -1,7 +1,5 @@
 """Sketches: boxes, lines and words at given places, as a table that a figure can draw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from simbench.figures._style import BLACK, BLUE, GREY, styled
+from simbench.figures._style import arrow as head
 
 _Point = tuple[float, float]
 _SKETCH_COLUMNS = ["shape", "part", "x", "y", "text"]
@@ -22,7 +21,7 @@ def box(x: float, y: float, text: str) -> list[list]:
 
 
 def arrow(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
-    """Return a line with a head at its last point, and a text beside its first stretch or at a
+    """Return a line with a head at its last point, and a text next to its first stretch or at a
     place.
     """
     return _path("arrow", points, text, at)
@@ -55,19 +54,10 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     parts = [(str(p["shape"].iloc[0]), p) for _, p in table.groupby(["shape", "part"], sort=False)]
     for shape, part in parts:
         if shape in ("box", "words"):
-            frame = (
-                {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE}
-                if shape == "box"
-                else None
-            )
-            look = {
-                "ha": "center",
-                "va": "center",
-                "fontsize": 8,
-                "bbox": frame,
-                "color": BLACK if frame else GREY,
-            }
-            axes.text(part.x.iloc[0], part.y.iloc[0], str(part.text.iloc[0]), **look)
+            frame = {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE}
+            look = {"bbox": frame, "color": BLACK} if shape == "box" else {"color": GREY}
+            x, y, text = part[["x", "y", "text"]].iloc[0]
+            axes.text(x, y, text, ha="center", va="center", fontsize=8, **look)
     figure.draw_without_rendering()  # which settles the frames
     seen = [(t.get_bbox_patch(), t) for t in axes.texts]
     boxes = [b.get_window_extent().transformed(axes.transData.inverted()) for b, _ in seen if b]
@@ -77,14 +67,7 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
             ends = part[["x", "y"]].to_numpy(dtype=float, copy=True)
             ends[0], ends[-1] = _reach(ends[1], ends[0], boxes), _reach(ends[-2], ends[-1], boxes)
             if shape == "arrow":
-                tip = {
-                    "arrowstyle": "-|>",
-                    "color": BLACK,
-                    "linewidth": 1.1,
-                    "shrinkA": 0,
-                    "shrinkB": 0,
-                }
-                axes.annotate("", ends[-1], ends[-2], arrowprops=tip)
+                head(axes, ends[-2], ends[-1], "-|>", color=BLACK, linewidth=1.1)
             axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
             taken.append(Bbox([ends.min(axis=0), ends.max(axis=0)]))
     whole = Bbox.union([*boxes, *taken]).padded(0.15)

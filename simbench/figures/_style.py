@@ -2,8 +2,6 @@
 unit.
 """
 
-from __future__ import annotations
-
 import functools
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
@@ -100,12 +98,20 @@ def parts(
         yield place, value, rows
 
 
-def beside(
+def text_near(
     axes: Axes, text: str, at: Sequence[float], gap: tuple[float, float], **look: Any
 ) -> None:
     """Write a text around the place `gap` points away from a point."""
     look = {"ha": "center", "va": "center", **look}
     axes.annotate(text, at, gap, textcoords="offset points", **look)
+
+
+def arrow(
+    axes: Axes, start: Sequence[float], end: Sequence[float], style: str, **look: Any
+) -> None:
+    """Draw an arrow that reaches both points."""
+    look = {"arrowstyle": style, "shrinkA": 0, "shrinkB": 0, **look}
+    axes.annotate("", end, start, arrowprops=look)
 
 
 def mosaic(
@@ -148,17 +154,12 @@ def span(
     text: str,
     gap: tuple[float, float],
 ) -> None:
-    """Draw a two-headed arrow between two points and its name beside the middle, `gap` points
+    """Draw a two-headed arrow between two points and its name near the middle, `gap` points
     away.
     """
-    axes.annotate(
-        "",
-        end,
-        start,
-        arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
-    )
+    arrow(axes, start, end, "<->", linewidth=0.9)
     middle = (np.add(start, end) / 2.0).tolist()
-    beside(axes, text, middle, gap, fontsize=8, bbox=_LABEL_BOX)
+    text_near(axes, text, middle, gap, fontsize=8, bbox=_LABEL_BOX)
 
 
 def table(
@@ -182,38 +183,21 @@ def table(
     axes.set_xlim(0, width)
     axes.set_ylim(-bottom - 0.05, sum(heights) + 0.05)
     left = np.concatenate([[0.0], np.cumsum([w * 0.072 + 0.2 for w in widths])])
+    rule = functools.partial(axes.axhline, color=BLACK, xmin=0.1 / width, xmax=1 - 0.1 / width)
     top = sum(heights)
     for i, (row, height) in enumerate(zip([head, *body], heights)):
         if i < 2:
-            axes.axhline(
-                top,
-                color=BLACK,
-                linewidth=1.2 if i == 0 else 0.8,
-                xmin=0.1 / width,
-                xmax=1 - 0.1 / width,
-            )
+            rule(top, linewidth=0.8 if i else 1.2)
         for j, text in enumerate(row):
-            axes.text(
-                left[j] + 0.12,
-                top - height / 2,
-                text,
-                va="center",
-                fontweight="bold" if i == 0 else "normal",
-            )
+            weight = "normal" if i else "bold"
+            axes.text(left[j] + 0.12, top - height / 2, text, va="center", fontweight=weight)
             if (i - 1, j) in framed:
-                cell = (
-                    left[j] + 0.04,
-                    top - height + 0.03,
-                    left[j + 1] - left[j] - 0.14,
-                    height - 0.06,
-                )
-                axes.add_patch(
-                    matplotlib.patches.Rectangle(
-                        cell[:2], *cell[2:], fill=False, edgecolor=RED, linewidth=1.4
-                    )
-                )
+                corner = left[j] + 0.04, top - height + 0.03
+                size = left[j + 1] - left[j] - 0.14, height - 0.06
+                look = {"fill": False, "edgecolor": RED, "linewidth": 1.4}
+                axes.add_patch(matplotlib.patches.Rectangle(corner, *size, **look))
         top -= height
-    axes.axhline(top, color=BLACK, linewidth=1.2, xmin=0.1 / width, xmax=1 - 0.1 / width)
+    rule(top, linewidth=1.2)
     axes.text(0.12, top - 0.08, below, va="top", fontsize=7.5, color=GREY)
     return figure
 

@@ -5,8 +5,6 @@ Detectors that see the valve position MV are left out, and so are those made for
 scenarios. Behind a name: * fitted on this grid, + on its siblings.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -26,22 +24,24 @@ def data(run) -> pd.DataFrame:
     """
     from simbench.bench.score.compare import compare
 
-    found = compare(run)
-    if np.isnan(found.critical_difference):
+    comparison = compare(run)
+    if np.isnan(comparison.critical_difference):
         needed = (
             "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a"
             " label"
         )
         raise ParameterError(f"{run}: ranks need at least {needed}")
-    ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
-    ranked.insert(2, "half_width", found.critical_difference / 2)
+    ranked = comparison.ranking.dropna(subset=["mean_rank"]).sort_values(
+        "mean_rank", ignore_index=True
+    )
+    ranked.insert(2, "half_width", comparison.critical_difference / 2)
     columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases", "home"]
-    return ranked.assign(cases=found.cases).reindex(columns=columns)
+    return ranked.assign(cases=comparison.cases).reindex(columns=columns)
 
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
-    """Draw the ranks, and accuracy with its interval beside them."""
+    """Draw the ranks, and accuracy with its interval next to them."""
     place = -np.arange(len(data))
     figure, ((left, right),) = panels(1, 2, 7.0, 0.9 + 0.24 * len(data), sharey=True)
     left.errorbar(

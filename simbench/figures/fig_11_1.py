@@ -1,9 +1,7 @@
 """Figure 11.1: a control loop with a control valve, and the names that signals have here.
 
-The valve stands between controller output OP and its position MV; friction makes the two differ.
+The valve translates controller output OP into its position MV; friction makes the two differ.
 """
-
-from __future__ import annotations
 
 import pandas as pd
 

@@ -5,8 +5,6 @@ A sample is I or D where its difference lies more than one standard deviation fr
 difference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

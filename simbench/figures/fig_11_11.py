@@ -7,14 +7,12 @@ does not say which shape its panel (c) holds; ours is what PV of a fast flow loo
 the case the chapter calls common in industry and missed by the method.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.methods.yamashita import movement_indices
-from simbench.figures._style import BLUE, RED, beside, label, note, panels, parts, styled
+from simbench.figures._style import BLUE, RED, arrow, label, note, panels, parts, styled, text_near
 
 SOURCE = "Jelali (2013), Fig. 11.11a to c, after Yamashita (2006) and Manum & Scali (2006)"
 # corners (OP, MV) of each loop and the symbol of the side that leaves it
@@ -24,7 +22,7 @@ SHAPES = {
     "(c) IS DI, DS ID": [((2, 1), "IS"), ((5, 1), "DI"), ((3, 3), "DS"), ((0, 3), "ID")],
 }
 
-# where each side's name stands, in points from its middle
+# place of each side's name, in points from its middle
 ASIDE = {
     "IS": (0, -9),
     "DS": (0, 8),
@@ -82,16 +80,9 @@ def draw(data: pd.DataFrame) -> Figure:
         corners = part[["OP", "MV"]].to_numpy()
         for i, symbol in enumerate(part["symbol"]):
             start, end = corners[i], corners[(i + 1) % len(corners)]
-            sticking = symbol in ("IS", "DS")
-            arrow = {
-                "arrowstyle": "->",
-                "color": RED if sticking else BLUE,
-                "linewidth": 2,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            }
-            place.annotate("", end, start, arrowprops=arrow)
-            beside(place, symbol, (start + end) / 2, ASIDE[symbol])
+            colour = RED if symbol in ("IS", "DS") else BLUE
+            arrow(place, start, end, "->", color=colour, linewidth=2)
+            text_near(place, symbol, (start + end) / 2, ASIDE[symbol])
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
         rho1, rho3 = part["rho1 (-)"].iloc[0], part["rho3 (-)"].iloc[0]

@@ -5,22 +5,19 @@ Left: a linear loop under an external sine whose controller is slow against it (
 sticky flow-like loop.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._cycles import sustained_cycle
-from simbench.figures._loops import choudhury, pi_table, sine
+from simbench.figures._loops import choudhury, pi_loop, sine
 from simbench.figures._style import SIGNAL, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
-PERIOD = 100.0  # s, of the sine; about that of the sticky loop's own cycle
-HEALTHY = pi_table(T=10.0, Td=2.0, Kc=0.5, Ti=160.0, Ts=0.5, n=4000, disturbance=sine(3.0, PERIOD))
-STICKY = pi_table(T=3.0, Td=2.0, Kc=0.3, Ti=3.0, Ts=0.5, n=4000, valve=choudhury(5.0, 2.0))
+PERIOD = 100.0  # s, of the sine; about that of the sticky loop's cycle
+HEALTHY = pi_loop(T=10.0, Td=2.0, Kc=0.5, Ti=160.0, Ts=0.5, n=4000, disturbance=sine(3.0, PERIOD))
+STICKY = pi_loop(T=3.0, Td=2.0, Kc=0.3, Ti=3.0, Ts=0.5, n=4000, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:
@@ -30,9 +27,9 @@ def data() -> pd.DataFrame:
     (s), Phi (-), dtau (-), drho (-).
     """
     rows = []
-    record = simulate(Loop.from_table(HEALTHY)).record.window(2000, 4000)
+    record = simulate(HEALTHY).record.window(2000, 4000)
     healthy = pd.DataFrame({"t (s)": record.t, "OP (%)": record.op, "PV": record.pv - record.sp})
-    sticky = sustained_cycle(Loop.from_table(STICKY), periods=12)[["t (s)", "OP (%)", "PV"]]
+    sticky = sustained_cycle(STICKY, periods=12)[["t (s)", "OP (%)", "PV"]]
     for panel, trend in (("no stiction", healthy), ("stiction", sticky)):
         phi = correlation(trend["OP (%)"].to_numpy(), trend["PV"].to_numpy(), record.Ts, 120.0)
         rows += [
@@ -56,8 +53,8 @@ def draw(data: pd.DataFrame) -> Figure:
                 {"OP": "OP (%)", "PV": "PV - SP (PV units)"}[signal],
                 str(panel) if i == 0 else "",
             )
-        found = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
-        note(axes[2, j], f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}")
+        marks = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
+        note(axes[2, j], str(marks))
         axes[2, j].set_ylim(-1.15, 1.5)
     figure.align_ylabels()
     return figure

@@ -2,8 +2,6 @@
 neither even nor odd.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -32,19 +30,19 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the function with its two zero crossings, its value at lag 0 and its peak."""
     figure, axes = panel(5.4, 3.8)
-    found = draw_correlation(axes, data, "")
+    marks = draw_correlation(axes, data, "")
     peak = float(data["lag (s)"][data["Phi (-)"].idxmin()])
-    span(axes, (-found.tau_l, 0.12), (0, 0.12), "$τ_l$", (0, 8))
-    span(axes, (0, 0.12), (found.tau_r, 0.12), "$τ_r$", (0, 8))
-    axes.plot([peak], [found.phi_max], "ko")
-    axes.annotate("$Φ_0$", (0, found.phi_0), (12, -4), textcoords="offset points")
+    span(axes, (-marks.tau_l, 0.12), (0, 0.12), "$τ_l$", (0, 8))
+    span(axes, (0, 0.12), (marks.tau_r, 0.12), "$τ_r$", (0, 8))
+    axes.plot([peak], [marks.phi_max], "ko")
+    axes.annotate("$Φ_0$", (0, marks.phi_0), (12, -4), textcoords="offset points")
     axes.annotate(
-        "$Φ_{max}$", (peak, found.phi_max), (0, -13), textcoords="offset points", ha="center"
+        "$Φ_{max}$", (peak, marks.phi_max), (0, -13), textcoords="offset points", ha="center"
     )
     axes.set_ylim(-1.25, 1.5)
     note(
         axes,
-        rf"$Δτ = |τ_l - τ_r|\,/\,(τ_l + τ_r)$ = {found.dtau:.2f}" + "\n"
-        rf"$Δρ = |Φ_0 - Φ_{{max}}|\,/\,|Φ_0 + Φ_{{max}}|$ = {found.drho:.2f}",
+        rf"$Δτ = |τ_l - τ_r|\,/\,(τ_l + τ_r)$ = {marks.dtau:.2f}" + "\n"
+        rf"$Δρ = |Φ_0 - Φ_{{max}}|\,/\,|Φ_0 + Φ_{{max}}|$ = {marks.drho:.2f}",
     )
     return figure

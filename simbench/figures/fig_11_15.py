@@ -1,14 +1,10 @@
 """Figure 11.15: cross-correlation of loops CHEM1 (stiction) and PAP4 (no stiction) (needs ISDB)."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.conditioning import band
-from detectors.signal.oscillation import find_oscillation
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._records import real_loop
+from simbench.figures._records import filtered, real_loop
 from simbench.figures._style import note, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.15 and Example 11.2; data: ISDB loops CHEM1, PAP4"
@@ -23,9 +19,8 @@ def data(isdb: str) -> pd.DataFrame:
     rows = []
     for name in PRINTED:
         record = real_loop(isdb, name, process="self-regulating")
-        period = find_oscillation(record.op, record.pv, record.Ts).period_s
-        op, pv = (band(x, period / record.Ts, 3) for x in (record.op, record.pv))
-        rows.append(correlation(op, pv, record.Ts, 2 * period).assign(loop=name))
+        op, pv, period = filtered(record)
+        rows.append(correlation(op, pv, record.Ts, 2 * period * record.Ts).assign(loop=name))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -34,12 +29,11 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw both functions with their indices and the printed ones."""
     figure, axes = panels(1, 2, 7.2, 3.2)
     for place, name, part in parts(axes, data, "loop"):
-        found = draw_correlation(place, part, str(name))
+        marks = draw_correlation(place, part, str(name))
         printed = PRINTED[str(name)]
         note(
             place,
-            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f},"
-            f" {printed[1]:.2f})",
+            f"{marks}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})",
         )
         place.set_ylim(-1.15, 1.7)
     return figure

@@ -2,10 +2,8 @@
 cross-correlation (Example 11.3).
 
 In a linear PI loop OP answers PV alone, so the phase is fixed by w Ti. The chapter prints the three
-verdicts in the order opposite to its own Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
+verdicts in the order opposite to its Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
 """
-
-from __future__ import annotations
 
 import numpy as np
 import pandas as pd
@@ -14,7 +12,7 @@ from matplotlib.figure import Figure
 from detectors.judge import judge
 from scenarios.spec import Loop
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._loops import pi_table, sine
+from simbench.figures._loops import pi_loop, sine
 from simbench.figures._style import VERDICT, note, panels, parts, styled
 from simbench.loop.simulate import simulate
 
@@ -25,16 +23,14 @@ CASES = {10.0: ("π", 2.0), 1.0: ("3π/4", 1.0), 0.1: ("π/2", 0.15)}  # w Ti: p
 
 def loop(w_Ti: float, Kc: float) -> Loop:
     """Return the healthy loop of one tuning, driven by a sine at the plant's output."""
-    return Loop.from_table(
-        pi_table(
-            T=3.0,
-            Td=1.0,
-            Kc=Kc,
-            Ti=w_Ti * PERIOD / (2 * np.pi),
-            Ts=0.2,
-            n=12000,
-            disturbance=sine(2.0, PERIOD),
-        )
+    return pi_loop(
+        T=3.0,
+        Td=1.0,
+        Kc=Kc,
+        Ti=w_Ti * PERIOD / (2 * np.pi),
+        Ts=0.2,
+        n=12000,
+        disturbance=sine(2.0, PERIOD),
     )
 
 
@@ -60,12 +56,12 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw the three cross-correlations with their verdicts."""
     figure, axes = panels(1, 3, 8.4, 3.1, sharey=True)
     for place, w_Ti, part in parts(axes, data, "w_Ti"):
-        found = draw_correlation(
+        marks = draw_correlation(
             place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})"
         )
         note(
             place,
-            f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\nHorch: {VERDICT[part.verdict.iloc[0]]}",
+            f"{marks}\nHorch: {VERDICT[part.verdict.iloc[0]]}",
         )
         place.set_ylim(-1.15, 1.7)
         place.label_outer()

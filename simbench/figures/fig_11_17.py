@@ -3,20 +3,17 @@
 The half cycles are OP of a simulated sticky loop with measurement noise.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.signal.conditioning import band
-from scenarios.spec import Loop
 from simbench.figures._fits import eta, half_cycle_fits
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.17, after He et al. (2007)"
-LOOP = pi_table(
+LOOP = pi_loop(
     T=10.0,
     Td=5.0,
     Kc=1.0,
@@ -35,7 +32,7 @@ def data() -> pd.DataFrame:
 
     Columns: half (number), sample (= s), signal, sine, triangle (% of travel, mean removed).
     """
-    op = band(simulate(Loop.from_table(LOOP), seed=1).record.op[600:], PERIOD, 7)
+    op = band(simulate(LOOP, seed=1).record.op[600:], PERIOD, 7)
     fits = half_cycle_fits(op, PERIOD)
     return fits.query("4 <= half < 8").reset_index(drop=True)
 

@@ -2,8 +2,6 @@
 ISDB).
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -37,10 +35,10 @@ def data(isdb: str) -> pd.DataFrame:
             continue
         period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
         fits = half_cycle_fits(band(record.op if signal == "OP" else record.pv, period, 7), period)
-        found = judge(record, ["he"], raw=True)[0].indices
+        indices = judge(record, ["he"], raw=True)[0].indices
         rows.append(
             fits.assign(
-                loop=name, Ts=record.Ts, eta=found["eta"], eta_two_line=found["eta_two_line"]
+                loop=name, Ts=record.Ts, eta=indices["eta"], eta_two_line=indices["eta_two_line"]
             )
         )
     return pd.concat(rows, ignore_index=True)

@@ -5,8 +5,6 @@ First a nonlinearity in the control error, by bicoherence or by surrogates, then
 filtered PV over filtered OP.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from detectors.methods.choudhury import METHOD
@@ -20,7 +18,7 @@ draw = draw_sketch
 
 
 def data() -> pd.DataFrame:
-    """Lay out the procedure from the method's own bounds.
+    """Lay out the procedure from the bounds of the method.
 
     Columns: shape, part, x, y, text.
     """

@@ -4,8 +4,6 @@ until the level is right.
 Without outflow control the level integrates: it is the process of the integrating loops here.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from simbench.figures._sketch import arrow, box, draw_sketch, line, sketch, words

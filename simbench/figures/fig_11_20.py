@@ -4,24 +4,21 @@ apparent stiction along OP.
 The loop is simulated, with S = 5 %: the apparent stiction is a mark of the loop, not the valve's S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.signal.conditioning import band
 from detectors.signal.ellipse import fit_ellipse
-from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, note, panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
 )
-LOOP = pi_table(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
+LOOP = pi_loop(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:
@@ -30,17 +27,17 @@ def data() -> pd.DataFrame:
     Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and
     alpha (rad).
     """
-    cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
+    cycle = sustained_cycle(LOOP, periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
     op, pv = (
         band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)]
         for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
     )
-    found = fit_ellipse(op, pv)
-    assert found is not None
-    a, b, alpha = found.axes
-    return ellipse_table(op, pv, found).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
+    ellipse = fit_ellipse(op, pv)
+    assert ellipse is not None
+    a, b, alpha = ellipse.axes
+    return ellipse_table(op, pv, ellipse).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
 
 
 @styled
@@ -66,7 +63,7 @@ def draw(data: pd.DataFrame) -> Figure:
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)
     S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
-    said = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
-    said += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
-    note(place, said, 0.02, 0.02, va="bottom")
+    remark = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
+    remark += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
+    note(place, remark, 0.02, 0.02, va="bottom")
     return figure

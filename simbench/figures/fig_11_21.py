@@ -2,8 +2,6 @@
 ISDB).
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

@@ -2,15 +2,12 @@
 stiction (needs ISDB).
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.conditioning import band
-from detectors.signal.oscillation import find_oscillation, regular_segment
+from detectors.signal.oscillation import regular_segment
 from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
-from simbench.figures._records import real_loop
+from simbench.figures._records import filtered, real_loop
 from simbench.figures._style import styled
 
 SOURCE = (
@@ -23,8 +20,7 @@ def data(isdb: str) -> pd.DataFrame:
     stretch.
     """
     record = real_loop(isdb, "CHEM30", kind="flow")
-    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
-    op, pv = band(record.op, period, 3), band(record.pv, period, 3)
+    op, pv, period = filtered(record)
     start, stop = regular_segment(op, period, min(1000, record.n))
     return nonlinearity(record.window(start, stop), op[start:stop], pv[start:stop])
 

@@ -2,16 +2,12 @@
 between them (needs ISDB).
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.conditioning import band
 from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import find_oscillation
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._records import NeedsRecord, real_loop
+from simbench.figures._records import NeedsRecord, filtered, real_loop
 from simbench.figures._style import note, panel, styled
 
 SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISDB loop POW2"
@@ -24,12 +20,11 @@ def data(isdb: str) -> pd.DataFrame:
     """
     record = real_loop(isdb, "POW2", kind="level")
     record = record.window(0, min(1000, record.n))
-    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
-    op, pv = band(record.op, period, 3), band(record.pv, period, 3)
-    found = fit_ellipse(op, pv)
-    if found is None:
+    op, pv, _ = filtered(record)
+    ellipse = fit_ellipse(op, pv)
+    if ellipse is None:
         raise NeedsRecord("needs ISDB loop POW2; no ellipse can be fitted to the one given")
-    return ellipse_table(op, pv, found)
+    return ellipse_table(op, pv, ellipse)
 
 
 @styled

@@ -1,18 +1,15 @@
 """Figure 11.24: a lower controller gain makes a stiction cycle slower and leaves its amplitude."""
 
-from __future__ import annotations
-
 import pandas as pd
 
-from scenarios.spec import Loop
 from simbench.figures._gain import draw_gain, gain_table
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 
 SOURCE = "Jelali (2013), Fig. 11.24 and Sect. 11.8.1, after Choudhury et al. (2005)"
 draw = draw_gain
-LOOP = pi_table(T=10.0, Td=2.0, Kc=1.0, Ti=10.0, Ts=1.0, n=1500, valve=choudhury(5.0, 2.0))
+LOOP = pi_loop(T=10.0, Td=2.0, Kc=1.0, Ti=10.0, Ts=1.0, n=1500, valve=choudhury(5.0, 2.0))
 
 
 def data() -> pd.DataFrame:
     """Lower Kc from 1 to 0.6 in a sticky loop."""
-    return gain_table(Loop.from_table(LOOP), 0.6)
+    return gain_table(LOOP, 0.6)

@@ -4,19 +4,16 @@ outside.
 The same loop as in Fig. 11.24, but the valve is ideal and a sine of 60 s acts on PV.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
-from scenarios.spec import Loop
 from simbench.figures._gain import draw_gain, gain_table
-from simbench.figures._loops import pi_table, sine
+from simbench.figures._loops import pi_loop, sine
 
 SOURCE = "Jelali (2013), Fig. 11.25 and Sect. 11.8.1"
 draw = draw_gain
-LOOP = pi_table(T=10.0, Td=2.0, Kc=1.0, Ti=10.0, Ts=1.0, n=1500, disturbance=sine(2.0, 60.0))
+LOOP = pi_loop(T=10.0, Td=2.0, Kc=1.0, Ti=10.0, Ts=1.0, n=1500, disturbance=sine(2.0, 60.0))
 
 
 def data() -> pd.DataFrame:
     """Lower Kc from 1 to 0.6 in a healthy loop under an external sine."""
-    return gain_table(Loop.from_table(LOOP), 0.6)
+    return gain_table(LOOP, 0.6)

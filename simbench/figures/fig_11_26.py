@@ -5,19 +5,16 @@ In the same direction, as the procedure prints it, the sum of the steps is the s
 it, the whole band S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.confirm.travel import travel_test
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import GREY, SIGNAL, label, note, panels, room, styled
 
 SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"
-LOOP = pi_table(
+LOOP = pi_loop(
     T=5.0, Td=1.0, Kc=0.5, Ti=5.0, Ts=1.0, valve=choudhury(3.0, 1.1), noise={"std": 0.02}
 )
 
@@ -28,19 +25,19 @@ def data() -> pd.DataFrame:
     Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
     measured (%), J measured (%).
     """
-    found = travel_test(Loop.from_table(LOOP))
-    trace = found.trace
-    t = np.arange(trace.op.size) * found.Ts
+    result = travel_test(LOOP)
+    trace = result.trace
+    t = np.arange(trace.op.size) * result.Ts
     table = pd.DataFrame(
         {
             "t (s)": t,
             "OP (%)": trace.op,
             "MV (%)": trace.mv,
             "PV (%)": trace.pv,
-            "phase": found.phase,
+            "phase": result.phase,
         }
     )
-    return table.assign(**{"S measured (%)": found.S, "J measured (%)": found.J})
+    return table.assign(**{"S measured (%)": result.S, "J measured (%)": result.J})
 
 
 @styled
@@ -57,12 +54,12 @@ def draw(data: pd.DataFrame) -> Figure:
             place.axvline(
                 t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9
             )
-    says = (
+    remarks = (
         "big steps",
         f"same direction:\nJ = {data['J measured (%)'].iloc[0]:.1f} %",
         f"reversed:\nS = {data['S measured (%)'].iloc[0]:.1f} %",
     )
-    for phase, text in enumerate(says):
+    for phase, text in enumerate(remarks):
         part = t[data["phase"] == phase]
         x = (part.mean() - axes[0, 0].get_xlim()[0]) / np.ptp(axes[0, 0].get_xlim())
         note(axes[0, 0], text, float(x), 0.99, "center")

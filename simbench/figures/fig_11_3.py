@@ -4,8 +4,6 @@ Air lifts the diaphragm against a spring; the stem carries the plug through the 
 friction is the stiction.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from simbench.figures._sketch import arrow, draw_sketch, line, sketch, words

@@ -3,8 +3,6 @@
 Hysteresis is measured along MV, dead-band and dead-zone along OP; only the dead-zone has no memory.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -38,17 +36,8 @@ def data() -> pd.DataFrame:
             ("inner loop", inner, slice(-72, None)),
         ):
             mv = valve_response(model, op, parameters)
-            rows.append(
-                pd.DataFrame(
-                    {
-                        "panel": panel,
-                        "model": model,
-                        "part": part,
-                        "OP (%)": op[keep],
-                        "MV (%)": mv[keep],
-                    }
-                )
-            )
+            signals = {"OP (%)": op[keep], "MV (%)": mv[keep]}
+            rows.append(pd.DataFrame({"panel": panel, "model": model, "part": part, **signals}))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -59,20 +48,13 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, panel, part in parts(axes, data, "panel"):
         for name, colour in (("full traverse", BLUE), ("inner loop", ORANGE)):
             curve = part[part.part == name]
-            place.plot(
-                curve["OP (%)"],
-                curve["MV (%)"],
-                color=colour,
-                linewidth=1.6 if colour == BLUE else 1.1,
-                label=name,
-            )
+            width = 1.6 if colour == BLUE else 1.1
+            place.plot(curve["OP (%)"], curve["MV (%)"], color=colour, linewidth=width, label=name)
         place.plot(
             [0, 100], [0, 100], color=GREY, linestyle=":", linewidth=0.9, label="ideal valve"
         )
         label(place, "OP (% of span)", "MV (% of travel)", panel)
-        place.set_aspect("equal")
-        place.set_xlim(-2, 102)
-        place.set_ylim(-2, 102)
+        place.set(aspect="equal", xlim=(-2, 102), ylim=(-2, 102))
         place.label_outer()
     full = data[data.part == "full traverse"]
     for place, panel in (

@@ -5,13 +5,11 @@ OP rises, pauses at D, rises on to G and falls back: after the pause only the st
 overcome, after a reversal the whole width S.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import BLUE, GREY, ORANGE, RED, beside, label, panel, span, styled
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, label, panel, span, styled, text_near
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.5, after Choudhury et al. (2005) and Rossi & Scali (2005)"
@@ -68,7 +66,7 @@ def draw(data: pd.DataFrame) -> Figure:
         ("G", (90, 90 - half), (9, 0)),
     ):
         place.plot(*point, marker="o", color="black", markersize=4)
-        beside(place, name, point, gap, fontweight="bold")
+        text_near(place, name, point, gap, fontweight="bold")
     low = 10 + half
     span(place, (10, low - 5), (10 + S - J, low - 5), "dead-band\nS - J", (0, -13))
     span(place, (10 + S - J, low - 5), (10 + S, low - 5), "stick\nband J", (4, -13))
@@ -76,7 +74,7 @@ def draw(data: pd.DataFrame) -> Figure:
     span(place, (10 + S + 4, low), (10 + S + 4, low + J), "slip jump J", (32, 0))
     span(place, (65, 65 - half - 5), (65 + J, 65 - half - 5), "stick\nband J", (0, -13))
     for at, gap in (((80, 70), (26, -8)), ((40, 50), (-62, 6))):
-        beside(place, "moving phase", at, gap, color=BLUE, fontsize=8, ha="left")
+        text_near(place, "moving phase", at, gap, color=BLUE, fontsize=8, ha="left")
     place.legend(loc="upper left", title="phase")
     label(place, "OP (% of span)", "MV (% of travel)")
     place.set_xlim(0, 105)

@@ -4,8 +4,6 @@ Unlike Fig. 11.5 the plots are distorted by process, controller and disturbances
 not name its four loops; the first four of ours that are there are drawn.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -22,7 +20,7 @@ LOOPS = (
 def data(isdb: str) -> pd.DataFrame:
     """Read four sticky flow loops.
 
-    Columns: loop, t (s), OP, PV (both in the record's own units).
+    Columns: loop, t (s), OP, PV (both in the record's units).
     """
     rows = []
     for name in LOOPS:

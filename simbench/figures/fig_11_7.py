@@ -5,8 +5,6 @@ The forces are those of the physical valve models' published actuator; the Strib
 1 mm/s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

@@ -6,13 +6,12 @@ integrating loop only. The prediction is qualitative: OP is a triangle, and peri
 40 %.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, parts, styled
 from simbench.theory.describing import intersections, stiction
 from simbench.theory.sampled import sampled_loop
@@ -23,24 +22,14 @@ SOURCE = (
 S, Ts = 5.0, 0.1
 JUMPS = {5.0: RED, 2.0: ORANGE, 0.0: BLUE}
 PLANTS = {
-    "(a) self-regulating": (
-        {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
-        {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-    ),
-    "(b) integrating": (
-        {"type": "integrating", "K": 0.1, "Td": 1.0},
-        {"type": "PI", "Kc": 1.5, "Ti": 30.0},
-    ),
+    "(a) self-regulating": {"K": 1.0, "T": 10.0, "Td": 2.0, "Kc": 1.0, "Ti": 10.0},
+    "(b) integrating": {"K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0},
 }
 
 
 def loop(panel: str, J: float) -> Loop:
     """Return one panel's loop with a Choudhury valve of slip jump J."""
-    plant, controller = PLANTS[panel]
-    valve = {"model": "choudhury", "S": S, "J": J}
-    return Loop.from_table(
-        {"plant": plant, "controller": controller, "valve": valve, "sampling": {"Ts": Ts}}
-    )
+    return pi_loop(**PLANTS[panel], Ts=Ts, valve=choudhury(S, J))
 
 
 def data() -> pd.DataFrame:
@@ -61,33 +50,20 @@ def data() -> pd.DataFrame:
             valve = stiction(S, J)
             A = valve.low * (1 + np.geomspace(1e-4, 100, 300))
             z = valve.critical(A)
-            rows.append(
-                pd.DataFrame(
-                    {
-                        "panel": panel,
-                        "curve": "-1/N",
-                        "J (%)": J,
-                        "Re": z.real,
-                        "Im": z.imag,
-                        "A (%)": A,
-                    }
-                )
-            )
-            for found in intersections(sampled_loop(loop(panel, J)), valve):
-                at = complex(valve.critical(found.amplitude))
+            place = {"panel": panel, "J (%)": J}
+            curve = {"curve": "-1/N", "Re": z.real, "Im": z.imag, "A (%)": A}
+            rows.append(pd.DataFrame(place | curve))
+            for balance in intersections(sampled_loop(loop(panel, J)), valve):
+                at = complex(valve.critical(balance.amplitude))
                 mark = {
-                    "panel": panel,
                     "curve": "intersection",
-                    "J (%)": J,
                     "Re": at.real,
                     "Im": at.imag,
+                    "w (rad/s)": 2 * np.pi / balance.period,
+                    "A (%)": balance.amplitude,
+                    "period (s)": balance.period,
                 }
-                mark |= {
-                    "w (rad/s)": 2 * np.pi / found.period,
-                    "A (%)": found.amplitude,
-                    "period (s)": found.period,
-                }
-                rows.append(pd.DataFrame([mark]))
+                rows.append(pd.DataFrame([place | mark]))
     return pd.concat(rows, ignore_index=True)
 
 

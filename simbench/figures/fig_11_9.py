@@ -5,14 +5,12 @@ PV turns from a square through a sine to a triangle as Td/T or S/2J falls; OP st
 MV keeps its jumps.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
-from simbench.figures._loops import choudhury, pi_table
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
@@ -32,18 +30,8 @@ def loop(Td_over_T: float, S_over_2J: float) -> Loop:
     1.
     """
     T = Td / Td_over_T
-    return Loop.from_table(
-        pi_table(
-            K=K,
-            T=T,
-            Td=Td,
-            Kc=0.5 * T / (K * Td),
-            Ti=T,
-            Ts=Ts,
-            n=4000,
-            valve=choudhury(S, S / (2 * S_over_2J)),
-        )
-    )
+    valve = choudhury(S, S / (2 * S_over_2J))
+    return pi_loop(K=K, T=T, Td=Td, Kc=0.5 * T / (K * Td), Ti=T, Ts=Ts, n=4000, valve=valve)
 
 
 def data() -> pd.DataFrame:

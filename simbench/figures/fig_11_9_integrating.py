@@ -5,13 +5,12 @@ Here PV is the triangle (the square MV integrated once) and OP, which integrates
 rounded.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled
 
 SOURCE = (
@@ -31,14 +30,8 @@ PANELS = [
 
 def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
     """Return the loop of one panel: K e^(-Td s)/s with Kc K Td = 0.3."""
-    return Loop.from_table(
-        {
-            "plant": {"type": "integrating", "K": K, "Td": Td},
-            "controller": {"type": "PI", "Kc": 0.3 / (K * Td), "Ti": Td / Td_over_Ti},
-            "valve": {"model": "choudhury", "S": S, "J": S / (2 * S_over_2J)},
-            "sampling": {"Ts": Ts, "n": 4000},
-        }
-    )
+    valve = choudhury(S, S / (2 * S_over_2J))
+    return pi_loop(K=K, Td=Td, Kc=0.3 / (K * Td), Ti=Td / Td_over_Ti, Ts=Ts, n=4000, valve=valve)
 
 
 def data() -> pd.DataFrame:

@@ -5,24 +5,21 @@ In a PI loop OP answers PV alone, so dtau = (2/pi) atan(1/(w Ti)) for any linear
 changes at w Ti = 0.577 and at 1.73.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.judge import judge
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
-from simbench.figures._loops import choudhury, pi_table, sine
+from simbench.figures._loops import choudhury, pi_loop, sine
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panel, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "He et al. (2007), analysis of Horch (1999); Jelali (2013), Sect. 11.5"
 Td, PERIODS = 20.0, 20
 # healthy loops: w Ti of the outside sine; sticky loops: T = Ti over Td, which sets w Ti of their
-# own cycle
+# cycle
 W_TI = np.geomspace(0.08, 12.0, 30)
 T_OVER_TD = np.geomspace(0.2, 40.0, 30)
 
@@ -30,16 +27,14 @@ T_OVER_TD = np.geomspace(0.2, 40.0, 30)
 def healthy(w_Ti: float) -> tuple[LoopRecord, float]:
     """Return the record of a healthy loop under a sine of 60 s, and w Ti."""
     Ti = w_Ti * 60.0 / (2 * np.pi)
-    loop = Loop.from_table(
-        pi_table(
-            T=3.0,
-            Td=1.0,
-            Kc=min(0.1 * Ti, 1.0),
-            Ti=Ti,
-            Ts=0.2,
-            n=300 * (PERIODS + 15),
-            disturbance=sine(2.0, 60.0),
-        )
+    loop = pi_loop(
+        T=3.0,
+        Td=1.0,
+        Kc=min(0.1 * Ti, 1.0),
+        Ti=Ti,
+        Ts=0.2,
+        n=300 * (PERIODS + 15),
+        disturbance=sine(2.0, 60.0),
     )
     record = simulate(loop).record
     return record.window(record.n - 300 * PERIODS, record.n), w_Ti
@@ -48,9 +43,7 @@ def healthy(w_Ti: float) -> tuple[LoopRecord, float]:
 def sticky(ratio: float) -> tuple[LoopRecord, float]:
     """Return the record of a sticky loop with T = Ti = ratio Td in its cycle, and w Ti."""
     T = ratio * Td
-    loop = Loop.from_table(
-        pi_table(T=T, Td=Td, Kc=0.5 * ratio, Ti=T, Ts=1.0, valve=choudhury(5.0, 2.5))
-    )
+    loop = pi_loop(T=T, Td=Td, Kc=0.5 * ratio, Ti=T, Ts=1.0, valve=choudhury(5.0, 2.5))
     cycle = sustained_cycle(loop, PERIODS)
     record = LoopRecord(op=cycle["OP (%)"], pv=cycle["PV"], Ts=1.0, process="self-regulating")
     return record, float(2 * np.pi / cycle["period (s)"].iloc[0] * T)
@@ -65,8 +58,10 @@ def data() -> pd.DataFrame:
     for valve, make, values in (("healthy", healthy, W_TI), ("sticky", sticky, T_OVER_TD)):
         for value in values:
             record, w_Ti = make(float(value))
-            found = judge(record, ["horch"])[0]
-            rows.append([valve, w_Ti, found.indices["dtau"], found.indices["drho"], found.verdict])
+            verdict = judge(record, ["horch"])[0]
+            rows.append(
+                [valve, w_Ti, verdict.indices["dtau"], verdict.indices["drho"], verdict.verdict]
+            )
     return pd.DataFrame(rows, columns=["valve", "w_Ti (-)", "dtau (-)", "drho (-)", "verdict"])
 
 

@@ -2,8 +2,6 @@
 it follows w Ti.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -46,7 +44,7 @@ def data(run: str | Path) -> pd.DataFrame:
     indices = [json.loads(text) for text in both.indices]
     both["w_Ti"] = (2 * Ti / both.Ts + 1) * np.tan(np.pi * both.Ts / both.period_s)
     for name in ("dtau", "drho"):
-        both[name] = [found.get(name) for found in indices]
+        both[name] = [one.get(name) for one in indices]
     columns = ["w_Ti", "sticky", "noise_ratio", "dtau", "drho", "verdict"]
     return (
         both[columns]

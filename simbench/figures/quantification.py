@@ -6,8 +6,6 @@ that hold the truth, with its 95 % interval, for methods that say nine in ten (b
 + as in the tables: fitted on this grid, on its siblings.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd
@@ -32,14 +30,14 @@ def data(run: str | Path) -> pd.DataFrame:
     home (where the method's constants were fitted); families of 20 and more.
     """
     book = RunArrays.read(run)
-    found = quantification(book)
-    found = found[found.n >= LEAST].reset_index(drop=True)
-    if found.empty:
+    scored = quantification(book)
+    scored = scored[scored.n >= LEAST].reset_index(drop=True)
+    if scored.empty:
         raise ParameterError(
             f"{run}: no method gives S or J of {LEAST} sticky loops of a family of valves"
         )
-    lo, hi = wilson(found.coverage * found.n, found.n)
-    return found.assign(lo=lo, hi=hi, home=[home_of(method, book) for method in found.method])
+    lo, hi = wilson(scored.coverage * scored.n, scored.n)
+    return scored.assign(lo=lo, hi=hi, home=[home_of(method, book) for method in scored.method])
 
 
 @styled

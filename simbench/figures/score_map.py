@@ -6,8 +6,6 @@ together. Under each share stand the half width of its 95 % interval and the num
 fewer than 20. Hatched: not made for such a process.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,7 @@ from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.scoring import answers_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
-from simbench.figures._score import SHARE_COLOURS, hatch
+from simbench.figures._score import SHARE_COLOURS, share_map
 from simbench.figures._style import panels, styled
 
 SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), Table 11.3, as axes"
@@ -48,42 +46,23 @@ def cells(book: RunArrays) -> pd.DataFrame:
     everyone = [a for a in answers_of(book) if a.method in book.methods]
     rows = []
     for plant, (process, axis, _) in PLANTS.items():
-        here = (
-            known
-            & (book.axes["process"] == process)
-            & ~np.isnan(book.axes[axis])
-            & ~np.isnan(book.axes["S_over_2J"])
-        )
+        ratio_of, shape_of = book.axes[axis], book.axes["S_over_2J"]
+        here = known & (book.axes["process"] == process) & ~np.isnan(ratio_of) & ~np.isnan(shape_of)
         ratios, shapes = np.full((2, here.size), np.nan)
         if here.any():
-            ratios[here], shapes[here] = (
-                levels(book.axes[axis][here]),
-                levels(book.axes["S_over_2J"][here]),
-            )
+            ratios[here], shapes[here] = levels(ratio_of[here]), levels(shape_of[here])
         for ratio in np.unique(ratios[here]):
             for shape in np.unique(shapes[here]):
                 cell = here & (ratios == ratio) & (shapes == shape)
                 for a in everyone if cell.any() else ():
-                    said = a.said[cell & a.applies]
-                    right, undecided = (
-                        said == positive[cell & a.applies],
-                        said == CODES["no_decision"],
-                    )
-                    shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
-                    ends = map(float, wilson(int(right.sum()), said.size))
-                    rows.append(
-                        (
-                            a.method,
-                            plant,
-                            ratio,
-                            shape,
-                            int(cell.sum()),
-                            said.size,
-                            *shares,
-                            *ends,
-                            a.home,
-                        )
-                    )
+                    answers, wanted = a.said[cell & a.applies], positive[cell & a.applies]
+                    right, undecided = answers == wanted, answers == CODES["no_decision"]
+                    shares = [
+                        float(x.mean()) if answers.size else np.nan for x in (right, undecided)
+                    ]
+                    ends = map(float, wilson(int(right.sum()), answers.size))
+                    place = a.method, plant, ratio, shape, int(cell.sum()), answers.size
+                    rows.append((*place, *shares, *ends, a.home))
     columns = "method plant ratio S_over_2J n applicable right no_decision lo hi home"
     return pd.DataFrame(rows, columns=columns.split()).sort_values(
         "method", kind="stable", ignore_index=True
@@ -91,8 +70,8 @@ def cells(book: RunArrays) -> pd.DataFrame:
 
 
 def levels(values: np.ndarray) -> np.ndarray:
-    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a
-    level of their own.
+    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep
+    their level.
     """
     if np.unique(values).size <= MOST_LEVELS:
         return values
@@ -106,13 +85,10 @@ def levels(values: np.ndarray) -> np.ndarray:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one heat map per method and plant, the method most often right first."""
-    right = (data.right * data.applicable).groupby(data.method).sum() / data.applicable.groupby(
-        data.method
-    ).sum()
-    methods, plants = (
-        list(right.sort_values(ascending=False).index),
-        [p for p in PLANTS if (data.plant == p).any()],
-    )
+    counts = data.assign(right=data.right * data.applicable).groupby("method")
+    totals = counts[["right", "applicable"]].sum()
+    order = (totals.right / totals.applicable).sort_values(ascending=False)
+    methods, plants = list(order.index), [p for p in PLANTS if (data.plant == p).any()]
     side = min(PER_ROW, len(methods))
     rows = -(-len(methods) // side)
     figure, axes = panels(
@@ -155,31 +131,16 @@ def _map(axes: Axes, part: pd.DataFrame, name: str):
     shown = part.assign(
         right=part["right"].where(part["applicable"] >= LEAST), half=(part["hi"] - part["lo"]) / 2
     )
-    table, applies, half = (
+    shares, applies, half = (
         shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index()
         for v in ("right", "applicable", "half")
     )
-    edges = [np.arange(k + 1) - 0.5 for k in table.shape]
-    image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARE_COLOURS)
-    axes.set_xticks(range(table.shape[1]), [f"{r:.2g}" for r in table.columns])
-    axes.set_yticks(
-        range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in table.index]
-    )
-    for (i, j), value in np.ndenumerate(table.to_numpy()):
-        if applies.to_numpy()[i, j] == 0:
-            hatch(axes, j, i)
-        elif not np.isnan(value):
-            says = f"{value:.2f}\n±{half.to_numpy()[i, j]:.2f}\n{applies.to_numpy()[i, j]:.0f}"
-            axes.text(
-                j,
-                i,
-                says,
-                ha="center",
-                va="center",
-                fontsize=4.5,
-                color="white" if value < 0.55 else "#000001",
-            )
+    texts = shares.map("{:.2f}\n".format) + half.map("±{:.2f}\n".format)
+    texts += applies.map("{:.0f}".format)
+    image = share_map(axes, *(t.to_numpy() for t in (shares, applies, texts)), size=4.5)
+    axes.set_xticks(range(shares.shape[1]), [f"{r:.2g}" for r in shares.columns])
+    names = [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in shares.index]
+    axes.set_yticks(range(shares.shape[0]), names)
     axes.set_xlabel(name)
     axes.set_ylabel("S/2J")
-    axes.spines[:].set_visible(False)
     return image

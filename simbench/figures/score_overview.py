@@ -6,8 +6,6 @@ no stiction, under "cycling" that of the answer stiction; below it half the widt
 interval; empty: fewer than 20 loops.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
-from simbench.figures._score import SHARE_COLOURS, hatch
+from simbench.figures._score import share_map
 from simbench.figures._style import panels, styled
 
 SOURCE = "own"
@@ -63,32 +61,13 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
         for process, name in PROCESSES.items():
             for loops, part in zip(LOOP_KINDS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
-                said = a.said[here & a.applies]
+                given = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
-                share = float((said == wanted).mean()) if said.size else np.nan
-                place = (
-                    r.method,
-                    r.home,
-                    ROW_GROUPS[int(r.kind)],
-                    r.rank,
-                    r.accuracy_applicable,
-                    process,
-                    loops,
-                )
-                rows.append((*place, int(here.sum()), said.size, share))
-    columns = [
-        "method",
-        "home",
-        "kind",
-        "rank",
-        "accuracy",
-        "process",
-        "loops",
-        "n",
-        "applicable",
-        "right",
-    ]
-    return pd.DataFrame(rows, columns=columns)
+                share = float((given == wanted).mean()) if given.size else np.nan
+                place = r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable
+                rows.append((*place, process, loops, int(here.sum()), given.size, share))
+    columns = "method home kind rank accuracy process loops n applicable right"
+    return pd.DataFrame(rows, columns=columns.split())
 
 
 @styled
@@ -145,7 +124,7 @@ def draw(data: pd.DataFrame) -> Figure:
                 place.axhline(k - 0.5, color="white", linewidth=3)
     bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
     about = (
-        "number beside a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
+        "number after a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
         " apply"
     )
     bar.set_label(f"share right where it applies (no decision is not right)\n{about}")
@@ -153,25 +132,10 @@ def draw(data: pd.DataFrame) -> Figure:
 
 
 def _cells(axes, shares: np.ndarray, applies: np.ndarray):
-    edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
     shares = np.where(applies >= LEAST, shares, np.nan)
     lo, hi = wilson(np.nan_to_num(shares) * applies, applies)
-    image = axes.pcolormesh(edges[1], edges[0], shares, **SHARE_COLOURS)
-    for (i, j), value in np.ndenumerate(shares):
-        if not applies[i, j]:
-            hatch(axes, j, i)
-        elif not np.isnan(value):
-            says, dark = f"{value:.2f}\n±{(hi[i, j] - lo[i, j]) / 2:.2f}", value < 0.55
-            axes.text(
-                j,
-                i,
-                says,
-                ha="center",
-                va="center",
-                fontsize=5.5,
-                color="white" if dark else "#000001",
-            )
+    texts = np.char.mod("%.2f\n", shares) + np.char.mod("±%.2f", (hi - lo) / 2)
+    image = share_map(axes, shares, applies, texts, 5.5)
     axes.set_ylim(shares.shape[0] - 0.5, -0.5)
-    axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     return image

@@ -6,8 +6,6 @@ near 0. A linear loop that noise makes oscillate wanders in amplitude, as do its
 chance predicts itself better or worse than they do.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -16,8 +14,7 @@ from scipy.signal import lfilter
 from detectors.signal.conditioning import drift
 from detectors.signal.oscillation import find_oscillation
 from detectors.signal.surrogates import nonlinearity_index
-from scenarios.spec import Loop
-from simbench.figures._loops import choudhury, pi_table, sine
+from simbench.figures._loops import choudhury, pi_loop, sine
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, RED, label, panel, styled
 from simbench.loop.simulate import simulate
 
@@ -40,10 +37,10 @@ def looped(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
     """Return the control error of a simulated loop, and its period in samples; NaN without one."""
     sticky = kind == "sticky valve"
     cause = {"valve": choudhury(5.0, 2.5)} if sticky else {"disturbance": sine(2.0, 80.0)}
-    table = pi_table(
+    loop = pi_loop(
         T=20.0, Td=10.0, Kc=0.8, Ti=20.0, Ts=1.0, n=N, noise={"std": 1.4 * noise}, **cause
     )
-    record = simulate(Loop.from_table(table), seed, kick=8.0).record
+    record = simulate(loop, seed, kick=8.0).record
     return record.e, find_oscillation(record.op, record.pv, 1.0).period_s
 
 
@@ -65,7 +62,7 @@ def made(kind: str, noise: float, seed: int) -> tuple[np.ndarray, float]:
 def data() -> pd.DataFrame:
     """Return the index of oscillations that are linear and that are not, over the noise.
 
-    Columns: kind, noise ratio (-), seed, npi (-); loops in which no period was found are left out.
+    Columns: kind, noise ratio (-), seed, npi (-); loops without a period are left out.
     """
     rows = []
     for kind in COLOURS:

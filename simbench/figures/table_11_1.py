@@ -2,14 +2,11 @@
 measured against them.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.confirm.grade import grade
-from simbench.figures._loops import pi_table
+from simbench.figures._loops import pi_loop
 from simbench.figures._style import styled, table
 
 SOURCE = (
@@ -29,7 +26,13 @@ def data() -> pd.DataFrame:
     Columns: parameter, ideal, practical, and per valve the measured value and whether it is
     acceptable (NAME: ok).
     """
-    graded = {name: grade(_loop(*valve)) for name, valve in VALVES.items()}
+    graded = {}
+    for name, (model, parameters, K, noise) in VALVES.items():
+        valve = {"model": model, **parameters}
+        loop = pi_loop(
+            K=K, T=5.0, Td=1.0, Kc=0.3, Ti=5.0, Ts=1.0, valve=valve, noise={"std": noise}
+        )
+        graded[name] = grade(loop)
     first = next(iter(graded.values()))
     frame = pd.DataFrame(
         [[g.parameter, g.ideal, g.practical] for g in first],
@@ -39,21 +42,6 @@ def data() -> pd.DataFrame:
         frame[name] = [g.value for g in grades]
         frame[f"{name}: ok"] = [g.acceptable for g in grades]
     return frame
-
-
-def _loop(model: str, parameters: dict[str, float], K: float, noise: float) -> Loop:
-    return Loop.from_table(
-        pi_table(
-            K=K,
-            T=5.0,
-            Td=1.0,
-            Kc=0.3,
-            Ti=5.0,
-            Ts=1.0,
-            valve={"model": model, **parameters},
-            noise={"std": noise},
-        )
-    )
 
 
 @styled

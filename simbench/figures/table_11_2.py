@@ -1,4 +1,4 @@
-"""Table 11.2: typical shapes of OP and PV behind a sticky valve, checked by the shape classifier on
+"""Table 11.2: typical shapes of OP and PV under a sticky valve, checked by the shape classifier on
 simulated cycles.
 
 Four loops per cell, J/S from 0.2 to 1; every cycle gets one of four labels (square, triangle,
@@ -6,48 +6,32 @@ saw-tooth, sine) by dynamic time warping. A saw-tooth counts as a triangle, and 
 label does not exist, as a sine.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.methods.srinivasan import SHAPES, cycles, label_shares
-from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import SIGNAL, label, panels, styled
 from simbench.theory.tables import TABLE_11_2
 
 SOURCE = "Jelali (2013), Table 11.2, after Forsman (2000) and Srinivasan et al. (2005a)"
 S = 5.0
 PHASE = np.linspace(0.0, 2.0, 201)  # where the drawn waves are read, in periods
-FAST, SLOW = (
-    {"type": "foptd", "K": 1.0, "T": 1.0, "Td": 0.5},
-    {"type": "foptd", "K": 1.0, "T": 60.0, "Td": 12.0},
-)
-LEVEL = {"type": "integrating", "K": 0.01, "Td": 10.0}
-# plant, controller, Ts (s), and J (%) of the four valves
+FAST = {"K": 1.0, "T": 1.0, "Td": 0.5, "Ts": 0.25}
+SLOW = {"K": 1.0, "T": 60.0, "Td": 12.0, "Ts": 2.0}
+LEVEL = {"K": 0.01, "Td": 10.0, "Ts": 1.0}
+# plant and Ts (s), controller, and J (%) of the four valves
 LOOPS = {
-    ("fast (flow)", "I"): (FAST, {"type": "PI", "Kc": 0.05, "Ti": 0.5}, 0.25, (1.0, 2.0, 3.5, 5.0)),
-    ("fast (flow)", "P"): (
-        FAST,
-        {"type": "PI", "Kc": 0.8, "Ti": 100.0},
-        0.25,
-        (4.4, 4.6, 4.8, 5.0),
-    ),
+    ("fast (flow)", "I"): ({**FAST, "Kc": 0.05, "Ti": 0.5}, (1.0, 2.0, 3.5, 5.0)),
+    ("fast (flow)", "P"): ({**FAST, "Kc": 0.8, "Ti": 100.0}, (4.4, 4.6, 4.8, 5.0)),
     ("slow (pressure, temperature)", ""): (
-        SLOW,
-        {"type": "PI", "Kc": 2.0, "Ti": 60.0},
-        2.0,
+        {**SLOW, "Kc": 2.0, "Ti": 60.0},
         (1.0, 1.5, 2.0, 2.5),
     ),
-    ("integrating (level)", "P"): (LEVEL, {"type": "P", "Kc": 5.0}, 1.0, (2.0, 3.0, 4.0, 5.0)),
-    ("integrating (level)", "PI"): (
-        LEVEL,
-        {"type": "PI", "Kc": 3.0, "Ti": 60.0},
-        1.0,
-        (1.0, 2.0, 3.5, 5.0),
-    ),
+    ("integrating (level)", "P"): ({**LEVEL, "Kc": 5.0, "Ti": None}, (2.0, 3.0, 4.0, 5.0)),
+    ("integrating (level)", "PI"): ({**LEVEL, "Kc": 3.0, "Ti": 60.0}, (1.0, 2.0, 3.5, 5.0)),
 }
 COUNTS_AS = {
     "square": {"square"}, "rectangular": {"square"}, "sinusoidal": {"sine"}, "parabolic": {"sine"},
@@ -64,22 +48,19 @@ def data() -> pd.DataFrame:
     """
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
-        plant, controller, Ts, jumps = LOOPS[process, action]
-        sampling = {"Ts": Ts}
-        found = {"OP": [], "PV": []}
+        settings, jumps = LOOPS[process, action]
+        waves = {"OP": [], "PV": []}
         wave = {}
         for J in jumps:
-            valve = {"model": "choudhury", "S": S, "J": J}
-            table = {"plant": plant, "controller": controller, "valve": valve, "sampling": sampling}
-            cycle = sustained_cycle(Loop.from_table(table), periods=12)
-            period = cycle["period (s)"].iloc[0] / Ts
+            cycle = sustained_cycle(pi_loop(**settings, valve=choudhury(S, J)), periods=12)
+            period = cycle["period (s)"].iloc[0] / settings["Ts"]
             for signal, column in (("OP", "OP (%)"), ("PV", "PV")):
                 x = cycle[column].to_numpy() - cycle[column].mean()
-                found[signal].append(cycles(x, period))
+                waves[signal].append(cycles(x, period))
                 if J == jumps[1]:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
         for signal, shape in zip(("OP", "PV"), shapes):
-            every = np.concatenate(found[signal])
+            every = np.concatenate(waves[signal])
             agreement = sum(
                 share
                 for name, share in zip(SHAPES, label_shares(every))

@@ -6,8 +6,6 @@ valve cycling. Where count and table differ the table is too coarse: a self-regu
 if K Kc J > S, and a dead-band cycles under tight PI.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -15,6 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from scenarios.spec import Loop, Part
+from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled, table
 from simbench.loop.simulate import simulate
 from simbench.theory.table_check import check_table_11_3
@@ -34,14 +33,14 @@ LOADS, STEPS = (
 )  # load steps (%), and set-point steps that move OP by about so many %
 
 
-def ultimate_gain(plant: dict, Ti: float | None) -> float:
+def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> float:
     """Return the Kc (% per PV unit) at which the loop with the continuous plant would oscillate
-    without a valve's help.
+    without a valve's help; without T the plant integrates.
     """
     w = np.geomspace(1e-3, 1e2, 20001)
     s = 1j * w
-    lag = s if plant["type"] == "integrating" else plant["T"] * s + 1
-    L = plant["K"] * np.exp(-plant["Td"] * s) / lag * (1.0 if Ti is None else 1 + 1 / (Ti * s))
+    lag = s if T is None else T * s + 1
+    L = K * np.exp(-Td * s) / lag * (1.0 if Ti is None else 1 + 1 / (Ti * s))
     phase = np.unwrap(np.angle(L))
     past = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
     return float(1 / np.abs(L[past[-1]])) if past.size else np.nan
@@ -49,40 +48,28 @@ def ultimate_gain(plant: dict, Ti: float | None) -> float:
 
 def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     """Return the grid of one cell."""
-    found = []
+    grid_of_cell = []
     ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
     for Td, share, integral, ratio in product(
         DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios
     ):
-        plant = (
-            {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
-            if process == "self-regulating"
-            else {"type": "integrating", "K": 0.1, "Td": Td}
-        )
+        plant = {"K": 1.0, "T": T} if process == "self-regulating" else {"K": 0.1, "T": None}
         # integral time over T, or for the integrating plant over ten dead times
-        Ti = (
-            None
-            if integral is None
-            else integral * (T if process == "self-regulating" else 10 * Td)
-        )
-        Kc = share * ultimate_gain(plant, Ti)
-        if not np.isfinite(Kc):
-            continue
-        found.append(
-            Loop.from_table(
-                {
-                    "plant": plant,
-                    "controller": {
-                        "type": controller,
-                        "Kc": Kc,
-                        **({} if Ti is None else {"Ti": Ti}),
-                    },
-                    "valve": {"model": "choudhury", "S": S, "J": ratio * S},
-                    "sampling": {"Ts": Ts, "n": 24000},
-                }
+        Ti = None if integral is None else integral * (plant["T"] or 10 * Td)
+        Kc = share * ultimate_gain(**plant, Td=Td, Ti=Ti)
+        if np.isfinite(Kc):
+            grid_of_cell.append(
+                pi_loop(
+                    **plant,
+                    Td=Td,
+                    Kc=Kc,
+                    Ti=Ti,
+                    Ts=Ts,
+                    n=24000,
+                    valve=choudhury(S, ratio * S),
+                )
             )
-        )
-    return found
+    return grid_of_cell
 
 
 def cycles(loop: Loop) -> bool:
@@ -115,27 +102,17 @@ def data() -> pd.DataFrame:
 
     Columns: process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the
     grid of the theory: loops, exist, reached (by any of 25 random load steps), disagreements
-    (against the table, each with its condition); on this figure's own grid of simulations: cycled,
+    (against the table, each with its condition); on this figure's grid of simulations: cycled,
     simulated.
     """
     rows = []
     for check in check_table_11_3():
         key = check.process, check.controller, check.nonlinearity
         grid = loops(*key)
-        said = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
+        printed = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
         why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
-        rows.append(
-            [
-                *key,
-                said,
-                check.loops,
-                check.exist,
-                check.reached,
-                why,
-                sum(map(cycles, grid)),
-                len(grid),
-            ]
-        )
+        counts = check.loops, check.exist, check.reached, why
+        rows.append([*key, printed, *counts, sum(map(cycles, grid)), len(grid)])
     names = (
         "process controller nonlinearity table loops exist reached disagreements cycled simulated"
     )

@@ -1,7 +1,5 @@
 """Table 11.4: the symbols of an OP-MV plot; the sticky ones, IS and DS, are framed."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

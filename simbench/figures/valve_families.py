@@ -6,8 +6,6 @@ cycling loops that are called sticky; right, the share of the loops that do not 
 sticky all the same. Behind a name: * fitted on this grid, + on its siblings.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd
@@ -31,17 +29,17 @@ def data(run: str | Path) -> pd.DataFrame:
     method's constants were fitted); best method first.
     """
     book = RunArrays.read(run)
-    found = rates(read(run))
-    found = found[found.n >= FEWEST]
+    counted = rates(read(run))
+    counted = counted[counted.n >= FEWEST]
     mean = (
-        found.assign(right=found.stiction.where(found.cycling, 1.0 - found.stiction))
+        counted.assign(right=counted.stiction.where(counted.cycling, 1.0 - counted.stiction))
         .groupby(["method", "cycling"])
         .right.mean()
     )
     best = mean.groupby("method").mean().sort_values(ascending=False)
     place = {method: i for i, method in enumerate(best.index)}
     return (
-        found.assign(place=found.method.map(place))
+        counted.assign(place=counted.method.map(place))
         .sort_values(["place", "cycling", "valve"], ignore_index=True)
         .drop(columns="place")
         .assign(home=lambda rows: [home_of(method, book) for method in rows.method])

@@ -1,7 +1,5 @@
 """OP-MV signature of every valve model: the picture by which each is recognised."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -44,12 +42,12 @@ def data() -> pd.DataFrame:
     op = np.interp(np.arange(560), np.arange(len(corners)) * 80.0, corners)
     rows = []
     for model in VALVES.names():
-        mv = valve_response(model, op, _parameters(model), Ts)
-        rows.append(
-            pd.DataFrame(
-                {"model": model, "t (s)": np.arange(op.size) * Ts, "OP (%)": op, "MV (%)": mv}
-            )
-        )
+        schema = VALVES.load(model).PARAMETERS
+        chosen: dict[str, float | str] = {k: WANTED[k] for k in schema if k in WANTED}
+        chosen |= {k: v.names[-1] for k, v in schema.items() if isinstance(v, Choice)}
+        mv = valve_response(model, op, chosen, Ts)
+        signals = {"t (s)": np.arange(op.size) * Ts, "OP (%)": op, "MV (%)": mv}
+        rows.append(pd.DataFrame({"model": model, **signals}))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -64,19 +62,9 @@ def draw(data: pd.DataFrame) -> Figure:
         one = data[data.model == model]
         place.plot([0, 100], [0, 100], color=GREY, linestyle=":", linewidth=0.8)
         place.plot(one["OP (%)"], one["MV (%)"], color=BLUE, linewidth=1.0)
-        place.set_title(model)
-        place.set_aspect("equal")
-        place.set_xlim(5, 95)
-        place.set_ylim(5, 95)
+        place.set(title=model, aspect="equal", xlim=(5, 95), ylim=(5, 95))
     for place in axes.flat[len(models) :]:
         place.set_axis_off()
     figure.supxlabel("OP (% of span)", fontsize=8.5)
     figure.supylabel("MV (% of travel)", fontsize=8.5)
     return figure
-
-
-def _parameters(model: str) -> dict[str, float | str]:
-    schema = VALVES.load(model).PARAMETERS
-    chosen: dict[str, float | str] = {k: WANTED[k] for k in schema if k in WANTED}
-    chosen |= {k: v.names[-1] for k, v in schema.items() if isinstance(v, Choice)}
-    return chosen

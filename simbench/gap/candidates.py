@@ -27,7 +27,7 @@ LAST = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: its gain (nats) over the base, its own numbers paid for; `used` False when
+    """A fitted effect: its gain (nats) over the base, its numbers paid for; `used` False when
     nothing was switched on.
     """
 
@@ -71,10 +71,10 @@ def proven(s: Situation) -> dict[str, Parameters]:
     """Return the effects that the controller's law or single samples show without doubt, with their
     parameters.
     """
-    found = {
+    parameters = {
         e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))
     }
-    return {e: p for e, p in found.items() if p is not None}
+    return {e: p for e, p in parameters.items() if p is not None}
 
 
 def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[str, Candidate]:
@@ -111,7 +111,7 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
     return nats if tails <= 1.0 or by_size <= 0.0 else nats - by_size * (1.0 - 1.0 / tails)
 
 
-def beside_the_load(
+def with_ordinary_load(
     engine: Engine, base: Fit, candidates: dict[str, Candidate]
 ) -> tuple[Fit, dict[str, Candidate]]:
     """Allow to every candidate what the load may do by itself; return the base and the candidates,
@@ -127,18 +127,18 @@ def beside_the_load(
             one.log_likelihood_gain,
             {e: c for e, c in candidates.items() if e != effect},
         )
-        own = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
-        return one.fit, {e: out.get(e, replace(one, log_likelihood_gain=own)) for e in candidates}
+        gain = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
+        return one.fit, {e: out.get(e, replace(one, log_likelihood_gain=gain)) for e in candidates}
     return base, candidates
 
 
-def beside_the_plant(
+def with_higher_order(
     engine: Engine, base: Fit, candidates: dict[str, Candidate]
 ) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate a plant of higher order than the baseline's, if any candidate stands
-    out of it.
+    """Allow to every candidate a plant of higher order than the baseline's, if any candidate is
+    likelier than the base.
 
-    Parameters and returns are those of `beside_the_load`.
+    Parameters and returns are those of `with_ordinary_load`.
     """
     if max((c.log_likelihood_gain for c in candidates.values()), default=0.0) <= 0.0:
         return base, candidates
@@ -160,7 +160,7 @@ def _on_top_of(
     again = fit_candidates(
         engine,
         base,
-        [e for e, c in candidates.items() if c.log_likelihood_gain > best - engine.behind],
+        [e for e, c in candidates.items() if c.log_likelihood_gain > best - engine.refit_within],
     )
     alone = {
         e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought)
@@ -215,7 +215,7 @@ def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None)
 def smallest_detectable(
     s: Situation, base: Fit, longest_load: float, effects: Iterable[str] = EFFECTS
 ) -> dict[str, tuple[float, str]]:
-    """Return the size of each effect that would have been found, with its unit."""
+    """Return the size of each effect that would have shown, with its unit."""
     probe = Probe(Engine(s.data, longest_load), base, s)
-    found = {e: recogniser(e).smallest(probe) for e in effects}
-    return {e: size for e, size in found.items() if size is not None}
+    sizes = {e: recogniser(e).smallest(probe) for e in effects}
+    return {e: size for e, size in sizes.items() if size is not None}

@@ -195,19 +195,19 @@ def discover_file(
     if write_effect is not None:
         refuse_effect_file(write_effect)
     loop, read = load_loop(baseline), read_record(record, automatic=False, **about)
-    found = discover(read, loop, progress=True)
-    if write_effect is not None and found.law is not None:
-        said = (
+    discovery = discover(read, loop, progress=True)
+    if write_effect is not None and discovery.law is not None:
+        header = (
             f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}:"
-            f" {found.law.text}"
+            f" {discovery.law.text}"
         )
-        said += f"; {found.law.nats:.0f} nats on samples that it was not fitted to."
-        write_law(found.law, write_effect, said, f"fitted to {Path(record).name}")
+        header += f"; {discovery.law.nats:.0f} nats on samples that it was not fitted to."
+        write_law(discovery.law, write_effect, header, f"fitted to {Path(record).name}")
     if html is not None:
         from simbench.gap.report.law_page import write_law_page
 
-        write_law_page(found, html)
-    return found
+        write_law_page(discovery, html)
+    return discovery
 
 
 def plan_files(

@@ -55,11 +55,13 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-# of the least noise that is believed, below which the model predicts PV to its digits: nothing is
-# missing
+# share of the least noise that is believed, below which the model predicts PV to its digits:
+# nothing is missing
 _PREDICTED = 0.1
-_EXPLANATIONS = 5  # that are simulated under each test, to say in passing which one to run next
-_SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
+_EXPLANATIONS = (
+    5  # number that are simulated under each test, to say in passing which one to run next
+)
+_SETTLED = 0.9  # probability from which no log without the archive is asked for
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 
 
@@ -114,10 +116,7 @@ def diagnose(
     >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
-    several: list[Any] = (
-        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
-    )
-    records = [as_record(one, **signals) for one in several]
+    records = [as_record(one, **signals) for one in _listed(record)]
     if not records:
         raise RecordError("no record to diagnose")
     refuse_twice(tests)
@@ -144,13 +143,13 @@ def diagnose_all(
     """
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        found, behind, more = _assess_all(records, baseline, jobs, tests)
-        runs = ClosedLoops(found, seed)
-        judged_by = closing(classify(found), found, runs)
+        assessment, loops, more = _assess_all(records, baseline, jobs, tests)
+        runs = ClosedLoops(assessment, seed)
+        judged_by = closing(classify(assessment), assessment, runs)
         weights, like = judged_by, None
-        if describe and named_by(judged_by, found) == [UNKNOWN]:
-            weights, like = _locate_unknown(judged_by, found, seed)
-        out = replace(report(found, weights, runs, more, behind, judged_by), looks_like=like)
+        if describe and named_by(judged_by, assessment) == [UNKNOWN]:
+            weights, like = _locate_unknown(judged_by, assessment, seed)
+        out = replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
         if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
             # what a simulation with friction does not model is not the friction that the valve has
             tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
@@ -162,15 +161,15 @@ def diagnose_all(
 
 
 def _locate_unknown(
-    weights: Classified, found: Assessment, seed: int
+    weights: Classified, assessment: Assessment, seed: int
 ) -> tuple[Classified, Discovery]:
     """Return the probabilities with the block of what is unknown, and its description.
 
     A law that pays on unseen samples, or the best of all explanations, locates it better than a
     test that fails.
     """
-    situation = found.situation
-    like = described(situation, search(situation, held_out(situation)), lambda: found, seed)
+    situation = assessment.situation
+    like = described(situation, search(situation, held_out(situation)), lambda: assessment, seed)
     return (replace(weights, unknown_block=like.block) if like.block else weights), like
 
 
@@ -213,21 +212,23 @@ def conclude(
     """
     if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
         return judged(as_record(record, **signals))[0]
-    several = (
-        list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
-    )
-    return diagnose_all(
-        [as_record(one, **signals) for one in several], loop, tests, describe=False
-    ).conclusion
+    records = [as_record(one, **signals) for one in _listed(record)]
+    return diagnose_all(records, loop, tests, describe=False).conclusion
+
+
+def _listed(record: Any) -> list[Any]:
+    """Return one record or several as a list."""
+    several = isinstance(record, Sequence) and not isinstance(record, str)
+    return list(record) if several else [record]
 
 
 def _assess_one(
     record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
 ) -> tuple[Assessment, CandidateLoops | str]:
-    """Return the assessment of one record, with its tests, and the loops that may stand behind it,
-    or why it is not weighed.
+    """Return the assessment of one record, with its tests, and the loops that may have made
+    it, or why it is not weighed.
 
-    Beside a trusted baseline friction is weighed with all other effects: no loops are needed then.
+    With a trusted baseline friction is weighed with all other effects: no loops are needed then.
     """
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
@@ -236,53 +237,53 @@ def _assess_one(
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     situation = replace(situation, notes=[*situation.notes, *completions])
     # 3. every effect fitted and scored, with the tests of the same loop
-    found = beside_tests(situation, tests)
-    # 4. beside an identified baseline: does friction explain the record better than other loops?
-    behind: CandidateLoops | str = ""
+    assessment = assess_with_tests(situation, tests)
+    # 4. with an identified baseline: does friction explain the record better than other loops?
+    loops: CandidateLoops | str = ""
     try:
         refuse_unweighable(record)
         if not situation.trusted:
-            behind = candidate_loops(record, baseline)
+            loops = candidate_loops(record, baseline)
     except UserError as why:
-        behind = str(why)
-        notes = [*found.situation.notes, f"{FRICTION}: cannot tell, {why}"]
-        found = replace(found, situation=replace(found.situation, notes=notes))
+        loops = str(why)
+        notes = [*assessment.situation.notes, f"{FRICTION}: cannot tell, {why}"]
+        assessment = replace(assessment, situation=replace(assessment.situation, notes=notes))
     if situation.trusted:
-        return found, behind
-    sticky = None if isinstance(behind, str) else behind.probability >= DENIED_BELOW
-    return plausible(found, sticky), behind
+        return assessment, loops
+    sticky = None if isinstance(loops, str) else loops.probability >= DENIED_BELOW
+    return plausible(assessment, sticky), loops
 
 
-def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
-    """Assess a record with those of its tests that nothing speaks against; what contradicts is said
-    and not counted.
+def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
+    """Assess a record with those of its tests that nothing contradicts; the others are noted and
+    not counted.
     """
     kept, notes = [], []
     for test in tests:
         one = modelled(test, situation)
-        said = contradiction(test, one, situation)
-        if said:
-            notes.append(f"test: {test.name} contradicts the record and is not counted: {said}")
+        reason = contradiction(test, one, situation)
+        if reason:
+            notes.append(f"test: {test.name} contradicts the record and is not counted: {reason}")
         else:
             kept.append(one)
-    found = assess(situation, kept)
+    assessment = assess(situation, kept)
     if kept and situation.trusted:
-        others = other_plants(found, found.situation, kept)
+        others = other_plants(assessment, assessment.situation, kept)
         if any(others):
             notes += [
-                f"test: {one.name} contradicts the record and is not counted: {said}; the loop"
-                f" behind {one.name} is another"
-                for one, said in zip(kept, others)
-                if said
+                f"test: {one.name} contradicts the record and is not counted: {reason}; the loop"
+                f" of {one.name} is another"
+                for one, reason in zip(kept, others)
+                if reason
             ]
-            kept = [one for one, said in zip(kept, others) if not said]
-            found = assess(situation, kept)
+            kept = [one for one, reason in zip(kept, others) if not reason]
+            assessment = assess(situation, kept)
     if kept:
         notes.append(
             f"tests: {', '.join(one.name for one in kept)} judged with the record as one model"
         )
-    said = replace(found.situation, notes=[*found.situation.notes, *notes])
-    return replace(found, situation=said, asked=tuple(t.id for t in tests))
+    reason = replace(assessment.situation, notes=[*assessment.situation.notes, *notes])
+    return replace(assessment, situation=reason, asked=tuple(t.id for t in tests))
 
 
 def _assess_all(
@@ -300,16 +301,16 @@ def _assess_all(
             delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records
         )
         pairs: list[Any] = list(parallel(calls))
-    every = [found for found, _ in pairs]
-    main, behind = max(pairs, key=lambda pair: pair[0].situation.record.n)
+    every = [assessment for assessment, _ in pairs]
+    main, loops = max(pairs, key=lambda pair: pair[0].situation.record.n)
     others = tuple(f for f in every if f is not main)
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
     if weighed:
-        behind = behind if isinstance(behind, CandidateLoops) else weighed[0]
-        behind = replace(behind, log_odds=pooled([one.log_odds for one in weighed]))
-        main = replace(main, stiction=behind.probability)
+        loops = loops if isinstance(loops, CandidateLoops) else weighed[0]
+        loops = replace(loops, log_odds=pooled([one.log_odds for one in weighed]))
+        main = replace(main, stiction=loops.probability)
     if not others:
-        return main, behind, []
+        return main, loops, []
     proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
     gains = {
         e: float(sum(f.log_likelihood_gains[e] for f in every))
@@ -319,103 +320,111 @@ def _assess_all(
     gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
     parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    said = (
+    note = (
         f"{len(every)} records judged together; gap and parameters are those of"
         f" {main.situation.record.tag or 'the longest'}"
     )
     return (
         replace(
-            main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others
+            main,
+            log_likelihood_gains=gains,
+            parameters=parameters,
+            chosen=chosen,
+            other_records=others,
         ),
-        behind,
-        [said],
+        loops,
+        [note],
     )
 
 
-def named_by(weights: Classified, found: Assessment) -> list[str]:
-    """Return the answer: the most probable, and a second effect of another block that was found on
-    top of it.
+def named_by(weights: Classified, assessment: Assessment) -> list[str]:
+    """Return the answer: the most probable, and a second effect of another block that brings more
+    on top of it.
     """
     p = weights.probability
-    if not found.situation.trusted and found.stiction is not None and found.stiction < DENIED_BELOW:
+    if (
+        not assessment.situation.trusted
+        and assessment.stiction is not None
+        and assessment.stiction < DENIED_BELOW
+    ):
         # friction that is not the more probable, all its effects taken together, is none of them
         p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}
     first = max(p, key=lambda e: p[e])
-    if first not in EFFECTS or first not in found.chosen:
+    if first not in EFFECTS or first not in assessment.chosen:
         return [first]
-    return [first, *[e for e in found.chosen if block_of(e) != block_of(first)][:1]]
+    return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
 
 
-def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
+def closing(weights: Classified, assessment: Assessment, runs: ClosedLoops) -> Classified:
     """Return the probabilities with "unknown" in the place of an effect that does not narrow the
     simulated loop's gap.
 
-    What single samples, the controller's law or MV show stands unless the gap widens beyond its
+    What single samples, the controller's law or MV show holds unless the gap widens beyond its
     interval: a twin may fail for its load's sake.
     """
-    named = named_by(weights, found)
+    named = named_by(weights, assessment)
     effects = [e for e in named if e in EFFECTS]
     if not effects:
-        return _unless_wide(weights, found, runs) if named == [NONE] else weights
+        return _unless_wide(weights, assessment, runs) if named == [NONE] else weights
     gap = runs.shrink(effects)
-    widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
+    widens = gap.hi < 0.0 if assessment.shown(effects[0]) else gap.after >= gap.before
     return weights.refuted(effects[0]) if gap.resolvable and widens else weights
 
 
-def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
+def _unless_wide(weights: Classified, assessment: Assessment, runs: ClosedLoops) -> Classified:
     """Return "unknown" for "none" where a wide gap stays that is not the load's.
 
-    Either the best model leaves something behind, or the record differs from its simulation in
+    Either the best model does not explain everything, or the record differs from its simulation in
     every stretch of it alike.
     """
-    if not _wide(found, runs) or float(np.std(found.base.residual)) < _PREDICTED:
+    if not _wide(assessment, runs) or float(np.std(assessment.base.residual)) < _PREDICTED:
         return weights
     left, block = max(
-        (found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items()
+        (assessment.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items()
     )
-    if left > 1.0 and not found.situation.trusted:
+    if left > 1.0 and not assessment.situation.trusted:
         return weights.refuted(NONE, block)
     lacks = runs.lacking
     if (
         lacks is None
         or lacks.least <= _WIDE
-        or (left <= 1.0 and found.tested and lacks.block != "sensor")
+        or (left <= 1.0 and assessment.tested and lacks.block != "sensor")
     ):
         # tests under which the model is whole refute that plant, valve or load lack something
         return weights
     return weights.refuted(NONE, block if left > 1.0 else lacks.block)
 
 
-def _wide(found: Assessment, runs: ClosedLoops) -> bool:
+def _wide(assessment: Assessment, runs: ClosedLoops) -> bool:
     """Return whether a gap stays that recalibration does not close; an identified baseline is
     recalibrated already.
     """
     gap = runs.shrink([])
-    size = gap.recalibrated if found.situation.trusted else max(gap.before, gap.recalibrated)
+    size = gap.recalibrated if assessment.situation.trusted else max(gap.before, gap.recalibrated)
     return gap.resolvable and size > _WIDE * gap.floor
 
 
 def report(
-    found: Assessment,
+    assessment: Assessment,
     weights: Classified,
     runs: ClosedLoops,
     more: Sequence[str] = (),
-    behind: CandidateLoops | str = "",
+    loops: CandidateLoops | str = "",
     judged_by: Classified | None = None,
 ) -> GapReport:
     """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what
     is unknown was described.
     """
-    situation = found.situation
+    situation = assessment.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
-    named = named_by(weights, found)
+    named = named_by(weights, assessment)
     first = named[0]
     effects = [e for e in named if e in EFFECTS]
     main = runs.shrink(effects)
     rivals = {
         e: runs.rival([e], effects)
         for e, _ in ranking[:3]
-        if e in found.parameters and [e] != effects
+        if e in assessment.parameters and [e] != effects
     }
     shown = {e: gap for e, gap in rivals.items() if gap is not None}
     if len(effects) == 1:
@@ -430,9 +439,9 @@ def report(
             else (None, None)
         )
         lines.append(
-            Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {}))
+            Ranked(e, weights.block(e), float(p), before, after, assessment.parameters.get(e, {}))
         )
-    by_load = first == NONE and _wide(found, runs)
+    by_load = first == NONE and _wide(assessment, runs)
     gap = Gap(
         main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load
     )
@@ -443,16 +452,16 @@ def report(
         {
             "block": weights.block(e),
             "effect": e,
-            "parameters": found.parameters.get(e, {}),
+            "parameters": assessment.parameters.get(e, {}),
             "probability": float(weights.probability[e]),
         }
         for e in named
     )
-    advice, why, after_tests = _advice(found, weights, runs)
+    advice, why, after_tests = _advice(assessment, weights, runs)
     notes = [
         *situation.notes,
         *more,
-        *(f"{block}: {why}" for block, why in found.unexplained.items()),
+        *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
     ]
     if advice is None:
         notes.append(f"next test: none, {why}")
@@ -468,16 +477,16 @@ def report(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
         )
-    sizes = smallest_detectable(situation, found.base, load_memory(situation))
-    if situation.trusted and not behind:
+    sizes = smallest_detectable(situation, assessment.base, load_memory(situation))
+    if situation.trusted and not loops:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
         visible = sizes.get(FRICTION, (float("inf"), ""))[0]
-        conclusion = from_posterior(judged_by or weights, named, found, visible, test)
+        conclusion = from_posterior(judged_by or weights, named, assessment, visible, test)
     elif situation.trusted:
-        conclusion = without(str(behind), named)
+        conclusion = without(str(loops), named)
     else:
-        conclusion = from_record(Prepared(replace(situation.record, mv=None)), behind)[0]
-    group = alike(first, situation, found.parameters.get(first))
+        conclusion = from_record(Prepared(replace(situation.record, mv=None)), loops)[0]
+    group = alike(first, situation, assessment.parameters.get(first))
     return GapReport(
         block=weights.block(first),
         effect=first,
@@ -490,20 +499,20 @@ def report(
         next_test=advice,
         notes=tuple(notes),
         conclusion=conclusion,
-        behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
+        behind=DiagnosisDetails(assessment, runs, main, sizes, after_tests),
     )
 
 
 def _advice(
-    found: Assessment, weights: Classified, runs: ClosedLoops
+    assessment: Assessment, weights: Classified, runs: ClosedLoops
 ) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
     """Return the next test, why there is none, and the probability of a right answer after each
     test.
     """
-    s = found.situation
-    open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in found.asked
+    s = assessment.situation
+    open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in assessment.asked
     if open_yet and not (s.law.known or s.archive.faithful):
-        says = (
+        request = (
             "log the loop without the archive between: the recorded PV is not the PV the"
             " controller saw"
         )
@@ -513,8 +522,10 @@ def _advice(
             "hold_s": 0.0,
             "separates": [],
             "p_right_after": None,
-            "says": says,
+            "says": request,
         }
         return raw, "", {}
-    planned = plan(found, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU)
+    planned = plan(
+        assessment, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU
+    )
     return planned.next_test, planned.why, {x.trial.id: x.p_right for x in planned.tests}

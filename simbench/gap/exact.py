@@ -1,8 +1,8 @@
 """Laws that need no likelihood: of the controller from error to OP, and of the sensor from single
 samples of PV.
 
-A law is fitted to the first part of the record and judged by what it leaves on the rest, beside the
-best law without it.
+A law is fitted to the first part of the record and judged by what it leaves on the rest, compared
+with the best law without it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _EXPLAINS = 0.6
 _MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
 _PROOF = 60.0  # nats from which a law needs no statistics
-_IDLE = 0.05  # share of samples in which OP stands though the law would move it
+_IDLE = 0.05  # share of samples in which OP rests though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
 _REPEATS = 1e-3  # chance that OP repeats itself where the law asks for many times its digits
 _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
@@ -41,21 +41,21 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law between error and OP that the baseline's does not know; None where the
     baseline's explains OP.
     """
-    told = _told(s, first)
+    from_op = _read_from_op(s, first)
     if (
-        told
+        from_op
         or (s.law.known and not s.law.averaged and not s.unexplained_law)
         or s.baseline.controller.type == "PID"
     ):
-        # a PID's terms are the baseline's own
-        return max(told, key=lambda one: one.nats, default=None)
-    # an archive may store PV before the controller ran; where no law is exact, nothing has said so
-    # yet
+        # a PID's terms are in the baseline
+        return max(from_op, key=lambda one: one.nats, default=None)
+    # an archive may store PV before the controller ran; where no law is exact, nothing has shown
+    # that yet
     aligned = [_Controller.of(s, late) for late in sorted({s.law.late, 1})]
     plain = min((one.left({}) for one in aligned), key=aligned[0].misfit)
-    found = [one.idle(first, plain) for one in aligned]
-    found += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
-    best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
+    laws = [one.idle(first, plain) for one in aligned]
+    laws += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
+    best = max((one for one in laws if one is not None), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
     few = (
         best is not None
@@ -65,8 +65,8 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
     return None if few else best
 
 
-def _told(s: Situation, first: int) -> list[FoundLaw]:
-    """Return the laws whose form the examination of OP has told already, each where it pays."""
+def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
+    """Return the laws whose form the examination of OP has shown already, each where it pays."""
     law, op = s.law, s.op
     unit = max(written_unit(op, np.asarray(s.record.pv)), 1e-6 * float(np.std(op)), 1e-9)
     if law.limits is not None:
@@ -107,7 +107,7 @@ def _read_off(
     """Return a law that shows in single samples, whose numbers are read off, not fitted.
 
     How often its `event` (n,) happens is learnt from one part of the record and judged on the other
-    beside a chance `q` of it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020,
+    against a chance `q` of it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020,
     cross-fit), or of the longest run that chance brings.
     """
     q = float(np.clip(q, 1e-6, 0.5))
@@ -127,7 +127,7 @@ def _read_off(
 
 
 class _Controller(NamedTuple):
-    """The controller's signals (OP in %, error in PV units), its own numbers, and the digits of
+    """The controller's signals (OP in %, error in PV units), its numbers, and the digits of
     OP.
     """
 
@@ -206,7 +206,7 @@ class _Controller(NamedTuple):
 
         box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
-            found = scipy.optimize.least_squares(
+            solution = scipy.optimize.least_squares(
                 misfit,
                 [*guess.values(), self.newest],
                 bounds=tuple(zip(*box)),
@@ -215,14 +215,14 @@ class _Controller(NamedTuple):
                 x_scale=[*by.values(), 0.5],
                 max_nfev=60,
             )
-        numbers = {m: float(v) for m, v in zip(guess, found.x)}
-        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(
-            np.std(misfit(found.x))
-        )
+        numbers = {m: float(v) for m, v in zip(guess, solution.x)}
+        spread = np.sqrt(
+            np.maximum(np.diag(np.linalg.pinv(solution.jac.T @ solution.jac)), 0.0)
+        ) * float(np.std(misfit(solution.x)))
         intervals = {
             m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)
         }
-        left = self._replace(newest=found.x[-1]).left(numbers)
+        left = self._replace(newest=solution.x[-1]).left(numbers)
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
         nats = -float(np.log(ratio)) * left[first:].size
@@ -253,7 +253,7 @@ class _Controller(NamedTuple):
             yield "ramps", guess, guess
 
     def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return the law of a controller that does not run in some samples, where OP stands though
+        """Return the law of a controller that does not run in some samples, where OP rests though
         it should move.
         """
         still = np.append(False, np.diff(self.op) == 0.0)
@@ -298,7 +298,7 @@ _POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
 
 @lru_cache(maxsize=4)
 def sensor_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return what single samples of PV show: stairs, ends of a range, spells in which it stands."""
+    """Return what single samples of PV show: stairs, ends of a range, spells without change."""
     pv = np.asarray(s.record.pv)
     unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
@@ -307,25 +307,25 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
             "stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first
         )
     chance = unit / max(float(np.std(np.diff(pv))), unit)
-    stands = np.append(False, np.diff(pv) == 0.0)
-    found = []
+    still = np.append(False, np.diff(pv) == 0.0)
+    laws = []
     ends = {
         name: end
         for name, end in (("low", float(pv.min())), ("high", float(pv.max())))
         if np.mean(pv == end) > _ENDS
     }
     at_end = np.isin(pv, [*ends.values()])
-    if ends and stands[at_end].mean() > 0.3:
-        found.append(_read_off("clipped", ends, at_end, chance, first, at_end))
-    long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
+    if ends and still[at_end].mean() > 0.3:
+        laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
+    long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
         numbers = {
             "share": float(long.mean()),
             "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts,
         }
-        found.append(_read_off("held", numbers, long, chance, first, long))
-    return max(found, key=lambda law: law.nats, default=None)
+        laws.append(_read_off("held", numbers, long, chance, first, long))
+    return max(laws, key=lambda law: law.nats, default=None)
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:

@@ -1,5 +1,5 @@
-"""A law found in a record, as one data object: block, form, numbers, where it acts and what it
-brings on unseen samples.
+"""A law identified from a record, as one data object: block, form, numbers, where it acts and what
+it brings on unseen samples.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class FoundLaw:
     def text(self) -> str:
         """The law in words, with its numbers."""
         rules = LAW_FORMS[self.form].numbers
-        said = [
+        terms = [
             f"{name} = {value:.3g}{f' {rules[name].unit}' if rules[name].unit != '-' else ''}"
             for name, value in self.numbers.items()
             if value != rules[name].identity
         ]
-        return f"{LAW_FORMS[self.form].says}: {', '.join(said)}"
+        return f"{LAW_FORMS[self.form].says}: {', '.join(terms)}"
 
 
 def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:

@@ -28,15 +28,16 @@ from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.margins import gain_margin
 from simbench.loop.effects import NONE, UNKNOWN
 from simbench.loop.resolve import undisturbed
 from simbench.loop.simulate import simulate
 
 SECTIONS = ("controller", "setpoint")  # of a loop file, that an operator sets
-_DRAWS = 80
+_DRAWS = 80  # number of loops drawn
 _FAINT = 0.03  # probability below which an explanation is not drawn
-_FREQUENCIES = 1500  # at which the open loop is computed
-_QUANTILES = (0.05, 0.95)
+_FREQUENCIES = 1500  # number at which the open loop is computed
+_QUANTILES = (0.05, 0.95)  # ends of a 90 % interval, as probabilities
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
 # the one number calibrated: error of any corrected model, as a standard deviation of the logarithm,
 # added in quadrature. With it 90 % intervals held .93 of fresh records, over PV, OP and travel, on
@@ -44,13 +45,13 @@ _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quan
 # 946003.
 MODEL_ERROR = 0.01
 _LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
-_LEAST = 1e-12  # that a logarithm is taken of
+_LEAST = 1e-12  # smallest value that a logarithm is taken of
 # draws that oscillate before and after the change, from which the two periods are compared
 _FEWEST = 10
 # where an answer ends to be valid
 # gain margin: below it small errors of gain or dead time decide how the loop swings
 _LEAST_MARGIN = 1.3
-_SHARE = 0.1  # of the draws that may lie below it, or run away
+_SHARE = 0.1  # share of the draws that may lie below it, or run away
 _REPRODUCED = 3.0  # standard deviations of the draws from the record
 _FARTHER = 2.5  # times the recorded standard deviation of PV or OP
 _WIDEST = 3.0  # upper over lower end of the interval of PV: a wider one tells nothing
@@ -133,12 +134,12 @@ class Prediction:
             f"{'':34s}{'record':>10s}{'predicted':>11s}{'90 % interval':>24s}",
         ]
         for words, name in rows:
-            found, now = getattr(self, name), self.now[name]
+            predicted, now = getattr(self, name), self.now[name]
             was = "-" if now is None else f"{now:.3g}"
             value, between = (
                 ("-", "-")
-                if found is None
-                else (f"{found.value:.3g}", f"{found.lo:.3g} to {found.hi:.3g}")
+                if predicted is None
+                else (f"{predicted.value:.3g}", f"{predicted.lo:.3g} to {predicted.hi:.3g}")
             )
             lines.append(f"{words:34s}{was:>10s}{value:>11s}{between:>24s}")
         p = "-" if self.oscillates is None else f"{self.oscillates:.2f}"
@@ -234,14 +235,14 @@ def _draws(report: GapReport, seed: int) -> list[_Draw]:
     """Return loops about the corrected one; explanations by their probabilities, numbers by the
     likelihood's curvature.
     """
-    found, loops = report.behind.found, report.behind.loops
-    s, rng = found.situation, np.random.default_rng([seed, 71])
+    assessment, loops = report.behind.found, report.behind.loops
+    s, rng = assessment.situation, np.random.default_rng([seed, 71])
     named = tuple(report.named)
     first = named[0] if named else NONE
     known = {
         r.effect: r.probability
         for r in report.ranking
-        if r.effect in (NONE, first, *found.parameters)
+        if r.effect in (NONE, first, *assessment.parameters)
     }
     p = {
         named if e == first else (e,) if e != NONE else (): x
@@ -254,21 +255,25 @@ def _draws(report: GapReport, seed: int) -> list[_Draw]:
         count = max(round(_DRAWS * share / whole), 1)
         fit, corrected = loops.fit_of(effects), loops.corrected(effects)
         raised = corrected.operating_point.op0 - loops.loop(effects).operating_point.op0
-        own = {e: found.parameters[e] for e in effects if e in found.parameters}
+        numbers = {e: assessment.parameters[e] for e in effects if e in assessment.parameters}
         # what single samples, the controller's law or MV show does not scatter with the fit
         fitted = [
-            e for e in own if e in found.candidates and recogniser(e).numbers(fit, s) == own[e]
+            e
+            for e in numbers
+            if e in assessment.candidates and recogniser(e).numbers(fit, s) == numbers[e]
         ]
         for one in [
             fit,
             *Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng),
         ]:
-            own = own | {e: recogniser(e).numbers(one, s) for e in fitted}
-            loop = fixed_loop(s, one, own, jumps=load_may_jump(effects))
+            numbers = numbers | {e: recogniser(e).numbers(one, s) for e in fitted}
+            loop = fixed_loop(s, one, numbers, jumps=load_may_jump(effects))
             op0 = float(np.clip(loop.operating_point.op0 + raised, 1.0, 99.0))
             loop = loop.with_all({"operating_point.op0": op0, "operating_point.pv0": corrected.pv0})
-            kick = max((recogniser(e).initial_op_offset(p) for e, p in own.items()), default=0.0)
-            out.append(_Draw(loop, kick, _ahead(s, loop, own)))
+            kick = max(
+                (recogniser(e).initial_op_offset(p) for e, p in numbers.items()), default=0.0
+            )
+            out.append(_Draw(loop, kick, _ahead(s, loop, numbers)))
     return out
 
 
@@ -340,7 +345,7 @@ def _moved(loop: Loop, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 def _warm_up(s: Situation) -> int:
     """Return the samples simulated before a record begins, in which a moved set point is reached
-    and a cycle is found.
+    and a cycle begins.
     """
     return s.record.n // 2
 
@@ -397,9 +402,7 @@ def _margin(loop: Loop) -> float | None:
             response /= 1.0 + jw * float(part.parameters["tau"])
     if setup.Ti is not None:
         response *= 1.0 + 1.0 / (jw * setup.Ti)
-    phase = np.unwrap(np.angle(response))
-    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
-    return float("inf") if not crossed.size else 1.0 / float(np.abs(response[crossed]).max())
+    return gain_margin(response)
 
 
 # 3. Intervals
@@ -446,16 +449,16 @@ def _answer(
     whole = [p for p in pairs if p.before is not None and p.after is not None]
     now = {name: getattr(record, name) for name in _PREDICTED}
     now["period_s"] = None if np.isnan(record.period_s) else record.period_s
-    found: dict[str, Interval | None] = dict.fromkeys((*_PREDICTED, "period_s"))
+    numbers: dict[str, Interval | None] = dict.fromkeys((*_PREDICTED, "period_s"))
     p = None
     if whole:
-        found |= {name: _compared(name, record, whole) for name in _PREDICTED}
+        numbers |= {name: _compared(name, record, whole) for name in _PREDICTED}
         p = float(np.mean([x.after is not None and not np.isnan(x.after.period_s) for x in whole]))
-        found["period_s"] = _compared("period_s", record, whole) if p >= 0.5 else None
-    why = _limits(report, record, pairs, whole, found)
+        numbers["period_s"] = _compared("period_s", record, whole) if p >= 0.5 else None
+    why = _limits(report, record, pairs, whole, numbers)
     reason = "; ".join(why) or "the loop stays stable and within the range that the record shows"
     return Prediction(
-        **found, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings)
+        **numbers, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings)
     )
 
 
@@ -467,7 +470,7 @@ def _limits(
     record: Measures,
     pairs: Sequence[_Pair],
     whole: Sequence[_Pair],
-    found: Mapping[str, Any],
+    numbers: Mapping[str, Any],
 ) -> list[str]:
     """Return what speaks against the prediction, each in words; nothing where it holds."""
     why = []
@@ -476,7 +479,7 @@ def _limits(
             f"something in the {report.block} block is missing that no known effect explains"
         )
     if report.conclusion.verdict == NO_DECISION:
-        why.append("whether the valve sticks cannot be told")
+        why.append("it is not decided whether the valve sticks")
     margin = [p.margin for p in pairs if p.margin is not None]
     if margin and np.quantile(margin, _SHARE) < _LEAST_MARGIN:
         why.append(
@@ -495,12 +498,12 @@ def _limits(
                 f" {np.exp(middle):.3g}, recorded {np.exp(seen):.3g}"
             )
     for name, words in (("pv_std", "PV"), ("op_std", "OP")):
-        if found[name].value > _FARTHER * getattr(record, name):
+        if numbers[name].value > _FARTHER * getattr(record, name):
             why.append(
-                f"{words} would move {found[name].value / getattr(record, name):.1f} times as far"
+                f"{words} would move {numbers[name].value / getattr(record, name):.1f} times as far"
                 " as in the record"
             )
-    pv = found["pv_std"]
+    pv = numbers["pv_std"]
     if pv.hi > _WIDEST * pv.lo:
         why.append(
             f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or"

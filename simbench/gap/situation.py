@@ -1,6 +1,4 @@
-"""A record beside its baseline, checked: what every room that fits, simulates or decides is
-told.
-"""
+"""A record with its baseline, checked: the input of everything that fits, simulates or decides."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ class Archive:
     `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller
     sees it, or in the "record" alone. `band` is the largest error of the lines that an archive drew
     between the samples it kept. `spikes` are the share of samples hit, their mean height, and
-    where. What was not found is None or 0.
+    where. What does not show is None or 0.
     """
 
     rounding: tuple[float, str] | None = None
@@ -42,7 +40,7 @@ class Archive:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """A record beside its baseline, checked, with what single blocks show before anything is
+    """A record with its baseline, checked, with what single blocks show before anything is
     fitted.
 
     `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the
@@ -80,28 +78,28 @@ class Situation:
         """Block and words of everything that single samples or the controller's law show without
         doubt.
         """
-        found = {
-            "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
+        facts = {
+            "rounding": (self.archive.rounding is not None, "sensor", "PV lies on a lattice"),
             "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
             "spikes": (
                 self.archive.spikes is not None,
                 "sensor",
-                "single samples of PV stand far off their neighbours",
+                "single samples of PV lie far off their neighbours",
             ),
             "limits": (
                 self.law.limits is not None,
                 "controller",
-                "OP stands at a value while the law pushes on",
+                "OP stays at a value while the law pushes on",
             ),
             "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
-            "step": (self.law.step > 0.0, "controller", "OP stands on a lattice"),
+            "step": (self.law.step > 0.0, "controller", "OP lies on a lattice"),
             "tuning": (
                 self.law.tuning is not None,
                 "controller",
                 "the law holds with another tuning",
             ),
         }
-        return {name: (block, words) for name, (seen, block, words) in found.items() if seen}
+        return {name: (block, words) for name, (seen, block, words) in facts.items() if seen}
 
     @property
     def expected_mv(self) -> np.ndarray:
@@ -111,8 +109,8 @@ class Situation:
     @property
     def expected_band(self) -> float:
         """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
-        own = self.baseline.valve.parameters
-        return float(own["S"]) if "S" in own and not own.get("J") else 0.0
+        parameters = self.baseline.valve.parameters
+        return float(parameters["S"]) if "S" in parameters and not parameters.get("J") else 0.0
 
     @property
     def integrating(self) -> bool:
@@ -143,14 +141,14 @@ class ModelledTest:
 
 
 def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
-    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no
+    """Return OP as the baseline's valve passes it on: a band that the simulation has is no
     gap.
     """
     if valve.name == "ideal":
         return op
-    own: dict[str, Any] = dict(valve.parameters)
-    before, behind = own.pop("before", []), own.pop("behind", [])
-    for stage in [*before, {"model": valve.name, **own}, *behind]:
+    parameters: dict[str, Any] = dict(valve.parameters)
+    before, after = parameters.pop("before", []), parameters.pop("behind", [])
+    for stage in [*before, {"model": valve.name, **parameters}, *after]:
         op = valve_response(
             stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts
         )
@@ -162,6 +160,6 @@ def load_memory(situation: Situation) -> float:
     d, control = situation.data, situation.baseline.controller
     pace = d.T + d.Td
     if situation.integrating:
-        # an integrating plant has no time constant of its own; its loop has
+        # an integrating plant has no time constant; its loop has
         pace = d.Td + 1.0 / max(abs(d.K * control.Kc), 1e-9)
     return float(np.clip(_LOAD_MEMORY * pace, 5.0, 0.2 * d.n))

@@ -1,4 +1,4 @@
-"""Templates of the pages: a room's own, and those all pages share."""
+"""Templates of the pages: those of one package, and those that all pages share."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 @cache
 def _environment(room: str) -> Environment:
-    """Return a room's templates and the shared ones; every text is escaped, a missing value is an
-    error.
+    """Return the templates of a package and the shared ones; texts are escaped, a missing value
+    is an error.
     """
     loader = ChoiceLoader(
         [PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")]

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 
-def inline_svg(figure: Figure, name: str, says: str) -> Markup:
+def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
     """Return a figure as an <svg> element for an HTML page."""
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
@@ -30,7 +30,7 @@ def inline_svg(figure: Figure, name: str, says: str) -> Markup:
     width = re.search(r'viewBox="0 0 ([\d.]+)', text)
     wide = float(width.group(1)) if width else 400.0
     head = (
-        f'<svg role="img" aria-label="{escape(says, quote=True)}"'
+        f'<svg role="img" aria-label="{escape(caption, quote=True)}"'
         f' style="max-width:{wide * 1.5:.0f}px" '
     )
     text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)

@@ -1,4 +1,4 @@
-"""Pages about results: the report of a run, the chapter's numbers beside ours, the gallery of
+"""Pages about results: the report of a run, the chapter's numbers next to ours, the gallery of
 figures.
 
 A report is one HTML file; every section is a file here with `TITLE` and `section(run)`, and a

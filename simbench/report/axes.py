@@ -30,12 +30,12 @@ def section(run: RunData) -> Markup:
         "false_alarms": "false alarms",
         "no_decision": "undecided",
     }
-    # a rate of few loops says nothing
-    enough, said = (
+    # a rate of few loops is chance
+    enough, kept = (
         here["applicable"] >= LEAST,
         here.columns.isin(["axis", "value", "method", "n", "applicable"]),
     )
-    here = here.where(enough.to_numpy()[:, None] | said)
+    here = here.where(enough.to_numpy()[:, None] | kept)
     digits = dict.fromkeys(
         ["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format
     )

@@ -23,7 +23,7 @@ class RunData:
 
     folder: Path | str  # where it lies
     book: RunArrays  # its tables as arrays
-    scores: Scores  # behind the oscillation front end
+    scores: Scores  # with the oscillation front end
 
     @classmethod
     def read(cls, folder: str | Path) -> RunData:
@@ -63,17 +63,17 @@ class RunData:
         filled = pc.field("error").is_valid()
         raised = read_table(self.folder, "verdicts", ["method", "scenario_id", "error"], filled)
         unrun = read_table(self.folder, "scenarios", ["scenario_id", "error"], filled)
-        found = unrun.to_pandas().assign(method="(simulation)")[["method", "scenario_id", "error"]]
-        return pd.concat([found, raised.to_pandas()], ignore_index=True).rename(columns=names)
+        table = unrun.to_pandas().assign(method="(simulation)")[["method", "scenario_id", "error"]]
+        return pd.concat([table, raised.to_pandas()], ignore_index=True).rename(columns=names)
 
     @cached_property
     def abstentions(self) -> pd.DataFrame:
         """Verdicts "no decision" of methods that did not fail: method, reason."""
         undecided = (pc.field("verdict") == NO_DECISION) & pc.field("error").is_null()
-        found = read_table(
+        table = read_table(
             self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided
         )
-        return found.select(["method", "reason"]).to_pandas()
+        return table.select(["method", "reason"]).to_pandas()
 
     @cached_property
     def times(self) -> pd.DataFrame:

@@ -20,8 +20,8 @@ def section(run: RunData) -> Markup:
     items = []
     there = set(counted["method"])
     for method in (m for m in run.scores.ranking()["method"] if m in there):
-        says = f"share of right verdicts of {method} over dead time and S/2J"
-        picture = inline_svg(draw(counted[counted["method"] == method]), f"map-{method}", says)
+        caption = f"share of right verdicts of {method} over dead time and S/2J"
+        picture = inline_svg(draw(counted[counted["method"] == method]), f"map-{method}", caption)
         items.append({"svg": picture, "caption": ""})
     return render(
         "maps.html",

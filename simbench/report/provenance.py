@@ -29,7 +29,7 @@ _SHOWN = {
 def section(run: RunData) -> Markup:
     """Show the manifest and the commands that repeat the run."""
     manifest = run.book.manifest
-    rows = [(says, manifest.get(key)) for key, says in _SHOWN.items()]
+    rows = [(title, manifest.get(key)) for key, title in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
     rows += [
         (f"threshold {m}.{k}", v)

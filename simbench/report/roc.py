@@ -50,7 +50,7 @@ def section(run: RunData) -> Markup:
     """Draw one curve per detector, the largest area first, with the point its published threshold
     sits on.
     """
-    found = []
+    ranked = []
     for method in run.book.methods:
         mine = run.of(method).dropna(subset=["score"])
         if run.role(method) == "stiction" and len(set(mine["positive"])) == 2:
@@ -58,7 +58,7 @@ def section(run: RunData) -> Markup:
             point = tuple(
                 mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True)
             )
-            found.append(
+            ranked.append(
                 (
                     area.value,
                     _Curve(
@@ -69,9 +69,9 @@ def section(run: RunData) -> Markup:
                     ),
                 )
             )
-    curves = [curve for _, curve in sorted(found, key=lambda pair: -pair[0])]
-    says = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
-    return render("roc.html", picture=inline_svg(_draw(curves), "roc", says) if curves else None)
+    curves = [curve for _, curve in sorted(ranked, key=lambda pair: -pair[0])]
+    caption = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
+    return render("roc.html", picture=inline_svg(_draw(curves), "roc", caption) if curves else None)
 
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
@@ -93,14 +93,14 @@ def _draw(curves: Sequence[_Curve]) -> Figure:
     for i, curve in enumerate(curves):
         colour = _COLOURS[i % len(_COLOURS)]
         line = _LINES[i // len(_COLOURS) % len(_LINES)]
-        says = f"{curve.method}  {curve.area}"
+        caption = f"{curve.method}  {curve.area}"
         axes.plot(
             curve.points["false_alarms"],
             curve.points["detections"],
             line,
             color=colour,
             linewidth=1.4,
-            label=says,
+            label=caption,
         )
         axes.plot(*curve.published, "o", color=colour, markersize=5)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))

@@ -1,4 +1,4 @@
-"""Section: what the run says in a few numbers, and the score table."""
+"""Section: the run in a few numbers, and the score table."""
 
 from __future__ import annotations
 

@@ -68,6 +68,18 @@ def finished(tmp_path_factory):
     )
 
 
+def raise_after(patch, owner, name, calls, error):
+    """Let a function raise an error from the call after so many."""
+    function, left = getattr(owner, name), iter(range(calls))
+
+    def limited(*given):
+        if next(left, None) is None:
+            raise error
+        return function(*given)
+
+    patch.setattr(owner, name, limited)
+
+
 def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, **more):
     """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1.
 

@@ -30,23 +30,23 @@ def naive(x, L):
 
 def test_fast_triangle_equals_the_definition():
     x = np.random.default_rng(0).standard_normal(600)
-    found = bicoherence(x, 64)
+    result = bicoherence(x, 64)
     slow = naive(x, 64)
-    assert found.segments == 17
-    assert found.bic2.size == len(slow)
-    for value, f1, f2 in zip(found.bic2, found.f1, found.f2, strict=True):
+    assert result.segments == 17
+    assert result.bic2.size == len(slow)
+    for value, f1, f2 in zip(result.bic2, result.f1, result.f2, strict=True):
         assert value == pytest.approx(slow[round(f1 * 64), round(f2 * 64)], rel=2e-3)
 
 
 def test_noise_is_called_nonlinear_in_at_most_five_percent():
     rng = np.random.default_rng(1)
-    found = [bicoherence(rng.standard_normal(4096)) for _ in range(200)]
-    assert np.mean([f.nonlinear() for f in found]) < 0.06
+    results = [bicoherence(rng.standard_normal(4096)) for _ in range(200)]
+    assert np.mean([f.nonlinear() for f in results]) < 0.06
     # its values are not independent, as the source has them
-    assert 0.15 < np.mean([f.ngi > 0 for f in found]) < 0.30
-    assert np.mean([f.height > 1 for f in found]) < 0.10
-    assert np.mean([f.bic2.mean() * f.segments for f in found]) == pytest.approx(1.02, abs=0.02)
-    assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in found]) == pytest.approx(
+    assert 0.15 < np.mean([f.ngi > 0 for f in results]) < 0.30
+    assert np.mean([f.height > 1 for f in results]) < 0.10
+    assert np.mean([f.bic2.mean() * f.segments for f in results]) == pytest.approx(1.02, abs=0.02)
+    assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in results]) == pytest.approx(
         0.05, abs=0.005
     )
 
@@ -57,11 +57,11 @@ def test_peak_lies_at_the_coupled_pair():
     # phases that wander, so that only the coupling is common to all segments
     a, b = (2 * np.pi * f * t + np.cumsum(0.05 * rng.standard_normal(t.size)) for f in (0.20, 0.11))
     x = np.cos(a) + np.cos(b) + np.cos(a + b) + 0.3 * rng.standard_normal(t.size)
-    found = bicoherence(x)
-    assert found.height > 1
-    assert found.peak == pytest.approx((0.20, 0.11), abs=0.012)
+    result = bicoherence(x)
+    assert result.height > 1
+    assert result.peak == pytest.approx((0.20, 0.11), abs=0.012)
     free = np.cos(a) + np.cos(b) + np.cos(a + b + np.cumsum(0.2 * rng.standard_normal(t.size)))
-    assert bicoherence(free + 0.3 * rng.standard_normal(t.size)).height < found.height / 3
+    assert bicoherence(free + 0.3 * rng.standard_normal(t.size)).height < result.height / 3
 
 
 @pytest.mark.parametrize(("shape", "seen"), [("saw", True), ("square", False)])
@@ -69,16 +69,16 @@ def test_only_asymmetric_cycles_are_seen(shape, seen):
     t = np.arange(8000)
     wave = (t % 40) / 40 if shape == "saw" else np.sign(np.sin(2 * np.pi * (t + 0.5) / 40))
     x = wave + 0.2 * wave.std() * np.random.default_rng(3).standard_normal(t.size)
-    found = error_bicoherence(x, 40.0)
-    assert (found.ngi > 0 and found.height > 1) == seen
+    result = error_bicoherence(x, 40.0)
+    assert (result.ngi > 0 and result.height > 1) == seen
 
 
 def test_slow_cycles_are_thinned_out_and_keep_their_frequency():
     t = np.arange(40_000)
     x = (t % 400) / 400 + 0.05 * np.random.default_rng(4).standard_normal(t.size)
-    found = error_bicoherence(x, 400.0)
-    assert found.height > 1
-    assert max(found.f1) < 0.5 / 12
+    result = error_bicoherence(x, 400.0)
+    assert result.height > 1
+    assert max(result.f1) < 0.5 / 12
 
 
 def test_short_record_is_no_decision():
@@ -91,7 +91,7 @@ def test_short_record_is_no_decision():
     assert "too short" in verdict.reason
 
 
-def test_linear_answer_says_that_it_rules_nothing_out(loop):
+def test_linear_answer_notes_that_it_rules_nothing_out(loop):
     verdict = judge(loop(n=3000, noise=0.05), ["bicoherence"])[0]
     assert verdict.verdict == "no_stiction"
     assert "symmetric cycle would not show" in verdict.reason

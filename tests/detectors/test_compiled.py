@@ -4,6 +4,7 @@ changes.
 
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 
@@ -12,44 +13,50 @@ import pytest
 
 from detectors.compiled import LANES, compiled, lanes, njit_cached, rows
 
-HELPER = "FACTOR = {factor}\ndef scaled(x):\n    return FACTOR * x\n"
+HELPER = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
 RUN = "from detectors.compiled import compiled\nfrom kernel import kernel\nf = compiled(kernel)\n"
 RUN += "print(f(2.0), sum(f.stats.cache_hits.values()))"
 
 
-def run(folder):
-    environment = {
-        **os.environ,
-        "XDG_CACHE_HOME": str(folder / "cache"),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
+def run(folder, **variables):
+    """Return what the kernel gives in a new process, and whether it came from the disk cache."""
+    variables = {"XDG_CACHE_HOME": str(folder / "cache"), **variables}
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **variables}
+    words = [sys.executable, "-c", RUN]
     done = subprocess.run(
-        [sys.executable, "-c", RUN],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
+        words, cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
     value, hits = done.stdout.split()
     return float(value), int(hits)
 
 
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A folder with a kernel and its cache, which every test leaves whole."""
+    folder = tmp_path_factory.mktemp("filled")
+    (folder / "kernel.py").write_text(KERNEL)
+    (folder / "helper.py").write_text(HELPER)
+    (folder / "numbers_.py").write_text("FACTOR = 3.0\n")
+    assert run(folder) == (7.0, 0)
+    return folder
+
+
+@pytest.fixture
+def copied(filled, tmp_path):
+    """A copy of that folder, which a test may spoil."""
+    return shutil.copytree(filled, tmp_path / "copy")
+
+
 def test_next_process_reads_a_kernel_from_disk_and_an_edited_helper_in_another_file_makes_a_new_one(
-    tmp_path,
+    copied,
 ):
-    (tmp_path / "numbers_.py").write_text("FACTOR = 3.0\n")
-    helper = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
-    (tmp_path / "helper.py").write_text(helper)
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    assert run(tmp_path) == (7.0, 0)
-    assert run(tmp_path) == (7.0, 1)
+    assert run(copied) == (7.0, 1)
     # a constant from a file without kernels counts as well
-    (tmp_path / "numbers_.py").write_text("FACTOR = 4.0\n")
-    assert run(tmp_path) == (9.0, 0)
-    (tmp_path / "helper.py").write_text(helper.replace("* x", "* x + 2.0"))
-    assert run(tmp_path) == (11.0, 0)
+    (copied / "numbers_.py").write_text("FACTOR = 4.0\n")
+    assert run(copied) == (9.0, 0)
+    (copied / "helper.py").write_text(HELPER.replace("* x", "* x + 2.0"))
+    assert run(copied) == (11.0, 0)
 
 
 DAMAGE = [("nbi", "one bit")]
@@ -63,16 +70,6 @@ DAMAGE += [
         ("nbc", "one bit"),
     )
 ]
-
-
-@pytest.fixture(scope="module")
-def filled(tmp_path_factory):
-    """A folder with a kernel and its cache, which every test leaves whole."""
-    folder = tmp_path_factory.mktemp("filled")
-    (folder / "kernel.py").write_text(KERNEL)
-    (folder / "helper.py").write_text(HELPER.format(factor=3.0))
-    run(folder)
-    return folder
 
 
 @pytest.mark.parametrize(("suffix", "damage"), DAMAGE)
@@ -118,26 +115,20 @@ class Trap:
 
 
 @pytest.mark.parametrize("suffix", [pytest.param("nbi", marks=pytest.mark.slow), "nbc"])
-def test_a_trap_in_place_of_a_compiled_kernel_is_not_sprung(tmp_path, suffix):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
-    run(tmp_path)
-    for file in (tmp_path / "cache").rglob(f"*.{suffix}"):
+def test_a_trap_in_place_of_a_compiled_kernel_is_not_sprung(copied, suffix):
+    for file in (copied / "cache").rglob(f"*.{suffix}"):
         file.write_bytes(pickle.dumps(Trap()))
-    assert run(tmp_path) == (7.0, 0)
-    assert not (tmp_path / "trap").exists()
+    assert run(copied) == (7.0, 0)
+    assert not (copied / "trap").exists()
 
 
 @pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="needs a file of another user")
-def test_compiled_kernels_in_another_users_folder_are_left_alone(tmp_path):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
-    run(tmp_path)
-    (cache,) = (tmp_path / "cache").iterdir()
+def test_compiled_kernels_in_another_users_folder_are_left_alone(copied):
+    (cache,) = (copied / "cache").iterdir()
     assert cache.stat().st_mode & 0o077 == 0
     os.chown(cache, 12345, 12345)
     before = sorted(cache.rglob("*"))
-    assert run(tmp_path) == (7.0, 0)
+    assert run(copied) == (7.0, 0)
     assert sorted(cache.rglob("*")) == before
 
 
@@ -148,26 +139,13 @@ def test_a_user_who_can_write_nowhere_has_kernels_all_the_same(monkeypatch):
     assert njit_cached(lambda x: 2.0 * x)(3.0) == 6.0
 
 
-def test_a_cache_of_one_process_goes_with_it(tmp_path):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
-    (tmp_path / "file").write_text("")
-    environment = {
-        **os.environ,
-        "XDG_CACHE_HOME": str(tmp_path / "file"),
-        "TMPDIR": str(tmp_path / "tmp"),
-    }
-    (tmp_path / "tmp").mkdir()
-    words = [sys.executable, "-c", RUN]
-    done = subprocess.run(
-        words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split()[0] == "7.0"
-    assert list((tmp_path / "tmp").iterdir()) == []
+def test_a_cache_of_one_process_goes_with_it(filled, tmp_path):
+    # a file where the folder should stand
+    assert run(filled, XDG_CACHE_HOME=str(filled / "kernel.py"), TMPDIR=str(tmp_path)) == (7.0, 0)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_light_kernels_give_the_same_bits_plain_and_compiled():
-    from detectors.compiled import compiled
     from detectors.signal.autocorrelation import _crossings, acf, decay_and_lasting
     from detectors.signal.oscillation import _reversals
 
@@ -191,52 +169,34 @@ def test_light_kernels_give_the_same_bits_plain_and_compiled():
 
 IMPORTS = """
 import contextlib, io, sys
+import detectors.signal.stiction_map
 from simbench.cli import main
-with contextlib.redirect_stdout(io.StringIO()):
-    code = main(sys.argv[1:])
-print(code, *(m for m in {heavy!r} if m in sys.modules))
+for words in {commands!r}:
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = main(words)
+    print(code, *(m for m in {heavy!r} if m in sys.modules))
 """
-HEAVY = (
-    "numba",
-    "control",
-    "pandas",
-    "matplotlib",
-    "scipy.stats",
-    "scipy.signal",
-    "scipy.optimize",
-    "joblib",
-)
+SLOW = ("pandas", "matplotlib", "control", "scipy.stats", "scipy.signal", "scipy.optimize")
 
 
-def imported(*words, heavy=HEAVY):
-    """Return the exit code of a command, and what it imported of heavy packages."""
-    told = subprocess.run(
-        [sys.executable, "-c", IMPORTS.format(heavy=heavy), *map(str, words)],
-        capture_output=True,
-        text=True,
-    )
-    code, *found = told.stdout.split()
-    return int(code), found
+def printed(code):
+    """Return the lines that a new process prints."""
+    words = [sys.executable, "-c", code]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("--help",), ("list",), ("list", "detectors"), ("list", "valves"), ("list", "effects")],
-)
-def test_help_and_lists_import_nothing_heavy(words):
-    assert imported(*words) == (0, [])
-
-
-def test_three_detectors_on_one_record_import_nothing_heavy(tmp_path):
+def test_help_lists_and_three_detectors_on_one_record_import_nothing_heavy(tmp_path):
     t = np.arange(800)
     rows = np.column_stack([t, 50 + np.sin(t / 8), 20 + np.cos(t / 8)])
-    np.savetxt(tmp_path / "rec.csv", rows, delimiter=",", header="t_s,op,pv", comments="")
-    assert imported("detect", tmp_path / "rec.csv", "--method", "horch,he,choudhury") == (0, [])
+    file = tmp_path / "rec.csv"
+    np.savetxt(file, rows, delimiter=",", header="t_s,op,pv", comments="")
+    lists = [["list", *kind] for kind in ([], ["detectors"], ["valves"], ["effects"])]
+    commands = [["--help"], *lists, ["detect", str(file), "--method", "horch,he,choudhury"]]
+    code = IMPORTS.format(commands=commands, heavy=(*SLOW, "numba", "joblib"))
+    assert printed(code) == ["0"] * len(commands)
 
 
-@pytest.mark.parametrize("module", ["simbench.gap.command", "simbench.plant.command"])
-def test_diagnosis_and_trust_load_no_package_that_they_may_not_need(module):
-    slow = ("scipy.signal", "scipy.stats", "scipy.optimize", "pandas", "matplotlib", "control")
-    code = f"import sys, {module}; print(*(m for m in {slow} if m in sys.modules))"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == []
+def test_diagnosis_and_trust_load_no_package_that_they_may_not_need():
+    modules = "simbench.gap.command, simbench.plant.command"
+    code = f"import sys, {modules}; print(*(m for m in {SLOW} if m in sys.modules))"
+    assert printed(code) == [""]

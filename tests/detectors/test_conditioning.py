@@ -17,9 +17,9 @@ def naive_drift(x, period, k):
 @pytest.mark.parametrize("period", [7.0, 20.0, 33.3, 120.5])
 def test_drift_is_the_mean_over_one_period(period):
     x = RNG.standard_normal(400)
-    found = c.drift(x, period)
+    drift = c.drift(x, period)
     for k in range(int(period / 2) + 1, 398 - int(period / 2), 17):
-        assert found[k] == pytest.approx(naive_drift(x, period, k), abs=2e-4)
+        assert drift[k] == pytest.approx(naive_drift(x, period, k), abs=2e-4)
 
 
 def test_drift_keeps_a_straight_line_up_to_both_ends_and_holds_no_oscillation():
@@ -47,7 +47,7 @@ def test_band_does_not_shift_the_oscillation_in_time():
 
 
 @pytest.mark.parametrize("std", [0.01, 0.1, 0.5])
-def test_noise_variance_is_that_of_the_noise_even_beside_jumps(std):
+def test_noise_variance_is_that_of_the_noise_even_next_to_jumps(std):
     signal = np.where(np.arange(5000) % 100 < 50, 1.0, -1.0)
     noise = std * np.random.default_rng(1).standard_normal(5000)
     assert c.noise_variance(signal + noise) == pytest.approx(std**2, rel=0.25)
@@ -56,9 +56,9 @@ def test_noise_variance_is_that_of_the_noise_even_beside_jumps(std):
 def test_more_noise_leaves_fewer_clear_harmonics():
     x = np.arcsin(np.sin(T / 10))
     noise = np.random.default_rng(2).standard_normal(1000)
-    found = [c.clear_harmonics(x + s * noise, 20 * np.pi) for s in (0.0, 0.02, 0.2, 1.0)]
-    assert found == sorted(found, reverse=True)
-    assert found[-1] == 5.0
+    counts = [c.clear_harmonics(x + s * noise, 20 * np.pi) for s in (0.0, 0.02, 0.2, 1.0)]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] == 5.0
 
 
 @pytest.mark.parametrize("lag", [0.3, 1.0, 2.0, 2.8])

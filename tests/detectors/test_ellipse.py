@@ -25,11 +25,11 @@ def test_width_equals_geometry_on_200_random_ellipses():
     for _ in range(200):
         b, a = np.sort(RNG.uniform(0.2, 5.0, 2))
         alpha = RNG.uniform(-np.pi / 2, np.pi / 2)
-        found = fit_ellipse(*points(a, b, alpha, *RNG.normal(0, 30, 2)))
+        ellipse = fit_ellipse(*points(a, b, alpha, *RNG.normal(0, 30, 2)))
         width = 2 * a * b / np.sqrt((a * np.sin(alpha)) ** 2 + (b * np.cos(alpha)) ** 2)
-        assert found.apparent_stiction == pytest.approx(width, abs=1e-9)
-        assert found.axes[:2] == pytest.approx((a, b), abs=1e-9)
-        assert np.sin(found.axes[2] - alpha) == pytest.approx(0, abs=1e-6)
+        assert ellipse.apparent_stiction == pytest.approx(width, abs=1e-9)
+        assert ellipse.axes[:2] == pytest.approx((a, b), abs=1e-9)
+        assert np.sin(ellipse.axes[2] - alpha) == pytest.approx(0, abs=1e-6)
 
 
 def test_width_is_the_published_formula_with_its_root():
@@ -69,12 +69,12 @@ def test_points_on_a_line_are_no_ellipse(slope):
 
 
 def test_fitness_is_the_share_of_points_between_the_limits():
-    found = fit_ellipse(*points(2.0, 1.0, 0.3, n=400))
+    ellipse = fit_ellipse(*points(2.0, 1.0, 0.3, n=400))
     t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     rings = np.repeat([0.85, 0.95, 1.05, 1.15], 100)
     x, y = 2 * rings * np.cos(t), rings * np.sin(t)
     turned = x * np.cos(0.3) - y * np.sin(0.3), x * np.sin(0.3) + y * np.cos(0.3)
-    assert found.fitness(*turned) == 0.5
+    assert ellipse.fitness(*turned) == 0.5
 
 
 def cycle(phase, harmonic=0.0, n=6000, noise=0.02):

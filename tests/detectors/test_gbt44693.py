@@ -38,8 +38,8 @@ def record(phase, scale=1.0):
 
 def test_the_bound_lies_at_an_axis_ratio_of_three_tenths():
     at = 2 * np.arctan(0.3)
-    said = [judge(record(at + off), ["gbt44693"])[0].verdict for off in (-0.02, 0.02)]
-    assert said == ["no_stiction", "stiction"]
+    verdicts = [judge(record(at + off), ["gbt44693"])[0].verdict for off in (-0.02, 0.02)]
+    assert verdicts == ["no_stiction", "stiction"]
     assert judge(record(at + 0.02, scale=1e4), ["gbt44693"])[0].verdict == "stiction"
 
 

@@ -94,12 +94,12 @@ def test_relays_run_from_square_to_triangle():
 
 
 def test_split_finds_every_whole_half_cycle_of_a_sine_upright():
-    found = h.split(np.sin(2 * np.pi * np.arange(1000) / 40 + 1.0), 40.0)
-    assert 47 <= len(found) <= 49
-    assert np.abs(found - SINE).max() < 0.01
+    humps = h.split(np.sin(2 * np.pi * np.arange(1000) / 40 + 1.0), 40.0)
+    assert 47 <= len(humps) <= 49
+    assert np.abs(humps - SINE).max() < 0.01
 
 
-def test_noise_at_the_crossings_makes_no_half_cycles_of_its_own():
+def test_noise_at_the_crossings_makes_no_further_half_cycles():
     x = np.sin(2 * np.pi * np.arange(4000) / 200) + 0.05 * RNG.standard_normal(4000)
     assert abs(len(h.split(x, 200.0)) - 39) <= 1
 

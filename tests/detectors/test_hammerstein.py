@@ -91,8 +91,8 @@ def errors(given, S, J, start, poles, delays, stride=1):
 )
 def test_error_equals_least_squares_by_definition(stops, q, stride, S, J, start):
     delays = 1 + stride * np.arange(3)
-    found = errors(case(q, stops=stops), [S] * 3, [J] * 3, [start] * 3, POLES, delays, stride)
-    for (error, delay), pole in zip(found, POLES):
+    fast = errors(case(q, stops=stops), [S] * 3, [J] * 3, [start] * 3, POLES, delays, stride)
+    for (error, delay), pole in zip(fast, POLES):
         slow = naive(case(q, stops=stops), S, J, start, [pole], delays)
         assert error == pytest.approx(slow[0], abs=1e-9)
         assert delay == slow[2]
@@ -201,14 +201,14 @@ LOOPS = {
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_S_is_found_within_half_a_percent_of_span(name, loop):
+def test_S_is_identified_within_half_a_percent_of_span(name, loop):
     S = LOOPS[name].get("S", 5.0)
-    found = fitted(loop(**LOOPS[name]))
+    model = fitted(loop(**LOOPS[name]))
     # a delay-dominant loop toggles its valve between two positions: S and dead time trade off there
-    assert abs(found.S - S) <= (1.5 if name == "delay" else 0.5)
+    assert abs(model.S - S) <= (1.5 if name == "delay" else 0.5)
 
 
-def test_S_is_found_in_nine_of_ten_noisy_loops(loop):
+def test_S_is_identified_in_nine_of_ten_noisy_loops(loop):
     rng = np.random.default_rng(0)
     right = []
     while len(right) < 30:
@@ -245,11 +245,11 @@ def test_J_that_the_record_fixes_is_a_number_and_another_an_interval(loop):
         assert loose.J[0] <= 2.0 <= loose.J[1]
 
 
-def test_plant_is_found_as_well(loop):
-    found = fitted(loop(n=3000))
-    assert found.T_s == pytest.approx(10.0, rel=0.15)
-    assert found.Td_s == pytest.approx(2.0, abs=2.0)  # two samples are averaged into one here
-    assert found.sign == 1.0
+def test_plant_is_identified_as_well(loop):
+    model = fitted(loop(n=3000))
+    assert model.T_s == pytest.approx(10.0, rel=0.15)
+    assert model.Td_s == pytest.approx(2.0, abs=2.0)  # two samples are averaged into one here
+    assert model.sign == 1.0
     assert fitted(loop(**LOOPS["level"])).T_s == np.inf
 
 
@@ -273,7 +273,7 @@ def test_a_sine_from_outside_is_no_stiction(loop):
     assert verdict.S is None
 
 
-def test_negligible_stiction_is_said(loop):
+def test_negligible_stiction_is_noted(loop):
     verdict = judge(loop(S=0.3, J=0.12, kick=0.21, n=3000), ["hammerstein"])[0]
     assert verdict.verdict == "no_stiction"
     assert "negligible" in verdict.reason
@@ -288,7 +288,7 @@ def test_op_in_unknown_units_gives_S_in_those(loop):
     assert verdict.S_unit == "OP units"
 
 
-def test_op_that_stands_still_in_most_cycles_is_no_decision(loop):
+def test_op_that_rests_in_most_cycles_is_no_decision(loop):
     record = loop(n=3000)
     op = np.where(np.arange(3000) < 300, record.op, 50.0)
     verdict = judge(replace(record, op=op), ["hammerstein"], raw=True)[0]
@@ -309,5 +309,5 @@ def test_a_valve_at_rest_before_a_slow_lag_explains_nothing_by_rounding():
     rng, n, half = np.random.default_rng(0), 300, 20
     op = np.append(50.0 + 10.0 * rng.random(20), np.full(n - 20, 50.0))
     given = (op, np.sin(np.arange(n) / 9.0), 1, half, 45, n - half, 1.0, 0.0, 100.0, False)
-    found = errors(given, [0.0] * 2, [0.0] * 2, [0.0] * 2, [1.0 - 1e-9, 1.0 - 1e-7], range(1, 4))
-    assert np.all(found[:, 0] == 1.0)
+    fits = errors(given, [0.0] * 2, [0.0] * 2, [0.0] * 2, [1.0 - 1e-9, 1.0 - 1e-7], range(1, 4))
+    assert np.all(fits[:, 0] == 1.0)

@@ -21,9 +21,9 @@ T = np.arange(4000) / 20
     ],
 )
 def test_indices_of_the_three_waves(hump, eta, two_line):
-    found = triangle_indices(np.repeat(hump[None], 4, axis=0))
-    assert found[0] == pytest.approx(eta, abs=0.006)
-    assert found[1] == pytest.approx(two_line, abs=0.01)
+    indices = triangle_indices(np.repeat(hump[None], 4, axis=0))
+    assert indices[0] == pytest.approx(eta, abs=0.006)
+    assert indices[1] == pytest.approx(two_line, abs=0.01)
 
 
 def test_noise_pulls_both_indices_to_one_half_and_the_two_lines_towards_triangle():
@@ -67,7 +67,7 @@ def test_sine_with_a_tenth_of_noise_is_no_stiction(process):
 def test_score_is_eta_and_orders_sine_mixture_triangle():
     triangle = np.arcsin(np.sin(T)) / (np.pi / 2)
     waves = [(1 - share) * np.sin(T) + share * triangle for share in (0.0, 0.3, 0.5, 0.8, 1.0)]
-    found = [judge(LoopRecord(wave, np.cos(T), 0.05), ["he"])[0] for wave in waves]
-    assert [v.score for v in found] == sorted(v.score for v in found)
-    assert all(v.score == v.indices["eta"] for v in found)
-    assert [found[0].verdict, found[-1].verdict] == ["no_stiction", "stiction"]
+    verdicts = [judge(LoopRecord(wave, np.cos(T), 0.05), ["he"])[0] for wave in waves]
+    assert [v.score for v in verdicts] == sorted(v.score for v in verdicts)
+    assert all(v.score == v.indices["eta"] for v in verdicts)
+    assert [verdicts[0].verdict, verdicts[-1].verdict] == ["no_stiction", "stiction"]

@@ -20,7 +20,7 @@ def test_a_signal_is_still_whatever_its_unit(scale):
     assert not still(scale * (3.0 + 1e-6 * np.arange(9.0)))
 
 
-def test_standstills_are_told_from_rounding():
+def test_standstills_are_distinguished_from_rounding():
     x = np.random.default_rng(1).standard_normal(2000)
     assert stuck(x) == 0.0
     for unit in (0.01, 0.1, 0.5):

@@ -43,9 +43,9 @@ def linear_loop_under_a_sine(loop, w_Ti, Kc):
     [(10.0, 0.3, "no_stiction"), (1.0, 0.3, "no_decision"), (0.1, 0.1, "stiction")],
 )
 def test_verdict_on_a_healthy_loop_under_a_sine_follows_w_Ti_alone(loop, w_Ti, Kc, verdict):
-    found = judge(linear_loop_under_a_sine(loop, w_Ti, Kc), ["horch"])[0]
-    assert found.verdict == verdict
-    assert found.indices["dtau"] == pytest.approx(2 / np.pi * np.arctan(1 / w_Ti), abs=0.03)
+    answer = judge(linear_loop_under_a_sine(loop, w_Ti, Kc), ["horch"])[0]
+    assert answer.verdict == verdict
+    assert answer.indices["dtau"] == pytest.approx(2 / np.pi * np.arctan(1 / w_Ti), abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -67,9 +67,9 @@ def test_verdict_switches_at_the_w_Ti_of_the_two_margins(loop, turn, low, high):
 def test_indices_of_published_sticky_loops(loop, plant, dtau, drho):
     n = 6000
     record = loop(n=n, load=np.where(np.arange(n) > n // 20, 1.5, 0.0), **plant)
-    found = judge(record, ["horch"])[0].indices
-    assert found["dtau"] == pytest.approx(dtau, abs=0.03)
-    assert found["drho"] == pytest.approx(drho, abs=0.03)
+    indices = judge(record, ["horch"])[0].indices
+    assert indices["dtau"] == pytest.approx(dtau, abs=0.03)
+    assert indices["drho"] == pytest.approx(drho, abs=0.03)
 
 
 def test_integrating_process_is_refused_and_an_unknown_one_judged_with_a_note():

@@ -35,8 +35,8 @@ def test_a_camel_is_never_a_gaussian():
 
 
 def test_templates_between_those_tried_turn_no_verdict():
-    def said(found, families):
-        gauss, camel = (float(((family - found) ** 2).mean(axis=1).min()) for family in families)
+    def word_of(density, families):
+        gauss, camel = (float(((family - density) ** 2).mean(axis=1).min()) for family in families)
         return camel > gauss
 
     families, rng, turned, sticky = h._densities(1.0), np.random.default_rng(0), 0, 0
@@ -45,16 +45,16 @@ def test_templates_between_those_tried_turn_no_verdict():
         d = rng.uniform(0.5, 1.5) * np.cos(rng.uniform(0, 2 * np.pi, 400)) + rng.uniform(
             0.3, 1.0
         ) * rng.standard_normal(400)
-        found = np.histogram((d - d.mean()) / d.std(), h.BINS, density=True)[0]
-        sticky += said(found, families)
-        turned += said(found, families) != said(found, between)
+        density = np.histogram((d - d.mean()) / d.std(), h.BINS, density=True)[0]
+        sticky += word_of(density, families)
+        turned += word_of(density, families) != word_of(density, between)
     assert 50 < sticky < 250
     assert turned <= 1
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
-def test_level_behind_a_sticky_valve_has_a_central_peak(loop, J, noise):
+def test_level_after_a_sticky_valve_has_a_central_peak(loop, J, noise):
     plant = {
         "process": "integrating",
         "K": 0.1,

@@ -84,7 +84,7 @@ def test_verdict_does_not_depend_on_which_methods_ran_before(loop):
     assert together == [judge(record, [name])[0] for name in names]
 
 
-def test_unit_of_S_is_said_for_every_record():
+def test_unit_of_S_is_noted_for_every_record():
     assert (
         judge(LoopRecord(op=50 + SINE["op"], pv=SINE["pv"], Ts=1.0), ["he"])[0].S_unit
         == "% of travel"
@@ -94,20 +94,20 @@ def test_unit_of_S_is_said_for_every_record():
 
 def test_every_answer_of_the_front_end_carries_regularity_and_period():
     for record in (LoopRecord(**SINE), LoopRecord(**NOISE)):
-        found = Prepared(record).oscillation
+        oscillation = Prepared(record).oscillation
         indices = judge(record, ["he"])[0].indices
-        assert indices["regularity"] == found.regularity
-        assert indices["period_s"] == pytest.approx(found.period_s, nan_ok=True)
+        assert indices["regularity"] == oscillation.regularity
+        assert indices["period_s"] == pytest.approx(oscillation.period_s, nan_ok=True)
 
 
-def test_unknown_process_is_said_even_where_the_record_is_unfit():
+def test_unknown_process_is_noted_even_where_the_record_is_unfit():
     verdict = judge(LoopRecord(op=np.full(500, 5.0), pv=np.sin(T[:500] / 8), Ts=1.0), ["he"])[0]
     assert (verdict.verdict, verdict.applicable) == ("no_decision", None)
     assert "OP never changes" in verdict.reason
     assert "process type unknown" in verdict.reason
 
 
-def test_what_was_assumed_of_the_unit_of_op_is_said():
+def test_what_was_assumed_of_the_unit_of_op_is_noted():
     inside = {**SINE, "op": 50 + SINE["op"]}
     assert "OP taken as 0..100 %" in judge(LoopRecord(**inside), ["horch"])[0].reason
     assert "unit of OP unknown" in judge(LoopRecord(**SINE), ["horch"])[0].reason
@@ -115,7 +115,7 @@ def test_what_was_assumed_of_the_unit_of_op_is_said():
     assert "OP taken" not in spanned.reason
 
 
-def test_calibrated_cuts_take_the_place_of_a_methods_own_rule():
+def test_calibrated_cuts_take_the_place_of_a_methods_rule():
     record = LoopRecord(**SINE)
     score = judge(record, ["he"])[0].score
     for cuts, expected in [

@@ -10,7 +10,7 @@ from detectors.signal.standstill import steady_valve, stuck_intervals
 
 
 def naive_intervals(op, still, period, least_op):
-    found, k = [], 0
+    intervals, k = [], 0
     while k < op.size:
         if not still[k]:
             k += 1
@@ -20,12 +20,12 @@ def naive_intervals(op, still, period, least_op):
             end += 1
         moved = op[k:end].max() - op[k:end].min()
         if end - k >= 0.05 * period and moved >= least_op:
-            found.append((end - k, moved))
+            intervals.append((end - k, moved))
         k = end
-    return found
+    return intervals
 
 
-def test_intervals_equal_those_found_sample_by_sample():
+def test_intervals_equal_those_computed_sample_by_sample():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         op, still = np.cumsum(rng.standard_normal(200)), rng.random(200) < 0.8

@@ -17,7 +17,7 @@ from detectors.signal.lattice import (
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
 @pytest.mark.parametrize("step", [0.0321, 0.5, 3.3])
-def test_a_lattice_is_found_wherever_it_begins(offset, step):
+def test_a_lattice_is_identified_wherever_it_begins(offset, step):
     x = offset + step * np.round(np.random.default_rng(0).standard_normal(500) * 20)
     assert lattice(x) == pytest.approx(step, rel=1e-6)
 
@@ -41,12 +41,12 @@ def test_values_that_lie_anywhere_stand_on_none(seed):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.017])
-def test_a_lattice_survives_the_file_s_own_rounding(offset):
+def test_a_lattice_survives_the_file_s_rounding(offset):
     x = np.round(offset + 1 / 32 * np.round(np.random.default_rng(0).standard_normal(800) * 40), 3)
     assert lattice(x, written_unit(x)) == pytest.approx(1 / 32, rel=1e-3)
 
 
-def test_a_lattice_in_differential_pressure_is_found_in_its_root_alone():
+def test_a_lattice_in_differential_pressure_is_identified_in_its_root_alone():
     flow = np.sqrt(0.004 * np.round(np.random.default_rng(0).normal(2000.0, 200.0, 800)))
     assert lattice(flow) == 0.0
     assert root_lattice(flow) == pytest.approx(0.004 / (2 * np.sqrt(8.0)), rel=0.02)
@@ -63,7 +63,7 @@ def test_decimals_of_a_file_are_no_lattice(digits):
         assert lattice(y, written_unit(y)) == root_lattice(y) == 0.0
 
 
-def test_a_unit_far_coarser_than_the_other_column_s_digits_is_the_signal_s_own_step():
+def test_a_unit_far_coarser_than_the_other_column_s_digits_is_the_signal_s_step():
     rng = np.random.default_rng(0)
     op, pv = rng.normal(50.0, 5.0, 300), np.round(rng.normal(40.0, 5.0, 300))
     assert written_unit(pv, np.round(op, 1)) == 1.0
@@ -80,7 +80,7 @@ def test_no_unit_of_the_signal_changes_the_answer():
 
 @pytest.mark.parametrize("start", [0.0, 0.11, 7.003])
 @pytest.mark.parametrize("archive", [0.0, 0.006])
-def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(
+def test_a_lattice_is_identified_wherever_it_begins_and_on_whatever_finer_one_it_was_written(
     start, archive
 ):
     x = start + 0.17 * np.round(np.random.default_rng(3).normal(300, 20, 1500))
@@ -107,20 +107,20 @@ def test_rounding_is_weighed_against_the_moves_it_hides():
 
 
 @pytest.mark.parametrize(
-    ("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
+    ("levels", "samples", "expected"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
 )
 def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(
-    levels, samples, found
+    levels, samples, expected
 ):
     x = 42.2 + 0.7 * (np.arange(samples) % levels)
-    assert lattice(x) == (pytest.approx(0.7) if found else 0.0)
+    assert lattice(x) == (pytest.approx(0.7) if expected else 0.0)
 
 
-@pytest.mark.parametrize(("off", "found"), [(0.1, True), (0.2, False)])
-def test_a_level_may_be_a_little_off(off, found):
+@pytest.mark.parametrize(("off", "expected"), [(0.1, True), (0.2, False)])
+def test_a_level_may_be_a_little_off(off, expected):
     x = 0.5 * np.arange(40.0).repeat(25)
     x[200:225] += 0.5 * off
-    assert (lattice(x) > 0.0) == found
+    assert (lattice(x) > 0.0) == expected
 
 
 @pytest.mark.parametrize(("step", "digits", "coarse"), [(0.3, 0.3, 0.0), (0.4, 0.001, 0.4)])
@@ -129,9 +129,9 @@ def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the
 ):
     # white noise moves by a variance of 2, of which 0.005 are those of rounding by 0.35
     x = np.round(step * np.round(np.random.default_rng(5).standard_normal(5000) / step), 3)
-    found = written(x, np.array([1.234, 5.678]))
-    assert (found.digits, found.coarse) == pytest.approx((digits, coarse))
-    assert found.step == pytest.approx(step)
+    result = written(x, np.array([1.234, 5.678]))
+    assert (result.digits, result.coarse) == pytest.approx((digits, coarse))
+    assert result.step == pytest.approx(step)
 
 
 def test_decimals_are_digits_however_much_they_hide_and_full_precision_has_none():

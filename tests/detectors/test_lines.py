@@ -29,7 +29,7 @@ def test_rounding_is_allowed_for_until_it_hides_the_moves():
     assert not on_line(np.round(DRAWN, 1), 0.1).any()
 
 
-def test_what_stands_still_lies_on_no_line():
+def test_what_rests_lies_on_no_line():
     held = np.repeat(KEPT, 10)
     assert straight(held)[0] == 0.0
     assert not on_line(np.ones(50)).any()

@@ -56,14 +56,14 @@ def half_cycles_counted(e, smallest, Ti):
 @pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
 def test_an_oscillation_is_more_than_ten_loads_in_fifty_integral_times(period, size):
     e = size * np.sin(2 * np.pi * T / period)
-    found = oscillation_by_loads(controlled(e), -e, e, 1.0, span=100.0)
-    assert found.loads == pytest.approx(half_cycles_counted(e, 1.0, 20.0), rel=0.02, abs=1e-9)
-    assert found.sustained == (found.loads > 10)
+    oscillation = oscillation_by_loads(controlled(e), -e, e, 1.0, span=100.0)
+    assert oscillation.loads == pytest.approx(half_cycles_counted(e, 1.0, 20.0), rel=0.02, abs=1e-9)
+    assert oscillation.sustained == (oscillation.loads > 10)
     # half cycles of 20 s and less hold too little; those of 450 s come too seldom
-    assert found.sustained == (size * period > 20.0 and period < 200.0 * 1.2)
+    assert oscillation.sustained == (size * period > 20.0 and period < 200.0 * 1.2)
 
 
-def test_without_a_span_the_range_of_pv_stands_in():
+def test_without_a_span_the_range_of_pv_is_used():
     e = np.sin(2 * np.pi * T / 100)
     for pv in (-e, -1e-3 * e + 4.0):
         assert oscillation_by_loads(controlled(e), pv, np.ptp(pv) / 2 * e, 1.0).sustained
@@ -97,8 +97,8 @@ def test_both_commands_know_it(loop, tmp_path, capsys):
     np.savetxt(path, rows, delimiter=",", header="t,op,pv", comments="")
     for name in ("acf", "hagglund"):
         assert main([str(path), "--method", "ellipse", "--front-end", name, "--json"]) == 0
-        told = json.loads(capsys.readouterr().out)[0]["verdict"]
-        assert told == judge(record, ["ellipse"], front_end=name)[0].verdict
+        verdict = json.loads(capsys.readouterr().out)[0]["verdict"]
+        assert verdict == judge(record, ["ellipse"], front_end=name)[0].verdict
     assert main([str(path), "--front-end", "fft"]) == 2
     assert "unknown front end 'fft'" in capsys.readouterr().err
 

@@ -30,7 +30,7 @@ def test_jumps_are_the_cheapest_of_all_courses():
         assert np.allclose(best_jumps(u, r, penalty), cheapest[1])
 
 
-def test_plant_and_delay_are_found():
+def test_plant_and_delay_are_identified():
     rng = np.random.default_rng(1)
     x = rng.standard_normal(300)
     y = np.zeros(300)
@@ -60,7 +60,7 @@ def test_plant_by_normal_equations_equals_that_by_columns(hold):
     )
 
 
-def test_a_valve_that_stands_still_has_the_plant_of_the_columns():
+def test_a_valve_that_rests_has_the_plant_of_the_columns():
     y = np.random.default_rng(6).standard_normal(200)
     for x in (np.full(200, 0.7), np.full(200, 1e8)):
         assert fit_plant(x, y, range(4)) == fit_plant_by_columns(x, y, range(4))

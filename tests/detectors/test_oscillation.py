@@ -23,7 +23,7 @@ def naive_crossings(x, band):
     """One sample at a time: a crossing counts once the signal has left the band on the other
     side.
     """
-    found, changes, side = [], [], 0
+    crossings, changes, side = [], [], 0
     for k in range(x.size):
         if k and (x[k] > 0) != (x[k - 1] > 0):
             changes.append(k - 1)
@@ -31,11 +31,11 @@ def naive_crossings(x, band):
             now = 1 if x[k] > 0 else -1
             if side and now != side:
                 i = changes[(len(changes) - 1) // 2]
-                found.append(i + x[i] / (x[i] - x[i + 1]))
+                crossings.append(i + x[i] / (x[i] - x[i + 1]))
             if now != side or abs(x[k]) > band:
                 changes = []
             side = now
-    return np.array(found)
+    return np.array(crossings)
 
 
 def test_acf_equals_the_sums_it_stands_for():
@@ -101,14 +101,14 @@ def test_a_fast_length_is_the_shortest_of_two_three_or_five_times_a_power_of_two
 
 @pytest.mark.parametrize("period", [10.0, 42.3, 150.0])
 def test_sine_is_sustained_with_its_period(period):
-    found = o.oscillation_of(np.sin(2 * np.pi * T / period + 0.4), 2.0)
-    assert found.sustained
-    assert found.period_s == pytest.approx(2.0 * period, rel=0.005)
-    assert found.regularity > 10.0
-    assert found.decay_ratio == pytest.approx(1.0, abs=0.15)
+    oscillation = o.oscillation_of(np.sin(2 * np.pi * T / period + 0.4), 2.0)
+    assert oscillation.sustained
+    assert oscillation.period_s == pytest.approx(2.0 * period, rel=0.005)
+    assert oscillation.regularity > 10.0
+    assert oscillation.decay_ratio == pytest.approx(1.0, abs=0.15)
 
 
-def test_noise_as_large_as_the_sine_leaves_it_found():
+def test_noise_as_large_as_the_sine_does_not_hide_it():
     period = 40.0
     hits = [
         o.oscillation_of(
@@ -126,11 +126,11 @@ def test_noise_of_any_colour_is_not_sustained(n, pole):
     from scipy.signal import lfilter
 
     rng = np.random.default_rng(n)
-    found = [
+    sustained = [
         o.oscillation_of(lfilter([1.0], [1.0, -pole], rng.standard_normal(n))).sustained
         for _ in range(100)
     ]
-    assert np.mean(found) <= 0.05
+    assert np.mean(sustained) <= 0.05
 
 
 def test_constant_short_and_rounding_noise_are_nothing():
@@ -160,17 +160,17 @@ def test_drift_larger_than_the_oscillation_does_not_hide_it(disturbance):
         "steps": 4.0 * (T > 500) - 6.0 * (T > 1300),
         "walk": np.cumsum(np.random.default_rng(5).standard_normal(2000)) * 0.2,
     }[disturbance]
-    found = o.oscillation_of(np.sin(2 * np.pi * T / 40) + drift)
-    assert found.sustained
-    assert found.period_s == pytest.approx(40.0, rel=0.05)
+    oscillation = o.oscillation_of(np.sin(2 * np.pi * T / 40) + drift)
+    assert oscillation.sustained
+    assert oscillation.period_s == pytest.approx(40.0, rel=0.05)
 
 
 def test_period_is_that_of_a_sticky_loop(loop):
     record = loop(n=4000, noise=0.05, Kc=0.5, J=5.0, kick=6.0)
-    found = o.find_oscillation(record.op, record.pv, record.Ts)
+    oscillation = o.find_oscillation(record.op, record.pv, record.Ts)
     swings = np.flatnonzero(np.diff(record.mv) > 1.0)
-    assert found.sustained
-    assert found.period_s == pytest.approx(np.median(np.diff(swings)), rel=0.1)
+    assert oscillation.sustained
+    assert oscillation.period_s == pytest.approx(np.median(np.diff(swings)), rel=0.1)
 
 
 @settings(max_examples=25, deadline=None)
@@ -253,11 +253,11 @@ def wandering_cycle(seed=0, swings=60):
 def test_a_cycle_of_one_swing_is_sustained_though_its_period_wanders():
     op, lengths = wandering_cycle()
     noisy = op + 0.1 * np.random.default_rng(1).standard_normal(op.size)
-    found = o.find_oscillation(noisy, np.zeros(op.size), 2.0)
-    assert found.sustained
-    assert found.swings >= 55
-    assert found.period_s == pytest.approx(2 * 2.0 * lengths.mean(), rel=0.05)
-    assert "swings of OP" in found.evidence
+    oscillation = o.find_oscillation(noisy, np.zeros(op.size), 2.0)
+    assert oscillation.sustained
+    assert oscillation.swings >= 55
+    assert oscillation.period_s == pytest.approx(2 * 2.0 * lengths.mean(), rel=0.05)
+    assert "swings of OP" in oscillation.evidence
 
 
 @pytest.mark.parametrize("turned", [lambda x: -x, lambda x: 40.0 * x - 7.0, lambda x: 100.0 - x])

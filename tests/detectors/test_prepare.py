@@ -43,20 +43,20 @@ def record(gate, **more):
     ],
 )
 def test_the_half_that_oscillates_is_judged_where_the_whole_does_not(gate, part):
-    found = prepare(record(gate))
-    assert found.part == part
-    assert found.oscillation.sustained == gate.any()
+    prepared = prepare(record(gate))
+    assert prepared.part == part
+    assert prepared.oscillation.sustained == gate.any()
     if gate.any():
-        assert found.oscillation.period_s == pytest.approx(80.0, rel=0.02)
+        assert prepared.oscillation.period_s == pytest.approx(80.0, rel=0.02)
 
 
 def test_of_two_halves_that_oscillate_the_last_is_judged():
     """Two periods, and a hump in the first that hides both in the whole record."""
     op = np.where(K < 600, np.sin(2 * np.pi * K / 24), np.sin(2 * np.pi * K / 61))
     op[200:260] += 40.0 * np.sin(np.pi * np.arange(60) / 60)
-    found = prepare(LoopRecord(op=op, pv=op, Ts=1.0))
-    assert found.part == (600, 1200)
-    assert found.oscillation.period_s == pytest.approx(61.0, rel=0.02)
+    prepared = prepare(LoopRecord(op=op, pv=op, Ts=1.0))
+    assert prepared.part == (600, 1200)
+    assert prepared.oscillation.period_s == pytest.approx(61.0, rel=0.02)
 
 
 @pytest.mark.parametrize(("fall", "judged"), [(0.45, False), (0.7, True)])
@@ -71,7 +71,7 @@ def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged)
     ) == judged
 
 
-def test_what_is_judged_is_the_half_alone_and_the_reason_says_so():
+def test_the_half_alone_is_judged_and_the_reason_names_it():
     whole = record(K >= 600, process="self-regulating", op_span=(0.0, 100.0))
     half = whole.window(600, 1200)
     for one, other in zip(
@@ -115,12 +115,12 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
     k = np.arange(12_000.0)
     op, pv = np.arcsin(np.sin(2 * np.pi * k / 600)), np.sign(np.cos(2 * np.pi * k / 600))
     dense = LoopRecord(op=op, pv=pv, Ts=0.5, process="self-regulating", sp=np.zeros(k.size))
-    found = [prepare(thinned(dense, step)) for step in (1, 2, 4)]
-    assert [p.step for p in found] == [4, 2, 1]
-    for p in found:
+    prepared = [prepare(thinned(dense, step)) for step in (1, 2, 4)]
+    assert [p.step for p in prepared] == [4, 2, 1]
+    for p in prepared:
         assert (p.record.Ts, p.record.n) == (2.0, 3000)
         assert p.record.op.tolist() == op[::4].tolist()
-    sighted = found[0].with_mv(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
+    sighted = prepared[0].with_mv(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
     assert sighted.record.mv is not None
     assert sighted.record.mv.tolist() == op[::4].tolist()
 
@@ -135,10 +135,10 @@ def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judge
     however dense the record came.
     """
 
-    def found(op, pv, Ts):
+    def oscillation_of(op, pv, Ts):
         return Oscillation(Ts in seen, 1.2, 2935.0, lasting=1.0)
 
-    monkeypatch.setattr("detectors.prepared.find_oscillation", found)
+    monkeypatch.setattr("detectors.prepared.find_oscillation", oscillation_of)
     swing = np.sin(2 * np.pi * np.arange(40_000) / 2500)
     dense = LoopRecord(op=swing, pv=-swing, Ts=1.0)
     for k in (1, 2, 4, 8):

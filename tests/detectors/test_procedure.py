@@ -21,8 +21,8 @@ REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"
 LEVEL = {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000}
 
 
-def path(found):
-    return [(s.step, s.answer) for s in found.steps]
+def path(diagnosis):
+    return [(s.step, s.answer) for s in diagnosis.steps]
 
 
 def test_flow_chart_is_the_program_and_leads_somewhere_from_everywhere():
@@ -39,8 +39,8 @@ def test_flow_chart_is_the_program_and_leads_somewhere_from_everywhere():
 
 @pytest.mark.parametrize("settings", [{"n": 3000, "noise": 0.05}, {**LEVEL, "noise": 0.05}])
 def test_sticky_loop_goes_all_the_way(loop, settings):
-    found = diagnose(loop(**settings))
-    assert [s for s, _ in path(found)] == [
+    diagnosis = diagnose(loop(**settings))
+    assert [s for s, _ in path(diagnosis)] == [
         "quality",
         "oscillation",
         "saturation",
@@ -48,38 +48,38 @@ def test_sticky_loop_goes_all_the_way(loop, settings):
         "stiction",
         "level",
     ]
-    assert found.verdict == "stiction"
-    assert found.conclusion == "sticky"
-    assert found.S[0] < 5.0 < found.S[1] < 10.0
-    assert "gain change" in found.next_test
-    assert all(s.question and s.evidence and s.reason for s in found.steps)
+    assert diagnosis.verdict == "stiction"
+    assert diagnosis.conclusion == "sticky"
+    assert diagnosis.S[0] < 5.0 < diagnosis.S[1] < 10.0
+    assert "gain change" in diagnosis.next_test
+    assert all(s.question and s.evidence and s.reason for s in diagnosis.steps)
 
 
 def test_a_nonlinearity_that_is_not_seen_does_not_end_the_search(loop):
-    found = diagnose(loop(n=3000, noise=0.05))
-    assert ("nonlinearity", "not seen") in path(found)
-    assert found.verdict == "stiction"
+    diagnosis = diagnose(loop(n=3000, noise=0.05))
+    assert ("nonlinearity", "not seen") in path(diagnosis)
+    assert diagnosis.verdict == "stiction"
 
 
 def test_negligible_level_needs_no_test_now(loop):
-    found = diagnose(loop(S=0.3, J=0.12, kick=0.21, n=3000))
-    assert found.conclusion in ("slight", "sticky")
-    assert ("level", "no") not in path(found) or "watch" in found.next_test
+    diagnosis = diagnose(loop(S=0.3, J=0.12, kick=0.21, n=3000))
+    assert diagnosis.conclusion in ("slight", "sticky")
+    assert ("level", "no") not in path(diagnosis) or "watch" in diagnosis.next_test
 
 
 def test_oscillation_from_outside_is_none(loop):
     load = 3 * np.sin(2 * np.pi * np.arange(3000) / 60)
-    found = diagnose(loop(S=0.0, J=0.0, load=load, noise=0.1, n=3000))
-    assert path(found)[-1] == ("stiction", "no stiction")
-    assert found.verdict == "no_stiction"
-    assert found.S is None
+    diagnosis = diagnose(loop(S=0.0, J=0.0, load=load, noise=0.1, n=3000))
+    assert path(diagnosis)[-1] == ("stiction", "no stiction")
+    assert diagnosis.verdict == "no_stiction"
+    assert diagnosis.S is None
 
 
 def test_loop_at_rest_ends_at_the_oscillation(loop):
-    found = diagnose(replace(loop(S=0.0, J=0.0, noise=0.2, n=2000), mv=None, kind="level"))
-    assert path(found)[1:] == [("oscillation", "no"), ("valve", "cannot tell")]
-    assert found.verdict == "no_stiction"
-    assert found.reason.startswith("no sustained oscillation (r = ")
+    diagnosis = diagnose(replace(loop(S=0.0, J=0.0, noise=0.2, n=2000), mv=None, kind="level"))
+    assert path(diagnosis)[1:] == [("oscillation", "no"), ("valve", "cannot tell")]
+    assert diagnosis.verdict == "no_stiction"
+    assert diagnosis.reason.startswith("no sustained oscillation (r = ")
 
 
 def roaming(S):
@@ -97,43 +97,43 @@ def roaming(S):
 
 
 @pytest.mark.parametrize(("S", "expected"), [(2.4, "stiction"), (0.0, "no_stiction")])
-def test_flow_that_stands_still_shows_the_valve_without_an_oscillation(S, expected):
+def test_flow_that_rests_shows_the_valve_without_an_oscillation(S, expected):
     record = roaming(S)
-    found = diagnose(record)
-    assert ("oscillation", "no") in path(found)
-    assert found.verdict == expected
+    diagnosis = diagnose(record)
+    assert ("oscillation", "no") in path(diagnosis)
+    assert diagnosis.verdict == expected
     assert diagnose(replace(record, kind="level")).verdict == "no_stiction"
-    assert "dead band explains" in found.reason
+    assert "dead band explains" in diagnosis.reason
 
 
 def test_dead_record_is_unfit():
-    found = diagnose(LoopRecord(np.full(500, 50.0), np.sin(np.arange(500.0)), 1.0))
-    assert path(found) == [("quality", "no")]
-    assert found.verdict == "no_decision"
-    assert np.isnan(found.score)
+    diagnosis = diagnose(LoopRecord(np.full(500, 50.0), np.sin(np.arange(500.0)), 1.0))
+    assert path(diagnosis) == [("quality", "no")]
+    assert diagnosis.verdict == "no_decision"
+    assert np.isnan(diagnosis.score)
 
 
 def test_saturated_loop_is_sent_to_its_limits(loop):
     record = loop(n=3000)
     op = np.clip(50 + 30 * np.sin(np.arange(3000) / 10), 40, 100)
-    found = diagnose(
+    diagnosis = diagnose(
         replace(record, op=op, pv=-np.sin((np.arange(3000) - 5) / 10), op_span=(40, 100))
     )
-    assert path(found)[-1] == ("saturation", "yes")
-    assert found.conclusion == "saturated"
+    assert path(diagnosis)[-1] == ("saturation", "yes")
+    assert diagnosis.conclusion == "saturated"
 
 
 def test_unknown_units_leave_the_level_open(loop):
     record = replace(loop(n=3000), mv=None, op_span=None)
-    found = diagnose(replace(record, op=record.op * 10))
-    assert path(found)[-1] == ("level", "cannot tell")
-    assert found.S_unit == "OP units"
+    diagnosis = diagnose(replace(record, op=record.op * 10))
+    assert path(diagnosis)[-1] == ("level", "cannot tell")
+    assert diagnosis.S_unit == "OP units"
 
 
 def test_json_and_text_carry_the_whole_path(loop):
-    found = diagnose(loop(n=3000))
-    data = json.loads(json.dumps(found.as_json(), allow_nan=False))
-    assert [s["step"] for s in data["steps"]] == [s.step for s in found.steps]
+    diagnosis = diagnose(loop(n=3000))
+    data = json.loads(json.dumps(diagnosis.as_json(), allow_nan=False))
+    assert [s["step"] for s in data["steps"]] == [s.step for s in diagnosis.steps]
     assert {
         "verdict",
         "score",
@@ -145,22 +145,26 @@ def test_json_and_text_carry_the_whole_path(loop):
         "verdicts",
         "conclusion",
     } <= set(data)
-    text = found.as_text()
-    assert text.count("\n") >= 2 * len(found.steps)
-    assert found.next_test in text
+    text = diagnosis.as_text()
+    assert text.count("\n") >= 2 * len(diagnosis.steps)
+    assert diagnosis.next_test in text
 
 
 def test_method_gives_the_same_verdict_as_the_procedure(loop):
     record = replace(loop(n=3000, noise=0.05), mv=None)
-    verdict, found = judge(record, ["procedure"])[0], diagnose(record)
-    assert (verdict.verdict, verdict.score, verdict.S) == (found.verdict, found.score, found.S)
+    verdict, diagnosis = judge(record, ["procedure"])[0], diagnose(record)
+    assert (verdict.verdict, verdict.score, verdict.S) == (
+        diagnosis.verdict,
+        diagnosis.score,
+        diagnosis.S,
+    )
     strict = judge(record, ["procedure"], thresholds={"procedure": {"odds_high": 15.0}})[0]
     assert strict.verdict == "no_decision"
     assert METHOD.defaults()["odds_low"] < METHOD.defaults()["odds_high"]
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"real records are not here ({REAL})")
-def test_real_loops_no_false_alarm_and_most_credible_stiction_found():
+def test_real_loops_no_false_alarm_and_most_credible_stiction_detected():
     labels = read_labels(REAL / "records.csv")
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in labels.items()}
     records, _ = read_folder(REAL, names=labels, each=each)

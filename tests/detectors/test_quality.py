@@ -145,7 +145,7 @@ def test_rounding_of_a_file_is_no_quantisation(loop):
 
 
 @pytest.mark.parametrize("flag", ["dead_op", "dead_pv", "manual", "saturated"])
-def test_every_method_abstains_on_an_unfit_record_and_says_why(flag):
+def test_every_method_abstains_on_an_unfit_record_and_gives_its_reason(flag):
     for verdict in judge(faults()[flag], ["horch", "he", "yamashita"]):
         assert verdict.verdict == "no_decision"
         assert flag in verdict.reason

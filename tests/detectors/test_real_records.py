@@ -43,11 +43,11 @@ def test_chem1_he_and_horch(real_folder):
 
 
 def test_pap2_is_stiction_to_the_methods_it_is_published_for(real_folder):
-    found = judge(
+    verdicts = judge(
         read(real_folder, "ISDB_PAP2", kind="flow"),
         ["horch", "yamashita", "rossi_scali", "singhal_salsbury"],
     )
-    assert {v.verdict for v in found} == {"stiction"}
+    assert {v.verdict for v in verdicts} == {"stiction"}
 
 
 def test_dead_lines_are_no_decision_with_the_reason(real_folder):

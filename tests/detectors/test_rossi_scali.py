@@ -30,7 +30,7 @@ def test_index_is_one_for_every_relay_answer():
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
-def test_pv_behind_a_sticky_valve_looks_like_a_relay_answer(loop, noise):
+def test_pv_after_a_sticky_valve_looks_like_a_relay_answer(loop, noise):
     record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise)
     verdict = judge(record, ["rossi_scali"])[0]
     assert verdict.verdict == "stiction"
@@ -39,15 +39,15 @@ def test_pv_behind_a_sticky_valve_looks_like_a_relay_answer(loop, noise):
 
 def test_verdict_and_score_follow_the_index_and_the_index_the_wave():
     triangle = np.arcsin(np.sin(T)) / (np.pi / 2)
-    found = [
+    verdicts = [
         judge(
             LoopRecord(np.cos(T), (1 - share) * np.sin(T) + share * triangle, 0.05), ["rossi_scali"]
         )[0]
         for share in np.linspace(0, 1, 11)
     ]
-    indices = [v.indices["eta_rossi"] for v in found]
+    indices = [v.indices["eta_rossi"] for v in verdicts]
     assert indices == sorted(indices)
-    for verdict in found:
+    for verdict in verdicts:
         index = verdict.indices["eta_rossi"]
         word = "stiction" if index > 0.21 else "no_stiction" if index < -0.21 else "no_decision"
         assert verdict.verdict == word

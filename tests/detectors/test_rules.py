@@ -34,7 +34,7 @@ def test_published_numbers(name):
 
 
 @pytest.mark.parametrize("name", methods.names())
-def test_a_threshold_lies_within_its_range_and_says_where_it_comes_from(name):
+def test_a_threshold_lies_within_its_range_and_states_where_it_comes_from(name):
     for key, rule in methods.load(name).METHOD.thresholds.items():
         assert rule.low <= rule.default <= rule.high, key
         assert rule.low < rule.high, key
@@ -77,11 +77,11 @@ def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
     first = module.detect(sticky, **chosen)
     value = first.score if index == "score" else first.indices[index]
     tiny = 1e-9 * max(abs(value), 1.0)
-    said = [
+    sticky_at = [
         module.detect(sticky, **{**chosen, threshold: value + d}).verdict == "stiction"
         for d in (-tiny, 0.0, tiny)
     ]
-    assert said == [True, side == AT, False], (value, first.reason)
+    assert sticky_at == [True, side == AT, False], (value, first.reason)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
         ("procedure", "score", "odds_low", {"odds_high": 99.0}),
     ],
 )
-def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(
+def test_between_two_bounds_nothing_is_decided_and_below_the_lower_one_it_is_no_stiction(
     sticky, name, index, threshold, others
 ):
     module = methods.load(name)
@@ -102,16 +102,16 @@ def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(
     first = module.detect(sticky, **chosen)
     value = first.score if index == "score" else first.indices[index]
     tiny = 1e-9 * max(abs(value), 1.0)
-    said = [
+    verdicts = [
         module.detect(sticky, **{**chosen, threshold: value + d}).verdict
         for d in (-tiny, 0.0, tiny)
     ]
-    assert said == ["no_decision", "no_stiction", "no_stiction"]
+    assert verdicts == ["no_decision", "no_stiction", "no_stiction"]
 
 
 def fit(**more):
     """A fit of the Hammerstein model as `detect` reads it."""
-    found = {
+    fields = {
         "S": 4.0,
         "J": 1.5,
         "S_range": (3.5, 4.5),
@@ -119,11 +119,11 @@ def fit(**more):
         "error": 0.1,
         "error_linear": 0.2,
     }
-    return SimpleNamespace(**{**found, "T_s": 1.0, "Td_s": 0.0, **more})
+    return SimpleNamespace(**{**fields, "T_s": 1.0, "Td_s": 0.0, **more})
 
 
 @pytest.mark.parametrize(
-    ("found", "verdict", "score"),
+    ("changes", "verdict", "score"),
     [
         ({}, "stiction", None),
         (
@@ -139,25 +139,25 @@ def fit(**more):
         ({"error": 1e-9, "error_linear": 1e-7}, "no_stiction", 0.0),  # both explain everything
     ],
 )
-def test_what_a_hammerstein_fit_says(sticky, monkeypatch, found, verdict, score):
-    monkeypatch.setattr(hammerstein, "fit_hammerstein", lambda *a: fit(**found))
-    said = hammerstein.detect(Prepared(sticky.record), **hammerstein.METHOD.defaults())
-    assert said.verdict == verdict
-    assert 0.0 <= said.score <= 1.0
+def test_what_a_hammerstein_fit_reports(sticky, monkeypatch, changes, verdict, score):
+    monkeypatch.setattr(hammerstein, "fit_hammerstein", lambda *a: fit(**changes))
+    answer = hammerstein.detect(Prepared(sticky.record), **hammerstein.METHOD.defaults())
+    assert answer.verdict == verdict
+    assert 0.0 <= answer.score <= 1.0
     if score is not None:
-        assert said.score == pytest.approx(score)
+        assert answer.score == pytest.approx(score)
     if verdict == "stiction":
-        assert said.S[0] < 3.5
-        assert said.S[1] > 4.5
+        assert answer.S[0] < 3.5
+        assert answer.S[1] > 4.5
 
 
 def test_every_index_is_a_number_and_every_score_finite(sticky):
     for name in methods.names():
         module = methods.load(name)
         if module.__name__.startswith("detectors.methods"):
-            found = module.detect(sticky, **module.METHOD.defaults())
-            assert np.isfinite(found.score), name
+            answer = module.detect(sticky, **module.METHOD.defaults())
+            assert np.isfinite(answer.score), name
             assert all(
                 isinstance(x, float | int | np.floating | np.integer)
-                for x in found.indices.values()
+                for x in answer.indices.values()
             ), name

@@ -31,7 +31,7 @@ def test_noise_alone_lifts_the_ratio_above_one():
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("Td", [4.0, 6.0])
-def test_error_behind_a_sticky_valve_peaks_late(loop, noise, Td):
+def test_error_after_a_sticky_valve_peaks_late(loop, noise, Td):
     verdict = judge(
         loop(T=3.0, Td=Td, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise), ["singhal_salsbury"]
     )[0]

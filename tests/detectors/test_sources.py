@@ -69,7 +69,7 @@ def test_a_detector_keeps_no_state_between_records(detector):
     assert detector.seen == 0
 
 
-def test_a_function_stands_beside_the_methods_and_is_gone_afterwards():
+def test_a_function_is_judged_with_the_methods_and_is_gone_afterwards():
     frame = sb.detect(FRAME, [mean_op, "horch", Level(9.0)]).to_frame()
     assert frame.method.tolist() == ["mean_op", "horch", "level"]
     assert frame.verdict.tolist() == ["stiction", "no_stiction", "no_stiction"]
@@ -87,13 +87,13 @@ def test_a_function_stands_beside_the_methods_and_is_gone_afterwards():
     ],
 )
 def test_a_word_is_a_verdict(answer, verdict):
-    def said(record):
+    def constant(record):
         return answer
 
-    assert sb.detect(FRAME, said, raw=True)["said"].verdict == verdict
+    assert sb.detect(FRAME, constant, raw=True)["constant"].verdict == verdict
 
 
-def test_what_a_function_does_wrong_is_its_own_answer():
+def test_what_a_function_does_wrong_is_its_answer():
     def wrong(record):
         raise ValueError("perhaps")
 

@@ -24,7 +24,7 @@ def file(tmp_path):
 
 @pytest.mark.parametrize("span", WRONG)
 @pytest.mark.parametrize("name", ["op", "pv"])
-def test_a_record_outside_its_span_is_refused_and_both_are_said(file, name, span):
+def test_a_record_outside_its_span_is_refused_and_both_are_noted(file, name, span):
     if name == "pv" and span == (0.0, 40.0):
         return  # PV lies in it
     with pytest.raises(
@@ -45,7 +45,7 @@ def test_a_record_at_hand_outside_its_span_is_judged_by_no_method(span):
         assert "outside" in verdict.reason or not verdict.applicable
 
 
-def test_what_goes_a_little_beyond_its_span_is_said_and_judged(file):
+def test_what_goes_a_little_beyond_its_span_is_noted_and_judged(file):
     record = read_record(file, op_span=(0, 55.5))
     assert [
         n for n in record.notes if n.startswith("span: OP lies outside op_span 0 to 55.5 in 13")

@@ -21,7 +21,7 @@ def test_spikes_are_counted_with_their_heights_and_steps_are_not():
     assert heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
 
 
-def test_spikes_on_a_slope_and_side_by_side_are_found_and_corners_are_not():
+def test_spikes_on_a_slope_and_in_pairs_are_detected_and_corners_are_not():
     rng = np.random.default_rng(3)
     pv = CORNERS + 0.02 * rng.standard_normal(T.size)
     assert isolated(pv)[0].size == 0

@@ -36,12 +36,12 @@ def naive_dtw(a, b, window):
 
 def test_labels_are_those_of_plain_time_warping():
     rng = np.random.default_rng(0)
-    found = np.vstack(
+    pieces = np.vstack(
         [cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in SHAPES]
     )
     shapes, label = templates()
-    slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in found]
-    assert np.array_equal(label_shares(found), np.bincount(slow, minlength=4) / len(slow))
+    slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in pieces]
+    assert np.array_equal(label_shares(pieces), np.bincount(slow, minlength=4) / len(slow))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -80,7 +80,7 @@ def test_pair_of_shapes_decides(process, op, pv, expected):
 @pytest.mark.parametrize(
     ("kind", "expected"), [("temperature", "stiction"), ("flow", "no_decision"), (None, "stiction")]
 )
-def test_as_published_a_known_kind_of_loop_has_its_own_column_of_the_table(kind, expected):
+def test_as_published_a_known_kind_of_loop_has_its_column_of_the_table(kind, expected):
     rng = np.random.default_rng(2)
     op, pv = (
         wave(s, shift) + 0.02 * rng.standard_normal(T.size)

@@ -2,9 +2,6 @@
 hold for every OP.
 """
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -133,27 +130,3 @@ def test_without_friction_the_valve_follows_op(op):
 def test_impossible_parameter_is_refused_in_one_sentence(S, J):
     with pytest.raises(ParameterError, match=r"valve_position: [SJ] = "):
         valve_position([50.0, 51.0], S, J)
-
-
-def test_numba_is_not_imported_with_the_module():
-    code = "import sys, detectors.signal.stiction_map; print('numba' in sys.modules)"
-    assert (
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        == "False"
-    )
-
-
-def test_a_second_process_finds_the_compiled_kernel_on_disk():
-    valve_position([50.0, 51.0], 1.0, 0.0)
-    code = (
-        "from detectors.signal import stiction_map as m; m.valve_position([50.0, 51.0], 1.0, 0.0); "
-        "print(sum(m.compiled(m._trace).stats.cache_hits.values()))"
-    )
-    assert (
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        == "1"
-    )

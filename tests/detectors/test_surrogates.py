@@ -57,8 +57,8 @@ def by_tree(x, E, H, k):
     _, near = cKDTree(pieces).query(pieces, k=min(k + 2 * E - 1, m))
     apart = np.abs(near - np.arange(m)[:, None]) >= E
     first = apart & (np.cumsum(apart, axis=1) <= k)
-    found, guess = first.sum(axis=1), np.where(first, future[near], 0.0).sum(axis=1)
-    return float(np.sum((future - guess / found)[found > 0] ** 2))
+    count, guess = first.sum(axis=1), np.where(first, future[near], 0.0).sum(axis=1)
+    return float(np.sum((future - guess / count)[count > 0] ** 2))
 
 
 @pytest.mark.parametrize(
@@ -102,12 +102,12 @@ def test_a_chaotic_map_is_called_nonlinear():
     x[0] = 0.3
     for k in range(699):
         x[k + 1] = 3.9 * x[k] * (1 - x[k])
-    own = prediction_error((x - x.mean()) / x.std(), 3, 1)
+    error = prediction_error((x - x.mean()) / x.std(), 3, 1)
     others = [
         prediction_error((y - y.mean()) / y.std(), 3, 1)
         for y in iaaft(x, 10, np.random.default_rng(0))
     ]
-    assert own < 0.2 * min(others)
+    assert error < 0.2 * min(others)
 
 
 def test_few_samples_per_cycle_are_no_decision():

@@ -5,7 +5,7 @@ import numpy as np
 from detectors.signal.tails import heavy_tails
 
 
-def test_heavy_tails_are_told_from_gaussian_noise_with_spikes():
+def test_heavy_tails_are_distinguished_from_gaussian_noise_with_spikes():
     rng = np.random.default_rng(6)
     heavy = [rng.standard_t(df, 2000) for df in (3, 4, 5)]
     spiked = []

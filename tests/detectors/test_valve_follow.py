@@ -29,11 +29,11 @@ def play(u, S):
 
 
 @pytest.mark.parametrize("S", [2.2, 3.0])
-def test_dead_band_is_found_with_its_size(S):
-    found = valve_follow(ROAM, lagged(play(ROAM, S), 0.3))
-    assert found.score > FOLLOW_MIN
-    assert found.S == pytest.approx(S, abs=0.3)
-    assert found.reversals >= 1
+def test_dead_band_is_identified_with_its_size(S):
+    follow = valve_follow(ROAM, lagged(play(ROAM, S), 0.3))
+    assert follow.score > FOLLOW_MIN
+    assert follow.S == pytest.approx(S, abs=0.3)
+    assert follow.reversals >= 1
 
 
 def test_valve_that_follows_scores_nothing():
@@ -53,7 +53,7 @@ def test_a_dead_band_without_a_reversal_is_no_proof():
 
 def test_long_records_are_thinned_out_and_units_do_not_matter():
     long = np.interp(np.arange(9000) / 10, T, ROAM)
-    found = valve_follow(long, lagged(play(long, 2.4), 0.3))
-    assert found.score > FOLLOW_MIN
+    follow = valve_follow(long, lagged(play(long, 2.4), 0.3))
+    assert follow.score > FOLLOW_MIN
     free = valve_follow(20 * long - 500, 0.1 * lagged(play(long, 2.4), 0.3), (-np.inf, np.inf))
-    assert free.S == pytest.approx(20 * found.S, rel=1e-6)
+    assert free.S == pytest.approx(20 * follow.S, rel=1e-6)

@@ -1,4 +1,4 @@
-"""How little a method just accepts, what lies outside its own numbers, and scores and levels that
+"""How little a method just accepts, what lies outside its numbers, and scores and levels that
 are known beforehand.
 """
 
@@ -62,14 +62,14 @@ def test_four_half_cycles_are_enough_and_three_are_not(module):
 )
 def test_samples_per_cycle_that_are_just_enough(sticky, name, least):
     module = methods.load(name)
-    said = [
+    answers = [
         module.detect(Seen(Prepared(sticky.record), period=period), **module.METHOD.defaults())
         for period in (least - 1e-6, least)
     ]
-    assert said[0].verdict == "no_decision"
-    assert f"at least {least} are needed" in said[0].reason
-    assert math.isnan(said[0].score)
-    assert "are needed" not in said[1].reason or "samples per cycle" not in said[1].reason
+    assert answers[0].verdict == "no_decision"
+    assert f"at least {least} are needed" in answers[0].reason
+    assert math.isnan(answers[0].score)
+    assert "are needed" not in answers[1].reason or "samples per cycle" not in answers[1].reason
 
 
 @pytest.mark.parametrize("phase", [0.0, math.pi / 6, math.pi / 4, math.pi / 3, math.pi / 2])
@@ -80,8 +80,8 @@ def test_horchs_score_is_the_phase_in_quarters_of_a_turn(monkeypatch, phase):
     monkeypatch.setattr(
         horch, "correlation_indices", lambda *a: (2 * phase / math.pi, math.tan(phase / 2) ** 2)
     )
-    said = horch.detect(Seen(record=Seen(op=None, pv=None)), **horch.METHOD.defaults())
-    assert said.score == pytest.approx(2 * phase / math.pi)
+    answer = horch.detect(Seen(record=Seen(op=None, pv=None)), **horch.METHOD.defaults())
+    assert answer.score == pytest.approx(2 * phase / math.pi)
 
 
 @pytest.mark.parametrize(
@@ -118,9 +118,9 @@ def test_every_pair_of_shapes(monkeypatch, integrating, op, pv):
     monkeypatch.setattr(
         srinivasan,
         "label_shares",
-        lambda found: np.where([w == found[0] for w in srinivasan.SHAPES], 0.7, 0.1),
+        lambda shapes: np.where([w == shapes[0] for w in srinivasan.SHAPES], 0.7, 0.1),
     )
-    said = srinivasan.detect(
+    answer = srinivasan.detect(
         Seen(
             period=8.0,
             integrating=integrating,
@@ -135,15 +135,15 @@ def test_every_pair_of_shapes(monkeypatch, integrating, op, pv):
         if alike == ("sine", "sine")
         else "no_decision"
     )
-    assert said.verdict == expected
-    assert said.score == pytest.approx(0.3 if (pv if integrating else op) == "sine" else 0.9)
+    assert answer.verdict == expected
+    assert answer.score == pytest.approx(0.3 if (pv if integrating else op) == "sine" else 0.9)
 
 
 def test_two_whole_cycles_show_no_shape(monkeypatch):
     monkeypatch.setattr(srinivasan, "cycles", lambda shape, period: [shape] * 2)
-    said = srinivasan.detect(Seen(period=8.0, integrating=False, band=lambda *a: 0.0))
-    assert said.verdict == "no_decision"
-    assert said.reason.startswith("2 whole cycles in OP")
+    answer = srinivasan.detect(Seen(period=8.0, integrating=False, band=lambda *a: 0.0))
+    assert answer.verdict == "no_decision"
+    assert answer.reason.startswith("2 whole cycles in OP")
 
 
 def test_width_and_stuck_op_are_scaled_by_the_span_of_op(sticky):
@@ -158,14 +158,14 @@ def test_width_and_stuck_op_are_scaled_by_the_span_of_op(sticky):
 
 
 def test_the_share_of_a_sticky_band_is_that_of_the_swing_of_op(sticky):
-    said = hammerstein.detect(sticky, **hammerstein.METHOD.defaults())
+    answer = hammerstein.detect(sticky, **hammerstein.METHOD.defaults())
     swing = hammerstein.swing(sticky.searchable("travel"), sticky.period)
-    assert said.indices["share"] == pytest.approx(
-        (said.indices["S_hat"] + said.indices["J_hat"]) / swing
+    assert answer.indices["share"] == pytest.approx(
+        (answer.indices["S_hat"] + answer.indices["J_hat"]) / swing
     )
-    assert said.score == pytest.approx(said.indices["gain"] * min(said.indices["share"], 1.0))
-    assert said.S[0] <= said.indices["S_hat"] <= said.S[1]
-    assert np.min(said.J) <= said.indices["J_hat"] <= np.max(said.J)
+    assert answer.score == pytest.approx(answer.indices["gain"] * min(answer.indices["share"], 1.0))
+    assert answer.S[0] <= answer.indices["S_hat"] <= answer.S[1]
+    assert np.min(answer.J) <= answer.indices["J_hat"] <= np.max(answer.J)
 
 
 # what a method's source has where this package has something else as its default
@@ -254,16 +254,16 @@ def test_a_method_takes_a_record_of_just_its_least_number_of_samples():
     module = methods.load("bicoherence")
     for n, enough in ((255, False), (256, True)):
         record = LoopRecord(RECORD.op[:n], RECORD.pv[:n], 0.5, process="self-regulating")
-        said = judge_one("bicoherence", module, Prepared(record), True, module.METHOD.defaults())
-        assert ("at least 256 are needed" in said.reason) is not enough
+        answer = judge_one("bicoherence", module, Prepared(record), True, module.METHOD.defaults())
+        assert ("at least 256 are needed" in answer.reason) is not enough
 
 
 @pytest.mark.parametrize("name", ["kano_a", "kano_b", "yamashita"])
 def test_without_any_position_of_the_valve_a_method_that_needs_it_does_not_apply(name):
     module = methods.load(name)
-    said = module.detect(Prepared(replace(RECORD, kind="level")), **module.METHOD.defaults())
-    assert (said.method, said.verdict, said.applicable) == (name, "no_decision", False)
-    assert said.reason.startswith("no MV recorded")
+    answer = module.detect(Prepared(replace(RECORD, kind="level")), **module.METHOD.defaults())
+    assert (answer.method, answer.verdict, answer.applicable) == (name, "no_decision", False)
+    assert answer.reason.startswith("no MV recorded")
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def build():
     subprocess.run(["gcc", *FLAGS, str(SOURCE), "-o", str(library), "-lm"], check=True)
     function = ctypes.CDLL(str(library)).closed_loop
     size, real = ctypes.c_ssize_t, ctypes.c_double
-    array = ctypes.c_void_p  # bare addresses: checking arrays would be timed as C's own time
+    array = ctypes.c_void_p  # bare addresses: checking arrays would be timed as part of C's time
     function.argtypes = [size, size, *[array] * 4, real, array, *[real] * 8, *[array] * 3]
     function.restype = None
     return function

@@ -1,4 +1,4 @@
-"""Fail every file operation of a smoke run once, each in a process of its own that a kill really
+"""Fail every file operation of a smoke run once, each in a new process that a kill really
 ends, and go on.
 
 `python tests/reference/kills.py` prints for each way of failing how many operations failed, and how
@@ -61,7 +61,7 @@ def smoke(folder: Path, pieces: Path, resume: bool = False) -> None:
 
 
 def failed(folder: Path, pieces: Path, at: int, fault: str, count: Path) -> int:
-    """Run with one operation failing; 0: none did, 2: it was said in one sentence, 3: it was
+    """Run with one operation failing; 0: none did, 2: one sentence was printed, 3: it was
     not.
     """
     with pytest.MonkeyPatch.context() as patch:
@@ -117,9 +117,9 @@ def main() -> int:
             )
             wrong["no sentence"] += code != (-signal.SIGKILL if fault.startswith("kill") else 2)
             resumed = apart(lambda folder=folder: smoke(folder, pieces, resume=True))
-            said = 1 if resumed else apart(lambda folder=folder: alike(whole, folder))
-            wrong["differs"] += said not in (0, 2)
-            wrong["other files"] += said == 2
+            outcome = 1 if resumed else apart(lambda folder=folder: alike(whole, folder))
+            wrong["differs"] += outcome not in (0, 2)
+            wrong["other files"] += outcome == 2
             shutil.rmtree(folder, ignore_errors=True)
         total += sum(wrong.values())
         print(

@@ -1,7 +1,7 @@
 """The labels of a scenario a second time: written from the contract alone (section 5), slowly, with
 nothing of simbench.bench.
 
-It shares the simulator (which has twins of its own) and the random streams, and nothing else:
+It shares the simulator (which has other twins) and the random streams, and nothing else:
 reversals, swings, periods, sine amplitudes, the band of a valve, Table 11.3 and its refinement are
 worked out here again.
 """
@@ -51,7 +51,7 @@ def friction_band(loop):
 
 
 def table_11_3(loop):
-    """Return what Table 11.3 says: True, False, or None where it has no cell."""
+    """Return the entry of Table 11.3: True, False, or None where it has no cell."""
     if loop.valve.name == "deadzone":
         return None
     S, J = friction_band(loop)
@@ -64,11 +64,11 @@ def table_11_3(loop):
 
 def refined(loop):
     """Return the table with the exact condition of a self-regulating plant under P: K Kc J > S."""
-    said = table_11_3(loop)
-    if said is not None and loop.plant.type == "foptd" and loop.controller.type == "P":
+    printed = table_11_3(loop)
+    if printed is not None and loop.plant.type == "foptd" and loop.controller.type == "P":
         S, J = friction_band(loop)
         return J > 0.0 and abs(loop.plant.K) * loop.controller.Kc * J > S
-    return said
+    return printed
 
 
 def turning_points(x, least):
@@ -168,13 +168,13 @@ def alone(loop, seed, off, P, swing, plain):
     """Return whether the loop cycles without noise from sample `off` on: yes, no, or unclear."""
     (turns, size), mv = tail_of(loop, seed, off, P, swing, plain)
     if len(turns) < 6:
-        # a single swing within the last third: too slow to be told from a drift
+        # a single swing within the last third: too slow to be distinguished from a drift
         return "unclear" if turns and np.ptp(mv[-(size // 3) :]) >= swing else "no"
     last_to_first = fading(turns, size)
     if np.median(swings_of(turns)) < swing or last_to_first < 0.5:
         return "no"
     period = period_of(turns)
-    other = behind(without_friction(loop), seed, off, size, plain)
+    other = after_record(without_friction(loop), seed, off, size, plain)
     if largest_sine(other, period) >= 0.5 * largest_sine(mv, period):
         return "unclear"
     return "yes" if last_to_first >= 0.8 else "unclear"
@@ -190,22 +190,22 @@ def without_friction(loop):
 
 
 def tail_of(loop, seed, off, P, swing, plain):
-    """Return ((turns, samples), MV) over 20 periods behind the record, of the loop's own motion if
+    """Return ((turns, samples), MV) over 20 periods after the record, of the motion of the loop if
     that is slower than P.
     """
     size = min(max(math.ceil(PERIODS * P), 3 * PERIODS), LONGEST)
     while True:
-        mv = behind(loop, seed, off, size, plain)
+        mv = after_record(loop, seed, off, size, plain)
         turns = turning_points(mv, swing / 4.0)
-        own = period_of(turns) if len(turns) > 2 else 2.0 * size / PERIODS
-        wanted = min(max(math.ceil(PERIODS * own), 3 * PERIODS), LONGEST)
+        slower = period_of(turns) if len(turns) > 2 else 2.0 * size / PERIODS
+        wanted = min(max(math.ceil(PERIODS * slower), 3 * PERIODS), LONGEST)
         if np.ptp(mv[size // 2 :]) < swing or wanted <= 1.25 * size or size >= LONGEST:
             return (turns, size), mv
         size = wanted
 
 
-def behind(loop, seed, off, size, plain):
-    """Return MV behind the record: loads and set point frozen at its end, no noise from sample
+def after_record(loop, seed, off, size, plain):
+    """Return MV after the record: loads and set point frozen at its end, no noise from sample
     `off` on.
     """
     setup = resolve_loop(loop, seed, size)

@@ -124,7 +124,7 @@ def python_control(n: int):
         lambda t, x, u, _: np.array(step(u[0], tuple(x), p)[:1]) - s.op0,
         inputs="op", outputs="w", states=4, dt=Ts, name="valve",
     )  # fmt: skip
-    # x = [PV, w(k-1) ... w(k-lag)]: the first-order plant behind its dead time
+    # x = [PV, w(k-1) ... w(k-lag)]: the first-order plant after its dead time
     A = np.diag(np.ones(lag), -1)
     A[1, 0] = 0.0
     A[0, 0], A[0, lag], B = sampled.A[0, 0], sampled.B_old[0], np.zeros((lag + 1, 1))

@@ -65,10 +65,10 @@ def main() -> int:
     for name, bar in BARS.items():
         value = min(times[name])
         good &= value <= bar
-        said = "ok" if value <= bar else "SHORT"
+        mark = "ok" if value <= bar else "SHORT"
         print(
             f"budget {name:<13} {value:8.2f} {np.median(times[name]):8.2f}   wanted <= {bar:g}  "
-            f" {said}"
+            f" {mark}"
         )
     return 0 if good else 1
 

@@ -72,7 +72,7 @@ class Meter:
 
 
 def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
-    """Put the meter into everything that has a line of its own; return what must be put back."""
+    """Put the meter into everything that has a line in the table; return what must be put back."""
     simulate = meter.wrap("simulate, without its kernel", truth.simulate)
     compiled = simbench.loop.kernel.compiled
     places = [
@@ -148,12 +148,12 @@ def measured() -> dict[str, Any]:
             rounds[budget].append(
                 shares(plan, names, [range(s + first, s + first + BLOCK) for s in starts])
             )
-    return {budget: summary(found) for budget, found in rounds.items()}
+    return {budget: summary(measures) for budget, measures in rounds.items()}
 
 
 def summary(rounds: list[tuple[dict[str, float], int]]) -> dict[str, Any]:
     """Return the cheapest round with its shares, which add up, and the median over the rounds."""
-    totals = [sum(found.values()) for found, _ in rounds]
+    totals = [sum(measures.values()) for measures, _ in rounds]
     best = rounds[int(np.argmin(totals))][0]
     ordered = sorted(best, key=lambda name: -best[name])
     return {
@@ -169,39 +169,39 @@ def grown(now: dict[str, Any], committed: dict[str, Any]) -> list[str]:
     """Return a sentence for each share, and for the ratio of the budgets, that outgrew the
     committed one; never for times.
     """
-    told = []
+    faults = []
     for budget, was in committed.items():
         for name, share in now[budget]["share"].items():
             before = was["share"].get(name, 0.0)
             if share > GROWTH * before + SLACK:
-                told.append(
+                faults.append(
                     f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last"
                     " committed"
                 )
     ratios = [t["full"]["minimum_ms"] / t["fast"]["minimum_ms"] for t in (now, committed)]
     if ratios[0] > RATIO * ratios[1]:
-        told.append(
+        faults.append(
             f"full costs {ratios[0]:.1f} times fast, {ratios[1]:.1f} times when last committed"
         )
-    return told
+    return faults
 
 
 def main() -> int:
-    found = measured()
-    for budget, told in found.items():
+    measures = measured()
+    for budget, table in measures.items():
         print(
-            f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median"
-            f" {told['median_ms']:.2f} ms"
+            f"{budget}: CPU per scenario of {GRID}: minimum {table['minimum_ms']:.2f} ms, median"
+            f" {table['median_ms']:.2f} ms"
         )
-        for name, value in told["ms"].items():
-            print(f"  {name:<30} {value:8.3f} ms {told['share'][name]:7.1%}")
+        for name, value in table["ms"].items():
+            print(f"  {name:<30} {value:8.3f} ms {table['share'][name]:7.1%}")
         print(
-            f"  {'sum':<30} {sum(told['ms'].values()):8.3f} ms {sum(told['share'].values()):7.1%}"
+            f"  {'sum':<30} {sum(table['ms'].values()):8.3f} ms {sum(table['share'].values()):7.1%}"
         )
     if "--update" in sys.argv:
-        COMMITTED.write_text(json.dumps(found, indent=1) + "\n")
+        COMMITTED.write_text(json.dumps(measures, indent=1) + "\n")
         return 0
-    wrong = grown(found, json.loads(COMMITTED.read_text()))
+    wrong = grown(measures, json.loads(COMMITTED.read_text()))
     print(*(wrong or [f"no share outgrew {COMMITTED.name}"]), sep="\n")
     return 1 if wrong else 0
 

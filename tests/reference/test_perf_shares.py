@@ -18,8 +18,8 @@ TOLD = {
 
 def test_a_slower_machine_is_no_regression():
     slower = copy.deepcopy(TOLD)
-    for told in slower.values():
-        told["minimum_ms"] *= 7.0
+    for message in slower.values():
+        message["minimum_ms"] *= 7.0
     assert perf_shares.grown(slower, TOLD) == []
 
 
@@ -34,9 +34,9 @@ def test_a_slower_machine_is_no_regression():
 def test_a_share_that_outgrew_the_committed_one_is_told(budget, name, share, words):
     now = copy.deepcopy(TOLD)
     now[budget]["share"][name] = share
-    (told,) = perf_shares.grown(now, TOLD)
-    assert told.startswith(budget)
-    assert words in told
+    (message,) = perf_shares.grown(now, TOLD)
+    assert message.startswith(budget)
+    assert words in message
 
 
 def test_so_is_the_ratio_of_the_budgets():

@@ -1,4 +1,4 @@
-"""Do verdicts change with the units of OP and PV? Records of two grids and of the blind check's own
+"""Do verdicts change with the units of OP and PV? Records of two grids and of the blind check's
 world, every method.
 """
 
@@ -19,7 +19,7 @@ from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import Plan
-from simbench.blind.worlds import own
+from simbench.blind.worlds import own as tank
 
 # What another transmitter, archive or sign convention would have sent: value = gain x + offset.
 PV_MAPS = {
@@ -47,7 +47,7 @@ SEED = 7
 
 
 def records(count: int) -> Iterator[tuple[str, LoopRecord]]:
-    """Return `count` records, from each grid and from the own world in turn."""
+    """Return `count` records, from each grid and from the world `own` in turn."""
     sources = [_of_grid(name, -(-count // 4)) for name in GRIDS] + [_of_world(-(-count // 4))]
     for _ in range(-(-count // 4)):
         for source in sources:
@@ -68,9 +68,9 @@ def _of_grid(name: str, count: int) -> Iterator[tuple[str, LoopRecord]]:
 
 
 def _of_world(count: int) -> Iterator[tuple[str, LoopRecord]]:
-    entries = Plan.of(400).entries(tuple(own.FOREIGN))
+    entries = Plan.of(400).entries(tuple(tank.FOREIGN))
     for index in np.linspace(0, len(entries) - 1, count).astype(int):
-        item = own.draw(SEED, int(index), entries[index])
+        item = tank.draw(SEED, int(index), entries[index])
         c = item.columns
         Ts = float(np.median(np.diff(c["t"])))
         yield (
@@ -94,12 +94,12 @@ def mapped(record: LoopRecord) -> Iterator[tuple[str, LoopRecord]]:
 
 
 def verdicts(record: LoopRecord) -> dict[tuple[str, str], Verdict]:
-    """Return what every method says, with and without the common front end."""
+    """Return the verdict of every method, with and without the common front end."""
     chosen = {m: check_thresholds(m, methods.load(m).METHOD, {}) for m in methods.names()}
-    found = {}
+    verdicts = {}
     for front, raw, _, _ in judge_both(record, chosen)[1]:
-        found |= {(front.method, "front"): front, (front.method, "raw"): raw}
-    return found
+        verdicts |= {(front.method, "front"): front, (front.method, "raw"): raw}
+    return verdicts
 
 
 def changes(
@@ -124,9 +124,9 @@ def main() -> int:
         count += 1
         for name, method, mode, before, after in changes(record):
             changed += 1
-            said = f"{before.verdict} {before.score:.9g} -> {after.verdict} {after.score:.9g}"
+            change = f"{before.verdict} {before.score:.9g} -> {after.verdict} {after.score:.9g}"
             print(
-                f"{label:<14} {name:<20} {method:<16} {mode:<5} {said}   {after.reason[:90]}",
+                f"{label:<14} {name:<20} {method:<16} {mode:<5} {change}   {after.reason[:90]}",
                 flush=True,
             )
     pairs = count * (len(PV_MAPS) + len(OP_MAPS)) * len(methods.names()) * 2

@@ -1,4 +1,4 @@
-"""The loop schema: what it refuses, how it says so, and that a loop survives writing and
+"""The loop schema: what it refuses, in which words, and that a loop survives writing and
 reading.
 """
 

@@ -34,7 +34,7 @@ n = 500
 RECORD = "t,sp,op,pv\n" + "".join(f"{k},50,{50 + k % 7},{50 + k % 5}\n" for k in range(300))
 
 
-def says(capsys, arguments: list, *words: str) -> str:
+def refused(capsys, arguments: list, *words: str) -> str:
     """Run the command line and check exit 2 and its one sentence."""
     code = main([str(a) for a in arguments])
     captured = capsys.readouterr()
@@ -77,7 +77,7 @@ def loop_file(tmp_path: Path, old: str = "", new: str = "") -> Path:
 )
 def test_a_wrong_loop_file_is_refused_before_anything_is_written(tmp_path, capsys, old, new, words):
     out = tmp_path / "out.csv"
-    says(capsys, ["simulate", loop_file(tmp_path, old, new), "-o", out], *words)
+    refused(capsys, ["simulate", loop_file(tmp_path, old, new), "-o", out], *words)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.toml"]
 
 
@@ -97,30 +97,30 @@ def test_a_wrong_loop_file_is_refused_before_anything_is_written(tmp_path, capsy
 def test_a_wrong_record_is_refused(tmp_path, capsys, content, words):
     path = tmp_path / "rec.csv"
     path.write_bytes(content)
-    says(capsys, ["detect", path, "--method", "horch"], "rec.csv", *words)
+    refused(capsys, ["detect", path, "--method", "horch"], "rec.csv", *words)
 
 
 def test_missing_files_are_named(tmp_path, capsys):
-    says(capsys, ["detect", tmp_path / "none.csv"], "none.csv")
-    says(capsys, ["simulate", tmp_path / "none.toml", "-o", tmp_path / "x.csv"], "none.toml")
-    says(capsys, ["simulate", tmp_path, "-o", tmp_path / "x.csv"], "folder")
+    refused(capsys, ["detect", tmp_path / "none.csv"], "none.csv")
+    refused(capsys, ["simulate", tmp_path / "none.toml", "-o", tmp_path / "x.csv"], "none.toml")
+    refused(capsys, ["simulate", tmp_path, "-o", tmp_path / "x.csv"], "folder")
 
 
 def test_unknown_names_are_answered_with_the_nearest(tmp_path, capsys):
     record = tmp_path / "rec.csv"
     record.write_text(RECORD)
-    says(capsys, ["detect", record, "--method", "horhc"], "horhc", "horch")
-    says(capsys, ["simulte"], "simulte", "simulate")
-    says(capsys, ["detect", record, "--jsn"], "--jsn", "--json")
-    says(capsys, ["list", "detectrs"], "detectors")
-    says(capsys, ["run", "smok", "-o", tmp_path / "run"], "smok", "smoke")
+    refused(capsys, ["detect", record, "--method", "horhc"], "horhc", "horch")
+    refused(capsys, ["simulte"], "simulte", "simulate")
+    refused(capsys, ["detect", record, "--jsn"], "--jsn", "--json")
+    refused(capsys, ["list", "detectrs"], "detectors")
+    refused(capsys, ["run", "smok", "-o", tmp_path / "run"], "smok", "smoke")
     assert not (tmp_path / "run").exists()
-    says(capsys, ["figure", "fig-11-99", "-o", tmp_path / "f"], "fig-11-9")
+    refused(capsys, ["figure", "fig-11-99", "-o", tmp_path / "f"], "fig-11-9")
 
 
-def test_a_full_disk_leaves_nothing_behind_and_the_old_file_as_it_was(tmp_path, capsys):
+def test_a_full_disk_leaves_only_the_old_file_as_it_was(tmp_path, capsys):
     loop = loop_file(tmp_path)
-    says(capsys, ["simulate", loop, "-o", "/dev/full"], "/dev/full", "space")
+    refused(capsys, ["simulate", loop, "-o", "/dev/full"], "/dev/full", "space")
     out = tmp_path / "out.csv"
     out.write_text("old")
 
@@ -142,7 +142,9 @@ def test_a_full_disk_leaves_nothing_behind_and_the_old_file_as_it_was(tmp_path, 
 
 
 def test_an_unwritable_folder_is_named(tmp_path, capsys):
-    says(capsys, ["simulate", loop_file(tmp_path), "-o", "/proc/nothing/out.csv"], "/proc/nothing")
+    refused(
+        capsys, ["simulate", loop_file(tmp_path), "-o", "/proc/nothing/out.csv"], "/proc/nothing"
+    )
 
 
 def test_a_record_written_reads_back_to_the_same_bits(tmp_path):

@@ -1,5 +1,5 @@
 """The verb detect as people use it: a table first, reasons on request, every note once, files
-beside it; and every help.
+next to it; and every help.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def folder(tmp_path_factory):
     return place
 
 
-def said(capsys, *words):
+def printed(capsys, *words):
     assert cli.main([str(w) for w in words]) == 0
     return capsys.readouterr()
 
 
 def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, capsys):
-    out = said(capsys, "detect", folder / "sticky.csv", *FAST).out
+    out = printed(capsys, "detect", folder / "sticky.csv", *FAST).out
     head, summary, _, names, *rows = out.splitlines()
     assert head.startswith("sticky: 1500 samples, Ts = 1 s")
     assert summary.startswith("Methods: ")
@@ -56,17 +56,17 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
         == 1
     )
     assert "triangular" not in out
-    assert "triangular" in said(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
+    assert "triangular" in printed(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
 
 
-def test_what_every_method_warns_of_is_said_once(folder, capsys):
-    out = said(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
+def test_what_every_method_warns_of_is_printed_once(folder, capsys):
+    out = printed(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
     assert out.count("process type unknown") == 1
     assert out.count("PV is 'X1.MEAS'") == 1
 
 
 def test_a_folder_is_a_matrix(folder, capsys):
-    out = said(capsys, "detect", folder, *FAST).out.splitlines()
+    out = printed(capsys, "detect", folder, *FAST).out.splitlines()
     rows = {
         line.split()[0]: line.split()[1:] for line in out if line.startswith(("sticky", "sound"))
     }
@@ -76,7 +76,7 @@ def test_a_folder_is_a_matrix(folder, capsys):
 
 
 def test_json_holds_what_it_held(folder, capsys):
-    out = json.loads(said(capsys, "detect", folder / "sticky.csv", *FAST, "--why", "--json").out)
+    out = json.loads(printed(capsys, "detect", folder / "sticky.csv", *FAST, "--why", "--json").out)
     assert [set(v) for v in out] == [
         {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
     ] * 4
@@ -84,7 +84,7 @@ def test_json_holds_what_it_held(folder, capsys):
 
 def test_table_and_page_are_written(folder, capsys, tmp_path):
     table, page = tmp_path / "v.csv", tmp_path / "v.html"
-    shown = said(capsys, "detect", folder, *FAST, "--csv", table, "--html", page, "--json")
+    shown = printed(capsys, "detect", folder, *FAST, "--csv", table, "--html", page, "--json")
     assert len(json.loads(shown.out)) == 8
     with table.open() as f:
         rows = list(csv.DictReader(f))
@@ -99,38 +99,40 @@ def test_table_and_page_are_written(folder, capsys, tmp_path):
 
 def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     frame = (folder / "sticky.csv").read_text().replace("t_s,sp,X1.OUT,X1.MEAS,mv", "clock,a,b,c,d")
-    file = tmp_path / "own.csv"
+    file = tmp_path / "mine.csv"
     file.write_text(frame)
-    out = said(
+    out = printed(
         capsys, "detect", file, "--columns", "op=b,pv=c", "--columns", "t=clock", "--method", "he"
     ).out
     assert "he says stiction" in out
     assert (
         "Ts = 2 s"
-        in said(capsys, "detect", file, "--columns", "op=b,pv=c", "--ts", "2", "--method", "he").out
+        in printed(
+            capsys, "detect", file, "--columns", "op=b,pv=c", "--ts", "2", "--method", "he"
+        ).out
     )
     assert (
         "1500 samples"
-        in said(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
+        in printed(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
     )
     assert cli.main(["detect", str(file), "--columns", "op=bb,pv=c"]) == 2
     assert "no column 'bb' for op" in capsys.readouterr().err
 
 
 def test_colour_is_for_terminals_alone(folder, capsys):
-    assert "\x1b[" not in said(capsys, "detect", folder / "sticky.csv", *FAST).out
+    assert "\x1b[" not in printed(capsys, "detect", folder / "sticky.csv", *FAST).out
     from detectors.detection import judge_files
 
     assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
 
 
-def test_simulate_says_what_it_wrote(capsys, tmp_path):
+def test_simulate_prints_what_it_wrote(capsys, tmp_path):
     loop = tmp_path / "loop.toml"
     loop.write_text(
         '[plant]\ntype = "foptd"\nK = 1\nT = 10\n[controller]\ntype = "PI"\nKc = 1\nTi ='
         " 10\n[sampling]\nTs = 2\nn = 100\n"
     )
-    out = said(capsys, "simulate", loop, "-o", tmp_path / "rec.csv").out
+    out = printed(capsys, "simulate", loop, "-o", tmp_path / "rec.csv").out
     assert (
         out
         == f"{tmp_path / 'rec.csv'}: 100 samples, Ts = 2 s, 200 s; the valve is without friction\n"
@@ -138,7 +140,7 @@ def test_simulate_says_what_it_wrote(capsys, tmp_path):
 
 
 def test_the_version_is_the_packages(capsys):
-    assert said(capsys, "--version").out.strip() == version("stiction-simbench")
+    assert printed(capsys, "--version").out.strip() == version("stiction-simbench")
 
 
 def verbs(command, path=()):
@@ -151,13 +153,64 @@ VERBS = dict(verbs(typer.main.get_command(cli.app)))
 
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)
 def test_every_help_ends_with_examples_that_parse(verb, capsys):
-    help_text = said(capsys, *verb, "--help").out
+    help_text = printed(capsys, *verb, "--help").out
     examples = help_text.split("Examples:\n")[1].strip().splitlines()
     assert examples
     for line in examples:
         words = line.split()
         assert words[: 1 + len(verb)] == ["simbench", *verb]
         VERBS[verb].make_context(verb[-1], words[1 + len(verb) :])
+
+
+IMPERATIVES = [
+    "Add",
+    "Allow",
+    "Also",
+    "Ask",
+    "Assign",
+    "Change",
+    "Check",
+    "Choose",
+    "Compare",
+    "Continue",
+    "Diagnose",
+    "Draw",
+    "Estimate",
+    "Fail",
+    "Give",
+    "Judge",
+    "List",
+    "Load",
+    "Move",
+    "Name",
+    "Predict",
+    "Print",
+    "Read",
+    "Replace",
+    "Report",
+    "Score",
+    "Search",
+    "Set",
+    "Show",
+    "Simulate",
+    "State",
+    "Stop",
+    "Take",
+    "Try",
+    "Use",
+    "Write",
+]
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_every_help_text_is_a_sentence_that_says_what_the_option_does(verb):
+    for option in VERBS[verb].params:
+        if getattr(option, "hidden", False):
+            continue
+        text = getattr(option, "help", None) or ""
+        assert text.split(" ")[0] in IMPERATIVES, (option.name, text)
+        assert len(text.split()) > 2, (option.name, text)
+        assert text.endswith("."), (option.name, text)
 
 
 @pytest.mark.parametrize(

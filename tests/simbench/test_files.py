@@ -1,4 +1,4 @@
-"""What is written stands whole under its name, on this machine, or not at all."""
+"""What is written is whole under its name, on this machine, or not at all."""
 
 import csv
 import os
@@ -51,7 +51,7 @@ def test_text_that_a_spreadsheet_would_compute_is_quoted(cell, tmp_path):
     assert rows == [[quoted, "x"], [quoted, "-1.5"], ["plain", "2.0"], ["", "3.0"]]
 
 
-def test_what_stands_behind_a_list_separator_is_a_cell_of_its_own_in_many_countries():
+def test_text_after_a_list_separator_is_another_cell_in_many_countries():
     cells = ("x;=1+1", "x; @SUM(A1)", "x\t+cmd|'/c'!A0")
     assert [plain_cell(c) for c in cells] == ["x;'=1+1", "x;' @SUM(A1)", "x\t'+cmd|'/c'!A0"]
 

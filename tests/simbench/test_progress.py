@@ -1,4 +1,4 @@
-"""Long work tells where it stands, on a log file too, and a stopped command leaves a word."""
+"""Long work shows its progress, on a log file too, and a stopped command leaves a word."""
 
 import re
 import signal
@@ -24,7 +24,7 @@ def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_a_command_stopped_by_sigterm_says_so():
+def test_a_command_stopped_by_sigterm_prints_that():
     code = "import time\nfrom detectors.usage import exit_code\n"
     code += "exit(exit_code(lambda: print('on', flush=True) or time.sleep(60)))"
     with subprocess.Popen(
@@ -32,23 +32,23 @@ def test_a_command_stopped_by_sigterm_says_so():
     ) as work:
         assert work.stdout.readline() == "on\n"
         work.send_signal(signal.SIGTERM)
-        _, said = work.communicate(timeout=60)
+        _, printed = work.communicate(timeout=60)
     assert work.returncode == 143
-    assert said == "stopped by SIGTERM; no output is half-written\n"
+    assert printed == "stopped by SIGTERM; no output is half-written\n"
 
 
-def test_list_alone_says_what_can_be_listed(capsys):
+def test_list_alone_prints_what_can_be_listed(capsys):
     assert cli.main(["list"]) == 0
     assert capsys.readouterr().out.split("\n")[:-1] == [
         f"simbench list {kind}" for kind in LISTED_KINDS
     ]
 
 
-def test_one_mistake_in_many_blocks_of_a_grid_is_told_once(tmp_path, capsys):
+def test_one_mistake_in_many_blocks_of_a_grid_is_named_once(tmp_path, capsys):
     assert cli.main(["run", "chapter", "-o", str(tmp_path / "run"), "--axis", "tuning=quick"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("'quick' is unknown") == 1
-    assert "(the same in 4 more)" in said
+    printed = capsys.readouterr().err
+    assert printed.count("'quick' is unknown") == 1
+    assert "(the same in 4 more)" in printed
 
 
 def test_a_closed_stdout_is_no_fault_of_the_program():

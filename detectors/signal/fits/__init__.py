@@ -1,3 +1,3 @@
-"""Fits of a model to a record: a first-order plant behind a static valve map, and the plain linear
-one.
+"""Fits of a model to a record: a first-order plant downstream of a static valve map, and the plain
+linear one.
 """

@@ -17,11 +17,11 @@ def fit_plant(
     """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best
     delay of several.
     """
-    found = np.empty(5)
+    estimate = np.empty(5)
     if compiled(_plant)(
-        np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found
+        np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, estimate
     ):
-        return (*found[:3].tolist(), int(found[3]), float(found[4]))
+        return (*estimate[:3].tolist(), int(estimate[3]), float(estimate[4]))
     return fit_plant_by_columns(x, y, delays)
 
 
@@ -43,13 +43,13 @@ def fit_plant_by_columns(
     return best
 
 
-def _plant(x, y, least, most, found):
-    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were
-    well conditioned.
+def _plant(x, y, least, most, estimate):
+    """Fill `estimate` with (a, b, c, delay, error) by the normal equations; return whether these
+    were well conditioned.
     """
     first, n = most, y.size
     m = n - first
-    found[4] = np.inf
+    estimate[4] = np.inf
     mean_z = mean_y = 0.0
     for k in range(first, n):
         mean_z += y[k - 1] / m
@@ -77,6 +77,6 @@ def _plant(x, y, least, most, found):
         for k in range(first, n):
             left = y[k] - (a * y[k - 1] + b * x[k - 1 - d] + c)
             error += left * left / m
-        if error < found[4]:
-            found[0], found[1], found[2], found[3], found[4] = a, b, c, d, error
+        if error < estimate[4]:
+            estimate[0], estimate[1], estimate[2], estimate[3], estimate[4] = a, b, c, d, error
     return True

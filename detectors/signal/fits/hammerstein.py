@@ -1,5 +1,5 @@
-"""Hammerstein identification: the (S, J) valve and the linear plant behind it that best turn OP
-into PV.
+"""Hammerstein identification: the (S, J) valve and the linear plant downstream of it that best turn
+OP into PV.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def fit_hammerstein(
     limits=(0.0, 100.0),
     Ts: float = 1.0,
 ) -> _Hammerstein:
-    """Find the valve's S and J and the plant behind it from OP and PV.
+    """Find the valve's S and J and the downstream plant from OP and PV.
 
     Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728,
     and Jelali (2008), J.
@@ -225,8 +225,8 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
     which, column = tried.argmin(axis=1), np.arange(S.shape[1])
     tried, at = tried[_ROWS, which, column], at[_ROWS, which, column]
-    found = _distinct(tried, S, J, 4)
-    S, J, tried, which, at = (x[_ROWS, found] for x in (S, J, tried, which, at))
+    kept = _distinct(tried, S, J, 4)
+    S, J, tried, which, at = (x[_ROWS, kept] for x in (S, J, tried, which, at))
     ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
     # does not
@@ -239,9 +239,9 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
         tried = np.array(
             [short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows]
         )
-        found = _distinct(tried, S, J, 4)
+        kept = _distinct(tried, S, J, 4)
         pole, d = np.repeat(best.pole, 4, axis=1), np.repeat(best.d, 4, axis=1)
-        more = _Ends.at(tried[_ROWS, found], S[_ROWS, found], J[_ROWS, found], pole, d)
+        more = _Ends.at(tried[_ROWS, kept], S[_ROWS, kept], J[_ROWS, kept], pole, d)
         ends = _settle(short, ends.and_(more).best(_TOP), integrating, 0.006)
         again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
         S, J = S[_ROWS, again], J[_ROWS, again]
@@ -307,7 +307,9 @@ def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> n
 
 
 def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
-    """Improve the plants behind the valves: time constants around the present ones, any delay."""
+    """Improve the plants downstream of the valves: time constants around the present ones, any
+    delay.
+    """
     fine = ends.pole[..., None]
     if not integrating:
         fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)

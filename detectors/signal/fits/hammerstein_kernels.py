@@ -182,7 +182,7 @@ def _misfits(y, first, last, sign, low, count, stride, block, x, out):
             qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
             det = qxx * qzz - qxz * qxz
             k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
-            # a valve that hardly moves under an integrator: what is left of x beside its mean is
+            # a valve that hardly moves under an integrator: what is left of x without its mean is
             # rounding
             both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
             alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 1e-9 * sxx[c] else 0.0
@@ -272,7 +272,7 @@ def descend(
     and log rate, the whole move is repeated as long as it pays, which follows the valleys in which
     S, J and the plant trade off; then the steps are halved, from steps[i] down to the share
     least[i] of them. All points go abreast, and the next trials of each are computed together on
-    the bet that none pays; those behind one that does are thrown away. So the way is that of one
+    the bet that none pays; those after one that does are discarded. So the way is that of one
     trial after another.
     """
     m = len(points)

@@ -128,13 +128,8 @@ def measured() -> dict[str, dict[str, float]]:
 
 
 def real_loops() -> dict[str, dict[str, str]]:
-    """Return the last table of the real records by method."""
-    rows = (
-        (RESULTS / "real_records.txt")
-        .read_text(encoding="utf-8")
-        .rstrip()
-        .split("\n\n")[-1]
-        .splitlines()
-    )
+    """Return the table of the real records by method."""
+    blocks = (RESULTS / "real_records.txt").read_text(encoding="utf-8").split("\n\n")
+    rows = next(block for block in blocks if block.startswith("method ")).splitlines()
     head = rows[0].split()
     return {line.split()[0]: dict(zip(head, line.split())) for line in rows[1:]}

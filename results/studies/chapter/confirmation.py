@@ -10,7 +10,6 @@ from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.verdict import STICTION
 from results.studies.chapter.row import Row, Source
-from scenarios.spec import Loop
 from simbench.catalogue import FIGURES
 from simbench.confirm.travel import travel_test
 from simbench.figures._cycles import sustained_cycle
@@ -47,7 +46,7 @@ def _gain_change() -> Iterator[Row]:
 
 
 def _travel() -> Iterator[Row]:
-    travel = travel_test(Loop.from_table(FIGURES.load("fig_11_26").LOOP))
+    travel = travel_test(FIGURES.load("fig_11_26").LOOP)
     why = (
         "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the"
         " procedure as printed (same direction) measures the slip jump J; reversed steps measure"

@@ -17,9 +17,9 @@ from detectors.judge import check_thresholds
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.record import LoopRecord
-from detectors.report.report import choose_methods
 from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
 from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
+from simbench.bench.execute.run import choose_with_oracle
 from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import file_digest
@@ -48,15 +48,13 @@ def answer_exam(
     exam, out = read_exam(folder), Path(out)
     refuse_own_input([out], [exam.file(name) for name in (EXAM, LOOPS, RECORDS)])
     files = [str(Path(p).resolve()) for p in plugins]
-    asked = [part.strip() for text in methods for part in text.split(",")]
-    if ORACLE in asked:
-        raise ParameterError(
-            f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other"
-            " methods"
-        )
     with registry.hosted(files) as added:
-        names = choose_methods(asked)
-        names += [name for name in added if name not in names]
+        names = choose_with_oracle(methods, added)
+        if ORACLE in names:
+            raise ParameterError(
+                f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other"
+                " methods"
+            )
         settings = {
             "commitment": exam.about["commitment"],
             "methods": names,
@@ -153,7 +151,7 @@ def _answers(
     lines, failed = [], Counter()
     with one_thread():
         for ident, record in records.items():
-            found = judge_both(record, chosen)[1]
-            lines.append(rows_of(ident, (front for front, *_ in found)))
-            failed.update(front.method for front, _, error, _ in found if error is not None)
+            answers = judge_both(record, chosen)[1]
+            lines.append(rows_of(ident, (front for front, *_ in answers)))
+            failed.update(front.method for front, _, error, _ in answers if error is not None)
     return "".join(lines), dict(failed)

@@ -42,7 +42,7 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
     """Read files of answers; ParameterError, naming file and line, for what is no answer to one of
     the records.
     """
-    found: Answers = {}
+    answers: Answers = {}
     first: dict[tuple[str, str], str] = {}
     for file in files:
         rows = table_rows(file, NEEDED, OPTIONAL)
@@ -78,9 +78,9 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             first[method, record] = where
             score = _number(row["score"], where, "score") if row["score"] else math.nan
             S, J = (_level(row.get(name, ""), where, name) for name in OPTIONAL)
-            said = Verdict(method, row["verdict"], score, S=S, J=J, reason="as answered")
-            found.setdefault(method, {})[record] = said
-    return found
+            verdict = Verdict(method, row["verdict"], score, S=S, J=J, reason="as answered")
+            answers.setdefault(method, {})[record] = verdict
+    return answers
 
 
 def _near(record: str, records: Collection[str]) -> str:

@@ -114,7 +114,7 @@ def _stated(file: Path) -> dict[str, Any]:
 
 
 def _loops(file: Path) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
+    loops: dict[str, dict[str, Any]] = {}
     for line, row in table_rows(file, _KNOWN):
         span = row["op_lo"], row["op_hi"]
         try:
@@ -127,13 +127,13 @@ def _loops(file: Path) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"exam: {file}, line {line}: Ts, op_lo and op_hi must be numbers; {row} is none"
             ) from None
-        if row["record"] in found:
+        if row["record"] in loops:
             raise ParameterError(
-                f"exam: {file}, line {line}: record {row['record']!r} stands there twice; once is"
+                f"exam: {file}, line {line}: record {row['record']!r} is there twice; once is"
                 " allowed"
             )
-        found[row["record"]] = known
-    return found
+        loops[row["record"]] = known
+    return loops
 
 
 def _signals(file: Path) -> dict[str, np.ndarray]:
@@ -147,9 +147,9 @@ def _signals(file: Path) -> dict[str, np.ndarray]:
             f"exam: {file} cannot be read: {error.strerror or 'it is damaged'}"
         ) from None
     except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        said = str(error).splitlines()[0][:200]
+        reason = str(error).splitlines()[0][:200]
         raise ParameterError(
-            f"exam: {file} is damaged ({said}); record, {', '.join(_SIGNALS)} are needed"
+            f"exam: {file} is damaged ({reason}); record, {', '.join(_SIGNALS)} are needed"
         ) from None
     codes = coded.indices.to_numpy()
     starts = np.flatnonzero(np.diff(codes, prepend=-1))

@@ -74,7 +74,7 @@ def make_exam(
     """
     out, key = Path(out), Path(key)
     refuse_key_inside("exam", key, out)
-    half = out.absolute().with_name(f".{out.name}.partial")  # until all of it stands
+    half = out.absolute().with_name(f".{out.name}.partial")  # until all of it is written
     _drop_key_of(half, key)
     for path, taken in (
         (key, key.exists()),
@@ -100,28 +100,30 @@ def make_exam(
     chance.shuffle(left)
     if n is not None:
         left = _apart(left)
-    wanted, found, failed = len(left) if n is None else n, {}, []
-    while left and len(found) < wanted:
-        some, left = left[: wanted - len(found)], left[wanted - len(found) :]
+    wanted, simulated, failed = len(left) if n is None else n, {}, []
+    while left and len(simulated) < wanted:
+        some, left = left[: wanted - len(simulated)], left[wanted - len(simulated) :]
         tried = simulate_picks(plan, some, jobs, _shown)
-        found |= {pick: it for pick, it in tried.items() if isinstance(it[2], LoopRecord)}
+        simulated |= {pick: it for pick, it in tried.items() if isinstance(it[2], LoopRecord)}
         failed += [
-            tried[pick][2] if pick in tried else _UNMATCHED for pick in some if pick not in found
+            tried[pick][2] if pick in tried else _UNMATCHED
+            for pick in some
+            if pick not in simulated
         ]
     if failed:
         print(
             f"{len(failed)} scenarios could not be simulated and are left out ({failed[0]})",
             file=sys.stderr,
         )
-    if len(found) < (n or 1):
+    if len(simulated) < (n or 1):
         raise ParameterError(
-            f"exam: only {len(found)} scenarios of grid {plan.name} can be simulated; {n or 1} are"
-            " needed"
+            f"exam: only {len(simulated)} scenarios of grid {plan.name} can be simulated;"
+            f" {n or 1} are needed"
         )
-    picks = list(found)
+    picks = list(simulated)
     chance.shuffle(picks)
     ids = [f"{i:012x}" for i in chance.sample(range(16**12), len(picks))]
-    stated = benchmark_of(plan, [found[pick][0] for pick in picks])
+    stated = benchmark_of(plan, [simulated[pick][0] for pick in picks])
     names = ("scenario", "seed", "group", "place")
     secret = {
         "format": EXAM_FORMAT,
@@ -131,7 +133,9 @@ def make_exam(
         "benchmark": stated,
         "grid_content": plan.content.model_dump(mode="json"),
         "overrides": plan.overrides,
-        "records": {i: dict(zip(names, (*found[pick][:2], *pick))) for i, pick in zip(ids, picks)},
+        "records": {
+            i: dict(zip(names, (*simulated[pick][:2], *pick))) for i, pick in zip(ids, picks)
+        },
     }
     content = json.dumps(secret, indent=1).encode()
     about = {
@@ -146,7 +150,7 @@ def make_exam(
         write_exam(
             half,
             {**about, "commitment": commitment_of(content)},
-            dict(zip(ids, (found[pick][2] for pick in picks))),
+            dict(zip(ids, (simulated[pick][2] for pick in picks))),
         )
         write_key(key, content)
         written = True

@@ -1,4 +1,4 @@
-"""Open an exam: check key and records, put the answers beside the truth, and hand both to the
+"""Open an exam: check key and records, put the answers next to the truth, and hand both to the
 scoring of runs.
 """
 
@@ -81,7 +81,7 @@ def opened_exam(
     Yields
     ------
     Opened
-        An answer that is missing stands there as no_decision.
+        An answer that is missing counts as no_decision.
 
     Raises
     ------
@@ -132,15 +132,17 @@ def opened_exam(
         raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
     given = read_answers([Path(file) for file in answers], exam.records)
     names = {place: ident for ident, place in places.items()}
-    found = simulate_picks(grid, names, jobs, _with_truth)
+    simulated = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
-        if place not in found or found[place][0] != exam.marks[ident]:
+        if place not in simulated or simulated[place][0] != exam.marks[ident]:
             changed = (
                 f"record {ident!r} in {RECORDS} or its line in {LOOPS} is not what its seed gives"
             )
             cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
-    rows = {names[place]: truth for place, (_, *truth) in found.items()}  # in the order of the grid
+    rows = {
+        names[place]: truth for place, (_, *truth) in simulated.items()
+    }  # in the order of the grid
     settings = {
         "grid": grid.name,
         "grid_hash": grid.hash,
@@ -195,9 +197,11 @@ def _write_run(
     verdicts = []
     for ident, (row, process, oracle) in rows.items():
         for name, of in given.items():
-            said = of.get(ident, Verdict(name, NO_DECISION, reason="not answered"))
-            said = said.but(applicable=_covers(name, process) or said.verdict != NO_DECISION)
-            verdicts.append(verdict_row(row["scenario_id"], said, said, None, math.nan))
+            verdict = of.get(ident, Verdict(name, NO_DECISION, reason="not answered"))
+            verdict = verdict.but(
+                applicable=_covers(name, process) or verdict.verdict != NO_DECISION
+            )
+            verdicts.append(verdict_row(row["scenario_id"], verdict, verdict, None, math.nan))
         verdicts.append(oracle)
     scenarios = in_columns(tables.SCENARIOS.names, [row for row, *_ in rows.values()])
     both = (

@@ -33,25 +33,25 @@ def simulate_picks(
         if len(pieces[-1]) >= _PIECE:
             pieces.append([])
         pieces[-1] += some
-    found: dict[Pick, Any] = {}
+    results: dict[Pick, Any] = {}
     bar = Progress(total=len(wanted), desc="simulated", delay=1.0)
     with on_processes(jobs) as run, bar:
         done: Any = run(partial(_piece, grid, look), list(enumerate(pieces)))  # pyright: ignore[reportArgumentType]
         for number, some in done:
-            found |= some
+            results |= some
             bar.update(len(pieces[number]))
-    return {pick: found[pick] for pick in wanted if pick in found}
+    return {pick: results[pick] for pick in wanted if pick in results}
 
 
 def _piece(
     grid: Grid, look: Callable[[SimulatedScenario], Any], number: int, picks: Sequence[Pick]
 ) -> tuple[int, dict[Pick, Any]]:
-    found = {}
+    results = {}
     with one_thread():
         for index, some in groupby(picks, key=lambda pick: pick[0]):
             scenarios = settled(grid.group(index))
             for pick in some:
                 if pick[1] < len(scenarios):
                     scenario, wrong = scenarios[pick[1]]
-                    found[pick] = look(simulated(scenario, index, wrong))
-    return number, found
+                    results[pick] = look(simulated(scenario, index, wrong))
+    return number, results

@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import Grid
-from simbench.bench.execute.pieces import Receipt, marks_of
 from simbench.bench.scenario.truth import NO, YES
 from simbench.bench.statistics import wilson
 from simbench.bench.store.checksums import TABLES
@@ -29,15 +28,15 @@ NARROWEST = 0.001  # interval that may be asked for: four million trials
 def next_round(
     grid: Grid,
     place: Place,
-    receipts: Sequence[Receipt],
+    marks: dict[str, list[str]],
     width: float,
     methods: Sequence[str],
-    told: dict[str, Any],
+    extra: dict[str, Any],
 ) -> list[list[int]]:
     """Return the groups that the next round must add, cut in pieces; none when every cell is known
     well enough.
     """
-    right, known, repeats = _counts(grid, place, receipts, methods)
+    right, known, repeats = _counts(grid, place, marks, methods)
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
     blind = known == 0
@@ -45,7 +44,7 @@ def next_round(
         repeats < _MOST_REPEATS
     )
     sizes = np.array([grid.size(cell) for cell in range(grid.cells)])
-    told["adaptive"] = {
+    extra["adaptive"] = {
         "width": width,
         "widest": float(widths[~blind].max()) if not blind.all() else None,
         "scenarios": int(repeats @ sizes),
@@ -90,23 +89,23 @@ def _widths(right: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _counts(
-    grid: Grid, place: Place, receipts: Sequence[Receipt], methods: Sequence[str]
+    grid: Grid, place: Place, marks: dict[str, list[str]], methods: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     right = np.zeros((len(methods), grid.cells), dtype=int)
     known, repeats = np.zeros(grid.cells, dtype=int), np.zeros(grid.cells, dtype=int)
-    sofar = {TABLES: marks_of(receipts)}
+    sofar = {TABLES: marks}
     scenario_parts = parts(place, "scenarios", ["group", "cycled"], sofar)
     for scenarios, verdicts in zip(
         scenario_parts, parts(place, "verdicts", ["verdict"], sofar), strict=True
     ):
         group = scenarios.column("group").to_numpy()
         answer = np.array(scenarios.column("cycled").to_pylist())
-        said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T
+        verdict = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T
         cell = group % grid.cells
         np.maximum.at(repeats, cell, group // grid.cells + 1)
         labelled = np.isin(answer, (YES, NO))
         np.add.at(known, cell[labelled], 1)
-        good = said == np.where(answer == YES, STICTION, NO_STICTION)
+        good = verdict == np.where(answer == YES, STICTION, NO_STICTION)
         for i in range(len(methods)):
             np.add.at(right[i], cell[labelled], good[i, labelled])
     return right, known, repeats

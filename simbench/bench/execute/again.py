@@ -51,23 +51,19 @@ def differing(folder: str | Path) -> Iterator[str]:
     }
     rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
     order = np.random.default_rng(0).permutation(rows.num_rows)[:_ASKED_AGAIN]
-    first: dict[tuple[str, str], tuple[str, float]] = {}
     columns = ["scenario_id", "method", "verdict", "score"]
-    for row in read_table(folder, "verdicts", columns).to_pylist():
-        first[row["scenario_id"], row["method"]] = (
-            row["verdict"],
-            np.nan if row["score"] is None else row["score"],
-        )
+    verdicts = read_table(folder, "verdicts", columns).to_pylist()
+    first = {(row["scenario_id"], row["method"]): row for row in verdicts}
     differ, asked = dict.fromkeys(names, 0), 0
     for row in rows.take(order).to_pylist():
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
         if record_hash(record) != row["record_hash"]:  # another processor: another record
             continue
         asked += 1
-        for said, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
-            verdict, score = first[row["scenario_id"], said.method]
-            differ[said.method] += said.verdict != verdict or not np.allclose(
-                said.score, score, 1e-6, 0, equal_nan=True
+        for second, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
+            before = first[row["scenario_id"], second.method]
+            differ[second.method] += second.verdict != before["verdict"] or not np.allclose(
+                second.score, np.array(before["score"], float), 1e-6, 0, equal_nan=True
             )
     yield from (
         f"method {m} differs from itself on {k} of {asked} records asked twice"

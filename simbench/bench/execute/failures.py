@@ -28,15 +28,15 @@ class Failures:
 
     def __str__(self) -> str:
         """One sentence; empty when nothing failed."""
-        said = []
+        clauses = []
         if self.scenarios:
-            said.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
-        said += [
+            clauses.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
+        clauses += [
             f"method {m} failed on {n} of {self.of - self.scenarios} records"
             for m, n in self.methods.items()
         ]
         first = next(iter(self.reasons), "")
-        return f"{'; '.join(said)} (most often: {first})" if said else ""
+        return f"{'; '.join(clauses)} (most often: {first})" if clauses else ""
 
     def above(self, share: float) -> bool:
         """Return whether more than a share of the scenarios, or of the records of one method,
@@ -62,13 +62,9 @@ def read_failures(folder: str | Path) -> Failures:
     """Count what failed in a finished run."""
     manifest, filled = read_manifest(folder), pc.field("error").is_valid()
     unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
-    raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pydict()
+    raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pylist()
     lost = set(unrun["scenario_id"])
-    rows = [
-        (m, e)
-        for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True)
-        if s not in lost
-    ]
+    rows = [(r["method"], r["error"]) for r in raised if r["scenario_id"] not in lost]
     reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
     methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
     return Failures(of, len(lost), dict(methods), dict(reasons.most_common(20)))

@@ -81,7 +81,7 @@ def _beat(file: Path, about: dict, ended: threading.Event) -> None:
 
 
 def _wait_out(file: Path, folders: list[Path]) -> None:
-    """Return once a lease that stands there is gone, by itself or as stale; RunError as soon as it
+    """Return once a lease that is there is gone, by itself or as stale; RunError as soon as it
     moves.
     """
     try:
@@ -91,10 +91,10 @@ def _wait_out(file: Path, folders: list[Path]) -> None:
             time.sleep(BEAT)
             last = file.read_bytes()
         if last != first and last[:1] == b"{" and first[:1] == b"{":
-            said = json.loads(last)
+            holder = json.loads(last)
             who = (
-                f"process {said['pid']} on {said['host']} works there since {said['since']}"
-                f" ({said['command']})"
+                f"process {holder['pid']} on {holder['host']} works there since {holder['since']}"
+                f" ({holder['command']})"
             )
             raise RunError(
                 f"{file.parent}: {who}; wait for its end, stop it, or choose another folder"
@@ -122,9 +122,9 @@ def _remove(files: Iterable[Path]) -> None:
 
 
 def _temporaries(folders: list[Path]) -> dict[Path, tuple[int, int]]:
-    found = {}
+    states = {}
     for file in (f for folder in folders for f in folder.glob(".*.[0-9]*")):
         with contextlib.suppress(OSError):
             about = file.stat()
-            found[file] = (about.st_mtime_ns, about.st_size)
-    return found
+            states[file] = (about.st_mtime_ns, about.st_size)
+    return states

@@ -51,7 +51,7 @@ class Receipt:
     working: float
     # checksum of the piece's partition of each table
     marks: dict[str, str] = field(default_factory=dict)
-    found: bool = False  # it stood there already
+    reused: bool = False  # it was on disk already
 
 
 def held(place: Place) -> AbstractContextManager[None]:
@@ -82,8 +82,8 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
 
 
 def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
-    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands
-    under its name.
+    """Put a finished piece on disk; it counts from the moment its receipt, the last file, is
+    complete.
     """
     there = find_receipt(place, piece.number, key)
     if there is not None:  # somebody believed dead was only slow
@@ -109,16 +109,16 @@ def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
     were written.
     """
     try:
-        said = without_checksum(json.loads(place.read(receipt_file(number))), "receipt")
-        if (said["run"], said["piece"]) != (key, number):
+        content = without_checksum(json.loads(place.read(receipt_file(number))), "receipt")
+        if (content["run"], content["piece"]) != (key, number):
             return None
         if any(
-            digest(place.read(partition_file(kind, number))) != said["marks"][kind]
+            digest(place.read(partition_file(kind, number))) != content["marks"][kind]
             for kind in TABLE_KINDS
         ):
             return None
         return Receipt(
-            **{f.name: said[f.name] for f in fields(Receipt) if f.name != "found"}, found=True
+            **{f.name: content[f.name] for f in fields(Receipt) if f.name != "reused"}, reused=True
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
         return None
@@ -178,10 +178,10 @@ def standing(place: Place) -> str:
 
 
 def receipt_file(number: int) -> str:
-    """Return where the receipt of a piece stands."""
+    """Return the name of the receipt of a piece."""
     return f"{_RECEIPTS}/{number:08d}.json"
 
 
 def partition_file(kind: str, number: int) -> str:
-    """Return where one table of a piece stands."""
+    """Return the name of the file of one table of a piece."""
     return f"{kind}.parquet/{partition(number)}"

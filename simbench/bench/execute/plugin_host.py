@@ -28,7 +28,7 @@ NO_THEORY: Theory = (None, None, None, None, None, None)
 _LONGEST = 300  # characters of an error's text
 
 
-def said_of(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an error in one line, as tables hold it."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST]
 
@@ -38,7 +38,7 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
 
     A healthy loop that cannot be matched with its sticky siblings is left out.
     """
-    found: dict[int, tuple[Scenario | None, str | None]] = {}
+    results: dict[int, tuple[Scenario | None, str | None]] = {}
     parties: dict[Host | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
         parties.setdefault(_host_of_draft(group.twin, draft), []).append(i)
@@ -48,13 +48,13 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
             answers = [(scenario, None) for scenario in ask(host, settle, part)]
         except (
             Exception
-        ) as wrong:  # whatever a model does on numbers of its own: its scenarios, not the run
+        ) as wrong:  # whatever a model does on unusual numbers: its scenarios, not the run
             answers = [
-                (Scenario(loop=d.loop, seed=d.seed, tags=d.tags), said_of(wrong))
+                (Scenario(loop=d.loop, seed=d.seed, tags=d.tags), error_text(wrong))
                 for d in part.drafts
             ]
-        found.update(zip(places, answers, strict=True))
-    every = (found[i] for i in range(len(group.drafts)))
+        results.update(zip(places, answers, strict=True))
+    every = (results[i] for i in range(len(group.drafts)))
     return [(scenario, error) for scenario, error in every if scenario is not None]
 
 
@@ -62,8 +62,8 @@ def refuse_unsettled(group: Group) -> None:
     """Raise UserError when a cell's scenarios cannot be set up; what another's part does there is a
     row of the run.
     """
-    own = tuple(d for d in group.drafts if _host_of_draft(group.twin, d) is None)
-    for scenario in resolve(replace(group, drafts=own)) if own else ():
+    drafts = tuple(d for d in group.drafts if _host_of_draft(group.twin, d) is None)
+    for scenario in resolve(replace(group, drafts=drafts)) if drafts else ():
         resolve_loop(scenario.loop, scenario.seed)
 
 
@@ -83,12 +83,14 @@ def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
     except UserError as wrong:
         if host is None:
             raise
-        return Verdict(ORACLE, NO_DECISION, reason=f"failed: {said_of(wrong)}"), said_of(wrong)
+        return Verdict(ORACLE, NO_DECISION, reason=f"failed: {error_text(wrong)}"), error_text(
+            wrong
+        )
 
 
 def theory(loop: Loop) -> Theory:
-    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why
-    there is none of it.
+    """Return what theory predicts for a loop: predicted, refined, exists, period, amplitude, and
+    why there is none of it.
     """
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(
@@ -98,16 +100,16 @@ def theory(loop: Loop) -> Theory:
         return ask(host_of(parts_of_loop(loop)), _theory, quiet.model_dump_json())
     except (
         Exception
-    ) as wrong:  # whatever a model does on numbers of its own: its theory, not its record
-        return *NO_THEORY[:-1], said_of(wrong)
+    ) as wrong:  # whatever a model does on unusual numbers: its theory, not its record
+        return *NO_THEORY[:-1], error_text(wrong)
 
 
 @lru_cache(maxsize=256)
 def _theory(text: str) -> Theory:
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
-        predicted, refined, found = truth_columns(Loop.model_validate_json(text), waves=False)
-    why = found["reason"] if found["exists"] is None else None
-    return predicted, refined, found["exists"], found["period"], found["amplitude"], why
+        predicted, refined, cycle = truth_columns(Loop.model_validate_json(text), waves=False)
+    why = cycle["reason"] if cycle["exists"] is None else None
+    return predicted, refined, cycle["exists"], cycle["period"], cycle["amplitude"], why
 
 
 def _host_of_draft(twin: Loop, draft: Draft) -> Host | None:

@@ -46,12 +46,12 @@ from simbench.bench.store.place import Place, place_of
 from simbench.loop.hosted import hosted_parts
 
 _BACKENDS = ("loky", "dask", "ray")
-_PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
+PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run stopped by Ctrl-C or SIGTERM; its text says how to resume."""
+    """A run stopped by Ctrl-C or SIGTERM; its text names how to resume."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,9 @@ def run_grid(
     jobs : int
         Worker processes; -1 uses all cores.
     **options
-        Fields of `RunOptions`.
+        Fields of `RunOptions`: raw, front_end, plugins, valve_plugins, effect_plugins,
+        plant_plugins, controller_plugins, time_limit, own, backend, address, resume, until_width,
+        sets, axes, fresh_seeds, thresholds, keep, progress, large.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def run_grid(
     RunError
         For options that contradict each other, and for a run that cannot be continued.
     Interrupted
-        After Ctrl-C or SIGTERM; its text says how to resume.
+        After Ctrl-C or SIGTERM; its text names how to resume.
 
     Examples
     --------
@@ -158,15 +160,15 @@ def run_grid(
     _refuse_wrong_options(asked, grid)
     plan = _read_plan(grid, asked)
     files, parts = _plugin_files(asked)
-    # read before any plug-in runs, as one may move its own file
-    digests = _digests(("", files), *zip(_PARTS, parts))
-    own = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
+    # read before any plug-in runs, as one may move the file it is in
+    digests = _digests(("", files), *zip(PARTS, parts))
+    adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
-        registry.adopted(own),
+        registry.adopted(adopted),
         registry.hosted(files, asked.time_limit) as added,
         hosted_parts(*parts, seconds=asked.time_limit),
     ):
-        names = _choose_methods(methods, added)
+        names = choose_with_oracle(methods, added)
         _refuse_wrong_run(plan, names, asked)
         manifest = _describe_run(plan, names, asked, digests)
         place = place_of(Path("runs") / plan.name if out is None else out)
@@ -211,7 +213,7 @@ def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
 
 
 def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Return the files of detectors, and those of each kind of part in the order of _PARTS."""
+    """Return the files of detectors, and those of each kind of part in the order of PARTS."""
     kinds = (
         asked.plugins,
         asked.valve_plugins,
@@ -223,11 +225,10 @@ def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, 
     return files, tuple(parts)
 
 
-def _choose_methods(methods: Iterable[str], added: Sequence[str]) -> list[str]:
+def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str]:
     """Return the ids of all methods that judge: those asked for, the plug-ins', then the oracle."""
     asked = [part.strip() for text in methods for part in text.split(",")]
-    names = choose_methods(m for m in asked if m != ORACLE)
-    names += [a for a in added if a not in names]
+    names = choose_methods([*(m for m in asked if m != ORACLE), *added])
     return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
 
 
@@ -243,7 +244,9 @@ def _describe_run(
     plan: Grid, names: Sequence[str], asked: RunOptions, digests: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return the manifest: everything that decides the numbers of the run."""
-    own = {f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()}
+    sources = {
+        f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()
+    }
     return describe(
         {
             "grid": plan.name,
@@ -255,7 +258,7 @@ def _describe_run(
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
             "thresholds": {k: dict(v) for k, v in (asked.thresholds or {}).items()},
-            "plugins": {**digests, **own},
+            "plugins": {**digests, **sources},
             "until_width": asked.until_width,
             "raw": asked.raw,
             "front_end": known_front_end(asked.front_end),
@@ -290,7 +293,7 @@ def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextMan
 
 
 def _path(place: Place) -> Path:
-    # a URL is no path, but stands wherever a run's folder is asked for
+    # a URL is no path, but is accepted wherever a run's folder is
     return cast(Path, place.url) if place.local is None else place.local
 
 
@@ -299,7 +302,7 @@ class _Task:
 
     def __init__(self, grid: Grid, place: Place, key: str, settings: WorkSettings) -> None:
         # packed once, not for every piece; a worker may stand in another folder
-        # by value: a caller's own detector may stand in a notebook
+        # by value: a caller's detector may be defined in a notebook
         self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
@@ -332,7 +335,9 @@ def _all_pieces(
         groups = (
             []
             if width is None
-            else adaptive.next_round(plan, place, receipts, width, methods, bar.extra)
+            else adaptive.next_round(
+                plan, place, pieces.marks_of(receipts), width, methods, bar.extra
+            )
         )
         bar.more(sum(plan.size(i) for some in groups for i in some))
     return receipts
@@ -415,7 +420,7 @@ class _Bar:
         for name in self._seconds:
             self._seconds[name] += getattr(receipt, name)
         self._bar.set_postfix(failures=self._failures, refresh=False)
-        if receipt.found:
+        if receipt.reused:
             self._skip(receipt.scenarios)
         else:
             self._bar.update(receipt.scenarios)
@@ -457,10 +462,10 @@ def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
 
 
 def _source_digest(detector: Any) -> str:
-    """Return what tells a caller's own detector from another of its name: its source, and its
-    parameters where it says them.
+    """Return a digest of a caller's detector: of its source, and of its parameters where it has
+    any.
     """
-    said = (
+    parameters = (
         detector.get_params(deep=False)
         if hasattr(detector, "get_params")
         else getattr(detector, "__dict__", {})
@@ -469,7 +474,7 @@ def _source_digest(detector: Any) -> str:
         source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
     except (OSError, TypeError):  # typed into a shell
         source = repr(getattr(getattr(detector, "__code__", None), "co_code", detector))
-    return hashlib.sha256(f"{source}{said}".encode()).hexdigest()
+    return hashlib.sha256(f"{source}{parameters}".encode()).hexdigest()
 
 
 def _budgets(names: Sequence[str]) -> tuple[int, int]:

@@ -35,7 +35,7 @@ class Sweep:
     def verdicts(
         self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any
     ) -> pd.DataFrame:
-        """Simulate and judge; one row per scenario and method, with the axes and the truth beside
+        """Simulate and judge; one row per scenario and method, with the axes and the truth next to
         the verdict.
         """
         import pandas as pd

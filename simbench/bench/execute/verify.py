@@ -22,9 +22,9 @@ from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.bench.execute import adaptive
-from simbench.bench.execute.pieces import Receipt, partition_file, records_hash
-from simbench.bench.execute.plugin_host import said_of, settled, truth
-from simbench.bench.execute.run import about_method
+from simbench.bench.execute.pieces import partition_file, records_hash
+from simbench.bench.execute.plugin_host import error_text, settled, truth
+from simbench.bench.execute.run import PARTS, about_method
 from simbench.bench.execute.verify_result import Notes, Verification
 from simbench.bench.execute.work import WorkSettings, scenario_columns, work
 from simbench.bench.execute.workers import on_processes
@@ -51,12 +51,6 @@ SHARE = 0.05  # of the scenarios
 # budget "fast"
 _LEAST, _LEAST_FAST = 100, 1000
 _RUNTIMES = {"runtime_s", "median_ms"}  # columns that may differ
-_PARTS = (
-    "valve ",
-    "effect ",
-    "plant ",
-    "controller ",
-)  # before the names of plug-ins of loops, in a manifest
 _CHECKED_FILES = {
     MANIFEST,
     "scores.csv",
@@ -88,7 +82,7 @@ def verify_run(
         raise RunError(f"{place} keeps no grid, as baselines do; the folder of a run is needed")
     notes, marks = Notes(), manifest[TABLES]
     files = _plugin_files(place, manifest, plugins, notes)
-    stages = tuple(tuple(files[kind]) for kind in _PARTS)
+    stages = tuple(tuple(files[kind]) for kind in PARTS)
     with registry.hosted(files[""], seconds), hosted_parts(*stages, seconds=seconds):
         asked, unasked = _methods(manifest, notes)
         try:
@@ -104,7 +98,7 @@ def verify_run(
             AttributeError,
             ArithmeticError,
         ) as error:
-            notes.add("the shape of tables and manifest", "", "a run", said_of(error))
+            notes.add("the shape of tables and manifest", "", "a run", error_text(error))
             return Verification(str(place), "", 0, contradictions=tuple(notes.sentences()))
         for kind in TABLE_KINDS:
             notes.compare(f"number of files of table {kind}", "", len(marks[kind]), len(pieces))
@@ -127,8 +121,8 @@ def verify_run(
         )
         task = _Verification(place.absolute(), marks, grid, tuple(fast), (wide, deep), settings)
         with on_processes(jobs) as run:
-            for found in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
-                notes.merge(found)  # pyright: ignore
+            for piece_notes in run(task, list(enumerate(pieces))[: min(map(len, marks.values()))]):  # pyright: ignore
+                notes.merge(piece_notes)  # pyright: ignore
         _compare_records(place, notes)
     sizes = {m: sum(map(grid.size, wide if m in fast else deep)) for m in asked}
     others = (f"file {name}" for name in sorted(set(place.names()) - _CHECKED_FILES))
@@ -199,7 +193,7 @@ def _plugin_files(
     """Return the files given by kind of plug-in ("" for detectors), detectors of another digest
     left out.
     """
-    stated, files = manifest["plugins"], {kind: [] for kind in ("", *_PARTS)}
+    stated, files = manifest["plugins"], {kind: [] for kind in ("", *PARTS)}
     given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
     for file in plugins:
         if not any(f"{kind}{Path(file).stem}" in stated for kind in files):
@@ -209,14 +203,14 @@ def _plugin_files(
             )
     for name, digest in stated.items():
         kind, file = given.get(name, ("", None))
-        if file is None and name.startswith(_PARTS):
+        if file is None and name.startswith(PARTS):
             raise RunError(
                 f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin"
             )
         if file is not None:
             notes.compare(f"digest of plug-in {name}", "", digest, file_digest(file))
             # without its part no loop can be simulated, so that a part takes part all the same
-            files[kind] += [str(file)] * (digest == file_digest(file) or name.startswith(_PARTS))
+            files[kind] += [str(file)] * (digest == file_digest(file) or name.startswith(PARTS))
     return files
 
 
@@ -308,13 +302,8 @@ def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[S
         done += len(groups)
         if (width := manifest["until_width"]) is None or done > len(marks["scenarios"]):
             return
-        receipts = [
-            Receipt(i, 0, 0, 0, 0, 0, {kind: marks[kind][i] for kind in TABLE_KINDS})
-            for i in range(done)
-        ]
-        groups = list(
-            adaptive.next_round(grid, place, receipts, width, list(manifest["methods"]), {})
-        )
+        first = {kind: marks[kind][:done] for kind in TABLE_KINDS}
+        groups = list(adaptive.next_round(grid, place, first, width, list(manifest["methods"]), {}))
 
 
 def _compare_records(place: Place, notes: Notes) -> None:

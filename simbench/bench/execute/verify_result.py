@@ -64,14 +64,14 @@ class Notes:
     """Contradictions by what they concern, counted, each with its first example."""
 
     def __init__(self) -> None:
-        self.found: dict[str, tuple[int, str, Any, Any]] = {}
+        self.entries: dict[str, tuple[int, str, Any, Any]] = {}
 
     def add(self, what: str, where: str, stated: Any, again: Any) -> None:
         """Note one contradiction: what differs, in which scenario or file, what the run states,
         what was computed again.
         """
-        count, *first = self.found.get(what, (0, where, stated, again))
-        self.found[what] = (count + 1, *first)
+        count, *first = self.entries.get(what, (0, where, stated, again))
+        self.entries[what] = (count + 1, *first)
 
     def compare(self, what: str, where: str, stated: Any, again: Any) -> None:
         """Note a contradiction unless both are equal; of tables, one for every key."""
@@ -83,18 +83,18 @@ class Notes:
 
     def merge(self, other: Notes) -> None:
         """Take over the contradictions of a piece."""
-        for what, (count, *first) in other.found.items():
-            before, *earlier = self.found.get(what, (0, *first))
-            self.found[what] = (before + count, *earlier)
+        for what, (count, *first) in other.entries.items():
+            before, *earlier = self.entries.get(what, (0, *first))
+            self.entries[what] = (before + count, *earlier)
 
     def sentences(self) -> Iterator[str]:
         """Yield a sentence about each kind of contradiction."""
-        if "scenario: record_hash" in self.found:
+        if "scenario: record_hash" in self.entries:
             yield (
                 "records differ; they also do on a processor of another kind, which this cannot"
                 " tell from a change"
             )
-        for what, (count, where, stated, again) in self.found.items():
+        for what, (count, where, stated, again) in self.entries.items():
             times = f" {count} times, first in {where}" if where else ""
             yield (
                 f"{what} differs{times}: the run states {str(stated)[:200]}, computed again it is"

@@ -29,8 +29,8 @@ from scenarios.spec import Scenario
 from simbench.bench.execute.plugin_host import (
     NO_THEORY,
     Theory,
+    error_text,
     oracle_of,
-    said_of,
     settled,
     theory,
     truth,
@@ -43,6 +43,14 @@ from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
+_THEORY_COLUMNS = (
+    "predicted",
+    "refined",
+    "theory",
+    "theory_period",
+    "theory_amplitude",
+    "theory_reason",
+)
 _HELD = 80  # records simulated before they are judged in drawn order
 
 
@@ -64,17 +72,6 @@ class Chunk:
     judging: float
     total: float
     kept: list[tuple[str, LoopRecord]] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class _Questions:
-    """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too,
-    what finds oscillations.
-    """
-
-    chosen: Thresholds
-    oracle: bool
-    front_end: str
 
 
 @dataclass(frozen=True)
@@ -140,9 +137,8 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
         for m in methods
         if m != ORACLE
     }
-    asked = _Questions(chosen, ORACLE in methods, settings.front_end)
     rng = np.random.default_rng([grid.content.seed, number])
-    settling, found, kept, held = 0.0, [], [], []
+    settling, finished, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
         for index in groups:
@@ -153,26 +149,29 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
             if len(held) >= _HELD or index == groups[-1]:
                 # a sticky loop comes before its siblings in a grid: what is asked next must not
                 # follow from what was asked last
-                judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
+                judged = {
+                    int(k): _judged(held[k], chosen, ORACLE in methods, settings.front_end)
+                    for k in rng.permutation(len(held))
+                }
                 for _, one in sorted(judged.items()):
                     if one.record is not None and len(kept) < settings.keep:
                         kept.append((one.row["scenario_id"], one.record))
-                    found.append(replace(one, record=None))
+                    finished.append(replace(one, record=None))
                 held = []
     return Chunk(
         number,
         tables.encode(
-            in_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number
+            in_columns(tables.SCENARIOS.names, [f.row for f in finished]), tables.SCENARIOS, number
         ),
         tables.encode(
-            in_columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]),
+            in_columns(tables.VERDICT_SCHEMA.names, [row for f in finished for row in f.verdicts]),
             tables.VERDICT_SCHEMA,
             number,
         ),
-        len(found),
-        sum(f.failures for f in found),
-        settling + sum(f.simulating for f in found),
-        sum(f.judging for f in found),
+        len(finished),
+        sum(f.failures for f in finished),
+        settling + sum(f.simulating for f in finished),
+        sum(f.judging for f in finished),
         time.perf_counter() - began,
         kept,
     )
@@ -183,16 +182,16 @@ def judge_both(
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
-    Returns the blinded record with what was found in it, and per method the verdict with the front
-    end, the one without, the error if it raised one, and its seconds; methods that do not declare
-    that they need MV do not see it.
+    Returns the blinded record with its oscillation and flags, and per method the verdict with
+    the front end, the one without, the error if it raised one, and its seconds; methods that do not
+    declare that they need MV do not see it.
     """
     since = time.perf_counter()
     blind = prepare(record.without_mv(), front_end)
     sustained = blind.oscillation.sustained
-    blind.flags  # noqa: B018  found once, for all methods
+    blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
-    found = []
+    results = []
     for name, values in chosen.items():
         method: Method = registry.load(name).METHOD
         since = time.perf_counter()
@@ -200,10 +199,10 @@ def judge_both(
         prepared = blind.seen_by(method, record if method.needs_mv else record.without_mv())
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
-        said, error = answers(name, prepared, modes, dict(values))
-        raw, front = said[0], said[-1]
-        found.append((front, raw, error, shared + time.perf_counter() - since))
-    return blind, found
+        verdicts, error = answers(name, prepared, modes, dict(values))
+        raw, front = verdicts[0], verdicts[-1]
+        results.append((front, raw, error, shared + time.perf_counter() - since))
+    return blind, results
 
 
 def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedScenario:
@@ -216,30 +215,30 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedSce
             columns = theory(scenario.loop)
     except (
         Exception
-    ) as fault:  # whatever a model does on numbers of its own: one scenario, not the run
-        error, run, cycled = said_of(fault), None, Cycled("unclear")
+    ) as fault:  # whatever a model does on unusual numbers: one scenario, not the run
+        error, run, cycled = error_text(fault), None, Cycled("unclear")
     return SimulatedScenario(
         scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since
     )
 
 
-def _judged(it: SimulatedScenario, asked: _Questions) -> _Judged:
+def _judged(it: SimulatedScenario, chosen: Thresholds, oracle: bool, front_end: str) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
-        methods = (*asked.chosen, *[ORACLE] * asked.oracle)
+        methods = (*chosen, *[ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
-        prepared, found = None, [(v, v, it.error, 0.0) for v in failed]
+        prepared, results = None, [(v, v, it.error, 0.0) for v in failed]
     else:
-        prepared, found = judge_both(it.run.record, asked.chosen, asked.front_end)
-        if asked.oracle:
+        prepared, results = judge_both(it.run.record, chosen, front_end)
+        if oracle:
             since = time.perf_counter()
-            said, wrong = oracle_of(it.scenario, it.run)
-            found.append((said, said, wrong, time.perf_counter() - since))
+            verdict, wrong = oracle_of(it.scenario, it.run)
+            results.append((verdict, verdict, wrong, time.perf_counter() - since))
     judging = time.perf_counter() - then
     return _Judged(
         scenario_row(it, prepared),
-        [verdict_row(it.ident, *answer) for answer in found],
-        sum(raised is not None for _, _, raised, _ in found) or int(it.error is not None),
+        [verdict_row(it.ident, *answer) for answer in results],
+        sum(raised is not None for _, _, raised, _ in results) or int(it.error is not None),
         it.seconds,
         judging,
         it.run.record if it.run is not None else None,
@@ -266,36 +265,24 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     row = scenario_columns(it.scenario, it.group)
     row.update(
+        zip(_THEORY_COLUMNS, it.theory),
         cycled=it.cycled.answer,
         cycle_period=it.cycled.period,
         cycle_swing=it.cycled.swing,
         error=it.error,
     )
-    row.update(
-        zip(
-            (
-                "predicted",
-                "refined",
-                "theory",
-                "theory_period",
-                "theory_amplitude",
-                "theory_reason",
-            ),
-            it.theory,
-        )
-    )
     if it.run is not None and prepared is not None:
-        found = prepared.oscillation
+        oscillation = prepared.oscillation
         without = features_without_waveform(
-            it.run.record, found.period_s if found.sustained else math.nan
+            it.run.record, oscillation.period_s if oscillation.sustained else math.nan
         )
         row.update(
             sticky=it.run.sticky,
             S=it.run.friction[0],
             J=it.run.friction[1],
-            oscillating=found.sustained,
-            regularity=found.regularity,
-            period_s=found.period_s,
+            oscillating=oscillation.sustained,
+            regularity=oscillation.regularity,
+            period_s=oscillation.period_s,
             flags=",".join(sorted(prepared.flags)),
             no_waveform=without.astype(np.float32).tolist(),
             record_hash=record_hash(it.run.record),

@@ -19,8 +19,8 @@ from simbench.bench.store.checksums import RunError
 _Task = Callable[[int, Sequence[int]], Receipt]
 _Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[_Task, _Pieces], Iterator[Receipt]]
-PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
-# s, for a scheduler to answer whose connection stands: its machine may be busy
+PATIENCE = 6.0  # s, for a scheduler to answer, or for a lost one or the last worker to come back
+# s, for a scheduler to answer whose connection is open: its machine may be busy
 _SCHEDULER_SECONDS = 60.0
 _FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 _LOOK = 1.0  # s between two looks at workers from which nothing comes
@@ -47,7 +47,7 @@ def on_processes(jobs: int) -> Iterator[Runner]:
         "initializer": _ignore_interrupt,
         "env": _ONE_THREAD,
     }
-    # its own: loky's reusable one would be taken by joblib for one of joblib's
+    # a new one: loky's reusable one would be taken by joblib for one of joblib's
     executor: Any = None
 
     def end(kill: bool) -> None:
@@ -123,9 +123,9 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
             socket.create_connection((host, int(port)), timeout=PATIENCE).close()
         ray.init(**where, **quiet)
     except (ConnectionError, OSError, RuntimeError, ValueError) as error:
-        said = str(error).splitlines()[0]
+        reason = str(error).splitlines()[0]
         raise RunError(
-            f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed"
+            f"no ray cluster answers at {address}: {reason}; its HOST:PORT is needed"
         ) from None
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
@@ -150,7 +150,7 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
 def _handed_out(
     submit: Callable, missing: _Pieces, gone: Callable[[], tuple[str, float] | None]
 ) -> Iterator[Receipt]:
-    """Yield receipts as they come; `gone` says what is missing when none does, and for how long
+    """Yield receipts as they come; `gone` returns what is missing when none does, and for how long
     that may be.
     """
     done: queue.SimpleQueue = queue.SimpleQueue()

@@ -48,12 +48,12 @@ class GridAxes:
         """
         import pandas as pd
 
-        found = [self._grid.cell(int(cell)) for cell in cells]
+        contents = [self._grid.cell(int(cell)) for cell in cells]
         rows = [
             {BLOCK_AXIS: block, **{k: shown(v) for k, v in values.items()}}
-            for block, values, _ in found
+            for block, values, _ in contents
         ]
-        return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in found]
+        return pd.DataFrame(rows, columns=list(self.values)), [members for *_, members in contents]
 
     def features(self, table: pd.DataFrame, members: Iterable[str]) -> np.ndarray:
         """Return the place of each value on its axis (-1 where a cell lacks the axis), and of the

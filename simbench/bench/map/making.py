@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 MOST_MAPPED = 10**15  # cells of a grid: numbers of scenarios are then exact as floats
 _MOST_ROWS = 20_000  # cells in map.parquet; of a larger grid these are drawn at random
-_SHARE, _FEWEST, _MOST = 0.1, 200, 10_000  # scenarios that are simulated unless told otherwise
+_SHARE, _FEWEST, _MOST = 0.1, 200, 10_000  # scenarios that are simulated by default
 _AT_ONCE = 4000  # cells that are predicted at once: memory
 
 
@@ -146,9 +146,9 @@ def map_grid(
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     found = map_grid(
+    ...     result = map_grid(
     ...         "smoke", folder, points=6, methods=["he"], x="disturbance", progress=False)
-    >>> found.axes, len(found.table)
+    >>> result.axes, len(result.table)
     (('disturbance', 'Td_over_T'), 24)
     """
     if URL.match(str(out)):
@@ -172,7 +172,7 @@ def map_grid(
     frame = frame[list(map(bool, members))]
     cell = np.repeat(np.arange(len(frame)), list(filter(None, map(len, members))))
     everyone = axes.features(frame.iloc[cell], itertools.chain(*members))
-    found: dict[str, dict[str, Any]] = {}
+    rates_of_grid: dict[str, dict[str, Any]] = {}
     brier, tables = {}, []
     truth = book.truth["cycled"]
     for name, verdict, applies in zip(
@@ -194,15 +194,15 @@ def map_grid(
                 "cost": _as_json(rate_of_grid(surrogate, mean, len(plan), only)),
                 "n": int(counted.sum()),
             }
-        found[name] = {**some["all"], "oscillating": some["oscillating"]}
+        rates_of_grid[name] = {**some["all"], "oscillating": some["oscillating"]}
     import pandas as pd
 
     table = pd.concat(tables, ignore_index=True)
     with whole_file(folder / "map.parquet", "wb") as f:
         table.to_parquet(f, index=False)
     with whole_file(folder / "map.json") as f:
-        f.write(json.dumps(found, indent=1, allow_nan=False) + "\n")
-    return GridMap(folder, sample, names, axes.values, table, found, brier)
+        f.write(json.dumps(rates_of_grid, indent=1, allow_nan=False) + "\n")
+    return GridMap(folder, sample, names, axes.values, table, rates_of_grid, brier)
 
 
 def _picture_axes(
@@ -226,7 +226,7 @@ def _picture_axes(
 def _sampled(
     sample: Sample, axes: GridAxes, book: RunArrays
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return cell and features of the scenarios drawn, and where each stands in the tables.
+    """Return cell and features of the scenarios drawn, and the row of each in the tables.
 
     -1: nowhere, as it is a healthy loop that cannot be made to oscillate as its sticky sibling
     does.
@@ -266,5 +266,5 @@ def _predicted(
     return {name: np.concatenate(parts) for name, parts in columns.items()}, total / cell.size
 
 
-def _as_json(found: Estimate) -> dict[str, float | None]:
-    return {key: None if math.isnan(v) else v for key, v in found._asdict().items()}
+def _as_json(estimate: Estimate) -> dict[str, float | None]:
+    return {key: None if math.isnan(v) else v for key, v in estimate._asdict().items()}

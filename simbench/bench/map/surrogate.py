@@ -80,8 +80,8 @@ class Surrogate:
     def halves(self, features: np.ndarray) -> np.ndarray:
         """Return the probability of each outcome as each half tells it (halves x n x outcomes)."""
         out = np.zeros((len(self.forests), len(features), OUTCOMES), dtype=np.float32)
-        for found, forest in zip(out, self.forests, strict=True):
-            found[:, forest.classes_] = forest.predict_proba(features)
+        for probability, forest in zip(out, self.forests, strict=True):
+            probability[:, forest.classes_] = forest.predict_proba(features)
         return out
 
     @cached_property
@@ -107,9 +107,9 @@ class Surrogate:
         sample.
         """
         counted = self.outcome != NOT_COUNTED
-        found = rate(self.out_of_sample[counted], "accuracy")
+        predicted = rate(self.out_of_sample[counted], "accuracy")
         return (
-            float(np.nanmean((found - _RIGHT[self.outcome[counted]]) ** 2))
+            float(np.nanmean((predicted - _RIGHT[self.outcome[counted]]) ** 2))
             if counted.any()
             else np.nan
         )

@@ -32,6 +32,9 @@ _UNPAIRED = 0.02  # the same between runs of other loops
 _REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
 _POWER = 0.8
 _CHECKED_TRUTHS = ("sticky", "cycled")
+_SCORE_BITS = 14  # of a score that count: 4 digits
+# relative change of a score that an exact comparison lets pass: iterative fits on other processors
+_SCORE_CHANGE = 1e-3
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither
 # right nor wrong
 _COUNTED = {
@@ -121,7 +124,7 @@ def compare_books(
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
-        problems += _changed(now, pairs, every)
+        problems += _changed(now, before, pairs, every)
     return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
 
 
@@ -176,9 +179,9 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
     return found
 
 
-def _changed(now: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]:
-    """Return what an exact comparison does not let pass: changed verdicts of built-in methods, and
-    other records.
+def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]:
+    """Return what an exact comparison does not let pass: changed verdicts and scores of built-in
+    methods, and other records.
     """
     differ = int((~pairs.same).sum())
     if not pairs.now.size:
@@ -189,9 +192,15 @@ def _changed(now: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]
             " cannot be compared there"
         )
     strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
-    built_in = flips[~flips["method"].isin(strangers)] if len(flips) else flips
-    for method, rows in built_in.groupby("method", sort=False) if len(built_in) else ():
-        yield f"exact: {len(rows)} of {pairs.now.size} verdicts of {method} changed"
+    for method in (m for m in before.methods if m in now.methods and m not in strangers):
+        changed = int((flips["method"] == method).sum()) if len(flips) else 0
+        if changed:
+            yield f"exact: {changed} of {pairs.now.size} verdicts of {method} changed"
+        one = before.score[before.methods.index(method)][pairs.before]
+        two = now.score[now.methods.index(method)][pairs.now]
+        other = ~np.isclose(one, two, _SCORE_CHANGE, 0.0, equal_nan=True) & pairs.same
+        if other.sum() > changed:  # a changed verdict may well have another score
+            yield f"exact: {other.sum()} of {pairs.now.size} scores of {method} changed"
 
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
@@ -253,15 +262,16 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
             )
 
 
+def _rounded(score: np.ndarray) -> np.ndarray:
+    """Return scores with `_SCORE_BITS` bits, so that last bits break no ties between loops."""
+    mantissa, exponent = np.frexp(score.astype(float))
+    return np.ldexp(np.round(mantissa * 2.0**_SCORE_BITS), exponent - _SCORE_BITS)
+
+
 def _answers(
     book: RunArrays, method: int, label: str, at: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    # a baseline keeps 24 bits of a score
-    truth, verdict, score = (
-        book.truth[label],
-        book.verdict[method],
-        book.score[method].astype(np.float32),
-    )
+    truth, verdict, score = book.truth[label], book.verdict[method], _rounded(book.score[method])
     covered = book.applicable[method] != 0
     if at is not None:
         truth, verdict, score, covered = truth[at], verdict[at], score[at], covered[at]

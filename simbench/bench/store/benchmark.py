@@ -60,7 +60,7 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
         grid (the file without its seed and repeats), scenarios (sorted ids), evaluator (source of
         what decides truth and score, whatever its comments, docstrings and layout). Another seed
         changes the scenarios alone. `--set` and `--axis` change grid and scenarios, and a grid of
-        the package then has "changed" behind its name.
+        the package then has "changed" after its name.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> 
     first, second = versions
     if first["hash"] != second["hash"]:
         differ = [
-            says for part, says in PARTS.items() if first["parts"][part] != second["parts"][part]
+            name for part, name in PARTS.items() if first["parts"][part] != second["parts"][part]
         ]
         names = " and ".join(f"{v['name']} ({v['hash']})" for v in versions)
         raise RunError(

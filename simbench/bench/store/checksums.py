@@ -45,8 +45,8 @@ def without_checksum(content: Mapping[str, Any], where: object) -> dict[str, Any
             f"{where} carries no checksum, which is needed: it was written by an older simbench;"
             " run it again"
         )
-    if (mark := _of(plain)) != (told := content[_CHECKSUM]):
-        why = f"its checksum is {mark}, {str(told)[:16]!r} is needed"
+    if (mark := _of(plain)) != (stated := content[_CHECKSUM]):
+        why = f"its checksum is {mark}, {str(stated)[:16]!r} is needed"
         raise RunError(f"{where} was changed after the run: {why}; run it again, or restore it")
     return plain
 
@@ -94,7 +94,7 @@ def partition(number: int) -> str:
 
 
 def verified(place: Place, name: str, mark: str) -> bytes:
-    """Return a file's content; raise RunError when it is not what its checksum says."""
+    """Return a file's content; raise RunError when it does not have its checksum."""
     try:
         content = place.read(name)
     except FileNotFoundError:
@@ -103,9 +103,9 @@ def verified(place: Place, name: str, mark: str) -> bytes:
         ) from None
     except OSError as error:
         raise unreadable(f"{place}/{name}", error) from None
-    if (found := digest(content)) != mark:
+    if (actual := digest(content)) != mark:
         why = (
-            f"is not the table its manifest speaks of: its checksum is {found}, {mark[:16]!r} is"
+            f"is not the table its manifest speaks of: its checksum is {actual}, {mark[:16]!r} is"
             " needed"
         )
         raise RunError(f"{place}/{name} {why}; restore it, or run it again")

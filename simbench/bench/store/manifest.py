@@ -64,7 +64,7 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
     file = f"{place}/{MANIFEST}"
     try:
         manifest = json.loads(place.read(MANIFEST))
-        found = manifest["format"]
+        written_in = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -78,10 +78,10 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
         ) from None
     except OSError as error:
         raise unreadable(file, error) from None
-    if found != FORMAT:
+    if written_in != FORMAT:
         raise RunError(
-            f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run"
-            " it again"
+            f"{file} was written in format version {written_in!r:.60}; version {FORMAT} is needed:"
+            " run it again"
         )
     return without_checksum(manifest, file)
 
@@ -143,17 +143,17 @@ def code_hash() -> str:
 def _difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
         gone, come = [k for k in old if k not in new], [k for k in new if k not in old]
-        said = (
+        changes = (
             [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
         )
-        said += (
+        changes += (
             [f"this command asks for {', '.join(come)}, which the run does not have"]
             if come
             else []
         )
-        said += [_changed(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]]
+        changes += [_changed(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]]
         verb = "differ" if key.endswith("s") else "differs"
-        return f"{key} {verb}: {'; '.join(said[:3])}"
+        return f"{key} {verb}: {'; '.join(changes[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}
     return f"{names.get(key, key)} differs (was {old}, is {new})"
 
@@ -177,7 +177,7 @@ def _version(name: str) -> str:
 
 @cache
 def _commit() -> str | None:
-    """Return the commit of the checkout that this file stands in, read without git."""
+    """Return the commit of the checkout that this file is in, read without git."""
     git = Path(__file__).resolve().parents[3] / ".git"
     try:
         if git.is_file():  # a linked working tree: its HEAD lies apart from the branches

@@ -63,7 +63,7 @@ class Place:
 
 
 class _RemotePlace(Place):
-    """A folder behind a URL, in memory, a bucket or elsewhere; FileError when nobody reads and
+    """A folder with a URL, in memory, a bucket or elsewhere; FileError when nobody reads and
     writes its scheme.
     """
 
@@ -79,15 +79,15 @@ class _RemotePlace(Place):
             )
         try:
             self._files, self._root = fsspec.core.url_to_fs(self.url)
-        except Exception as error:  # each scheme's own library has its own errors
-            # one that only stands in front of another
-            said = (
+        except Exception as error:  # each scheme's library has other errors
+            # one that only wraps another
+            reason = (
                 "it is no place by itself"
                 if isinstance(error, (TypeError, AttributeError))
-                else _said(error)
+                else _reason(error)
             )
             raise FileError(
-                f"{self} cannot be reached: {said}; a place that can be written is needed"
+                f"{self} cannot be reached: {reason}; a place that can be written is needed"
             ) from None
 
     def __str__(self) -> str:
@@ -108,7 +108,7 @@ class _RemotePlace(Place):
         except FileNotFoundError:
             raise
         except Exception as error:
-            raise FileError(f"{self}/{name}: {what} failed: {_said(error)}") from None
+            raise FileError(f"{self}/{name}: {what} failed: {_reason(error)}") from None
 
     def read(self, name: str) -> bytes:
         """Return a file's content; raises OSError."""
@@ -127,10 +127,10 @@ class _RemotePlace(Place):
         try:
             # what was listed before others wrote is no listing
             self._files.invalidate_cache()
-            found = self._do("ls", sub, False)
+            paths = self._do("ls", sub, False)
         except FileNotFoundError:
             return []
-        names = (path.rstrip("/").rsplit("/", 1)[-1] for path in found)
+        names = (path.rstrip("/").rsplit("/", 1)[-1] for path in paths)
         return sorted(n for n in names if not n.startswith("."))
 
     def refuse_unkept(self) -> None:
@@ -168,5 +168,5 @@ def place_of(path: str | Path | Place) -> Place:
     return _RemotePlace(url[1], url[2])
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return masked(" ".join(str(error).split())) or type(error).__name__

@@ -68,28 +68,28 @@ def read_table(
     """Return the rows of a table of a run or baseline for which an expression is true; parameters
     and errors as `parts`.
     """
-    found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
+    chosen = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
     schema = {"scenarios": SCENARIOS, "verdicts": VERDICT_SCHEMA}[kind]
     empty = schema.empty_table().select(list(columns or schema.names))
-    return pa.concat_tables([t.replace_schema_metadata() for t in found or [empty]])
+    return pa.concat_tables([t.replace_schema_metadata() for t in chosen or [empty]])
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     """Return one scenario of a run, from which its record can be simulated again."""
     check_tables(path, read_manifest(path))
     known: list[str] = []
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     for part in parts(path, "scenarios", ["scenario_id", "loop", "seed", "tags"]):
         known += part.column("scenario_id").to_pylist()
-        found += part.filter(pc.field("scenario_id") == scenario_id).to_pylist()
-    if not found:
+        rows += part.filter(pc.field("scenario_id") == scenario_id).to_pylist()
+    if not rows:
         close = (
             nearest(scenario_id, known)
             if len(known) < 50
             else f"it has {len(known)} others, see scenarios.parquet"
         )
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
-    row = found[0]
+    row = rows[0]
     scenario = Scenario(
         loop=Loop.from_table(json.loads(row["loop"])),
         seed=row["seed"],
@@ -110,13 +110,13 @@ class RunArrays:
     manifest: dict[str, Any]  # of the run
     ids: np.ndarray  # (n,) scenario ids
     hashes: np.ndarray  # (n,) of the records
-    places: np.ndarray  # (n,) cell, repeat and member: where in its grid a scenario stands
+    places: np.ndarray  # (n,) cell, repeat and member: the place of a scenario in its grid
     # (n,) grid axes and other tags: numbers (NaN where there is none) or words
     axes: dict[str, np.ndarray]
     # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the
     # four words
     truth: dict[str, np.ndarray]
-    oscillating: np.ndarray  # (n,) what the common front end said
+    oscillating: np.ndarray  # (n,) answer of the common front end
     # (n,) cell and repeat: the loops of one group are alike in what the cell sets
     groups: np.ndarray
     # (n, k) what a record tells without its waveform, as `simbench.bench.score.no_waveform` names
@@ -127,7 +127,7 @@ class RunArrays:
     # end
     verdict: np.ndarray
     verdict_raw: np.ndarray
-    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where it found no
+    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where there is no
     # oscillation
     score: np.ndarray
     score_raw: np.ndarray
@@ -201,13 +201,19 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
             )
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
-    marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
-    found = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups}
     width = max((block.shape[1] for block in design), default=1)
-    found["design"] = np.concatenate(
-        [np.zeros((0, width)), *(np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)]
-    )
-    return {**marks, **found, "friction": friction}
+    padded = (np.pad(b, ((0, 0), (0, width - b.shape[1]))) for b in design)
+    return {
+        "ids": ids,
+        "hashes": hashes,
+        "places": np.concatenate(places),
+        "axes": axes,
+        "truth": truth,
+        "oscillating": oscillating,
+        "groups": groups,
+        "design": np.concatenate([np.zeros((0, width)), *padded]),
+        "friction": friction,
+    }
 
 
 def _verdict_columns(
@@ -232,15 +238,15 @@ def _verdict_columns(
     )
     for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
         _check_order(part, ids[rows], methods, place)
-        found = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
-        found |= {
+        arrays = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
+        arrays |= {
             name: part.column(name).to_numpy(zero_copy_only=False)
             for name in ("score", "score_raw")
         }
-        found["applicable"] = _flags(part.column("applicable"))
-        found["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
-        found["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
-        for name, values in found.items():
+        arrays["applicable"] = _flags(part.column("applicable"))
+        arrays["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
+        arrays["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
+        for name, values in arrays.items():
             out[name][:, rows] = values.reshape(-1, len(methods)).T
         levels.append(_levels(part, rows.start, len(methods)))
     return {**out, "levels": np.concatenate(levels)}
@@ -252,11 +258,11 @@ def _levels(part: pa.Table, start: int, methods: int) -> np.ndarray:
         [part.column(end).cast(pa.float64()).to_numpy(zero_copy_only=False) for end in _ENDS]
     )
     given = np.flatnonzero(~np.isnan(ends).all(axis=1))
-    found = np.empty(given.size, LEVELS)
-    found["loop"], found["method"] = start + given // methods, given % methods
+    levels = np.empty(given.size, LEVELS)
+    levels["loop"], levels["method"] = start + given // methods, given % methods
     for k, end in enumerate(_ENDS):
-        found[end] = ends[given, k]
-    return found
+        levels[end] = ends[given, k]
+    return levels
 
 
 def _sliced(
@@ -291,8 +297,8 @@ def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place:
     order = np.array([methods.index(name) if name in methods else -1 for name in names])[
         codes
     ].reshape(-1, len(methods))
-    found = _ids(part.column("scenario_id")).reshape(-1, len(methods))
-    if not (order == np.arange(len(methods))).all() or not (found == ids[:, None]).all():
+    actual = _ids(part.column("scenario_id")).reshape(-1, len(methods))
+    if not (order == np.arange(len(methods))).all() or not (actual == ids[:, None]).all():
         raise RunError(f"{place} is damaged: verdicts and scenarios do not match; run it again")
 
 
@@ -324,7 +330,7 @@ def _ids(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
-    """The different values of a column, "" for null at their end, and which of them stands
+    """The different values of a column, "" for null at their end, and which of them is
     where.
     """
     coded = column.dictionary_encode().unify_dictionaries().combine_chunks()

@@ -23,7 +23,7 @@ from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-_SEEDS = 8
+_SEEDS = 8  # runs of each loop
 _RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)
@@ -51,7 +51,7 @@ def simulate_runs(
     part: slice | None = None,
 ) -> Runs | None:
     """Simulate the record's whole length with several seeds and keep the features of a part, the
-    held-out one if not said.
+    held-out one by default.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
     """
@@ -70,8 +70,8 @@ def simulate_runs(
         if best is None:
             best = record
     assert best is not None
-    found = features(np.array(op), np.array(pv), situation.sp[part])
-    return Runs(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
+    values = features(np.array(op), np.array(pv), situation.sp[part])
+    return Runs(loop, np.array(list(values.values())).T, np.asarray(best.op), np.asarray(best.pv))
 
 
 def held_out(situation: Situation) -> int:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.level import simulated
 from simbench.gap.closed_loop.summary_features import (
     Features,
     distance,
@@ -19,14 +19,13 @@ from simbench.gap.closed_loop.summary_features import (
     seed_spread,
 )
 from simbench.gap.situation import Situation
-from simbench.loop.simulate import simulate
 
-_RUNS = 12
+_RUNS = 12  # simulated records that the record is compared with
 _SHARE, _BEGINS = (
     0.35,
     (0.05, 0.3, 0.65),
 )  # length and begins of the stretches compared, shares of the record
-_SAID = 3  # features put into words
+_IN_SENTENCE = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 _WORDS = {
     "size": ("swings more", "swings less"),
@@ -66,7 +65,7 @@ class Lacking:
         """The plainest differences in words."""
         return ", ".join(
             f"{words} ({abs(size):.0f} standard deviations)"
-            for words, size, _ in self.features[:_SAID]
+            for words, size, _ in self.features[:_IN_SENTENCE]
         )
 
 
@@ -74,43 +73,45 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
     """Return what a record has and runs of a loop have not; None where the loop cannot be
     simulated.
     """
-    n, runs = situation.record.n, []
-    for i in range(_RUNS):
-        try:
-            record = simulate(loop, seed=seed + i).record
-        except UserError:
-            return None
-        runs.append(as_archived(situation, np.asarray(record.op), np.asarray(record.pv)))
+    records = simulated(loop, seed, _RUNS)
+    if records is None:
+        return None
+    n = situation.record.n
+    runs = [as_archived(situation, np.asarray(r.op), np.asarray(r.pv)) for r in records]
     real, length = (situation.op, np.asarray(situation.record.pv)), int(_SHARE * n)
     ratios, sizes, names = [], [], []
     for begin in (int(share * n) for share in _BEGINS):
         part = slice(begin, begin + length)
         sp = situation.sp[part]
-        named = _told(features(real[0][part], real[1][part], sp))
-        own = np.array(list(named.values()))
-        sims = np.array([list(_told(features(op[part], pv[part], sp)).values()) for op, pv in runs])
+        named = _without_tails(features(real[0][part], real[1][part], sp))
+        recorded = np.array(list(named.values()))
+        sims = np.array(
+            [list(_without_tails(features(op[part], pv[part], sp)).values()) for op, pv in runs]
+        )
         if not np.all(np.isfinite(sims)):
             return None
         spread, names = seed_spread(sims), list(named)
-        ratios.append(distance(own, sims, spread) / max(floor_of(sims, spread), 1e-9))
-        sizes.append((own - sims.mean(axis=0)) / spread)
+        ratios.append(distance(recorded, sims, spread) / max(floor_of(sims, spread), 1e-9))
+        sizes.append((recorded - sims.mean(axis=0)) / spread)
     # what differs in every stretch, in the same direction
     same = np.all(np.sign(sizes) == np.sign(sizes[0]), axis=0)
     least = np.where(same, np.min(np.abs(sizes), axis=0), 0.0) * np.sign(sizes[0])
-    found = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
-    found.sort(key=lambda f: -abs(f[1]))
-    said = tuple((_said(name, z, situation, length), z, _block(name)) for name, z in found)
-    return Lacking(float(min(ratios)), said)
+    differing = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
+    differing.sort(key=lambda f: -abs(f[1]))
+    worded = tuple(
+        (_in_words(name, z, situation, length), z, _block(name)) for name, z in differing
+    )
+    return Lacking(float(min(ratios)), worded)
 
 
-def _told(found: Features) -> Features:
-    """Return features without the tails: a baseline says nothing of the kind of its noise, nor of
+def _without_tails(values: Features) -> Features:
+    """Return features without the tails: a baseline states nothing of the kind of its noise, nor of
     ordinary loads.
     """
-    return {name: x for name, x in found.items() if not name.endswith("kurtosis")}
+    return {name: x for name, x in values.items() if not name.endswith("kurtosis")}
 
 
-def _said(name: str, z: float, s: Situation, length: int) -> str:
+def _in_words(name: str, z: float, s: Situation, length: int) -> str:
     for link, words in _LINKS.items():
         if name.startswith(link):
             return words

@@ -7,13 +7,14 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.errors import UserError
+from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
-_SEEDS = 6  # runs whose means are averaged: a single one has a load of its own
-_ROUNDS = 4
-_CLOSE = 0.02  # of the record's standard deviation, at which the level is reached
+_SEEDS = 6  # runs whose means are averaged: each has another load
+_ROUNDS = 4  # times that the operating point is moved at most
+_CLOSE = 0.02  # share of the record's standard deviation, at which the level is reached
 _WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
 
 
@@ -37,7 +38,7 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
             break
         at = loop.operating_point
         op0 = at.op0 + d_op
-        if bias_only:  # without integral action PV has a level of its own
+        if bias_only:  # without integral action PV rests where it likes
             op0 += loop.controller.sign * loop.controller.Kc * d_pv
             loop = loop.with_(
                 "operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0)
@@ -46,11 +47,18 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
     return best
 
 
+def simulated(loop: Loop, seed: int, count: int, kick: float = 0.0) -> list[LoopRecord] | None:
+    """Return the records of a loop under successive seeds; None where it cannot be simulated."""
+    try:
+        return [simulate(loop, seed=seed + i, kick=kick).record for i in range(count)]
+    except UserError:
+        return None
+
+
 def _means(loop: Loop, kick: float, seed: int) -> np.ndarray | None:
     """Return mean OP and PV over several runs; None where the loop runs away."""
-    try:
-        runs = [simulate(loop, seed=seed + i, kick=kick).record for i in range(_SEEDS)]
-    except UserError:
+    runs = simulated(loop, seed, _SEEDS, kick)
+    if runs is None:
         return None
     means = np.mean([(run.op.mean(), run.pv.mean()) for run in runs], axis=0)
     return means if np.all(np.isfinite(means)) else None

@@ -36,20 +36,23 @@ def fixed_loop(
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
-        own = {
+        numbers = {
             "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
             "Td": delay_of(fit.spec, fit.theta) * Ts,
         }
-        own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
+        numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
-        own = {name: value for name, value in own.items() if name not in stated}
+        numbers = {name: value for name, value in numbers.items() if name not in stated}
         if d.shape is None:
-            table["plant"] |= own
+            table["plant"] |= numbers
         else:
             like = first_order_like(base.plant)
-            slower = own["T"] / like.T if like.T and "T" in own else 1.0
+            slower = numbers["T"] / like.T if like.T and "T" in numbers else 1.0
             table["plant"] = stretched(
-                base.plant, own.get("K", like.K) / like.K, slower, own.get("Td", base.plant.Td)
+                base.plant,
+                numbers.get("K", like.K) / like.K,
+                slower,
+                numbers.get("Td", base.plant.Td),
             )
     sp = situation.sp
     changes = np.flatnonzero(np.diff(sp)) + 1

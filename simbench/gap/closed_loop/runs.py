@@ -19,22 +19,27 @@ from simbench.gap.likelihood.model import Fit
 class ClosedLoops:
     """Simulated loops of one diagnosis, each run once."""
 
-    def __init__(self, found: Fitted, seed: int) -> None:
-        self.found, self.seed = found, seed
+    def __init__(self, fitted: Fitted, seed: int) -> None:
+        self.fitted, self.seed = fitted, seed
         self.done: dict[tuple[str, ...], Shrinkage] = {}
         self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
         self.shared: dict[tuple[str, int, bool], Runs | None] = {}
         self.levelled: dict[tuple[str, ...], Loop] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
-        """Return the baseline with some effects in it, under their own fit's load or another
-        one.
+        """Return the baseline with some effects in it, under the load of their fit or
+        of another one.
         """
-        f = self.found
+        f = self.fitted
         fit = self.fit_of(effects)
-        own = {e: f.parameters[e] for e in effects if e in f.parameters}
+        numbers = {e: f.parameters[e] for e in effects if e in f.parameters}
         return fixed_loop(
-            f.situation, fit, own, plant="fitted", load=load or fit, jumps=load_may_jump(effects)
+            f.situation,
+            fit,
+            numbers,
+            plant="fitted",
+            load=load or fit,
+            jumps=load_may_jump(effects),
         )
 
     def corrected(self, effects: Sequence[str]) -> Loop:
@@ -42,20 +47,20 @@ class ClosedLoops:
         key = tuple(effects)
         if key not in self.levelled:
             self.levelled[key] = level(
-                self.found.situation, self.loop(effects), self._kick(effects), self.seed
+                self.fitted.situation, self.loop(effects), self._kick(effects), self.seed
             )
         return self.levelled[key]
 
     def _kick(self, effects: Sequence[str]) -> float:
         """Return the offset of OP (%) that starts a cycle under these effects."""
-        known = self.found.parameters
+        known = self.fitted.parameters
         return max(
             (recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0
         )
 
     def fit_of(self, effects: Sequence[str]) -> Fit:
-        """Return the fit behind some effects."""
-        f = self.found
+        """Return the fit with some effects."""
+        f = self.fitted
         if list(effects) == f.chosen:
             return f.final
         engine = [e for e in effects if e in f.candidates]
@@ -63,19 +68,19 @@ class ClosedLoops:
 
     def _runs(self, key: tuple[str, int, bool], loop: Loop) -> Runs | None:
         if key not in self.shared:
-            self.shared[key] = simulate_runs(self.found.situation, loop, self.seed)
+            self.shared[key] = simulate_runs(self.fitted.situation, loop, self.seed)
         return self.shared[key]
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
         return simulate_runs(
-            self.found.situation, self.loop(effects, load), self.seed, self._kick(effects)
+            self.fitted.situation, self.loop(effects, load), self.seed, self._kick(effects)
         )
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
         """Return gap before, recalibrated, after and floor for some effects."""
         key = tuple(effects)
         if key not in self.done:
-            f, s = self.found, self.found.situation
+            f, s = self.fitted, self.fitted.situation
             fit = self.fit_of(effects)
             jumps = load_may_jump(effects)
             bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit, jumps=jumps)
@@ -96,7 +101,7 @@ class ClosedLoops:
         """What the record has and the recalibrated loop has not; None where that cannot be
         simulated.
         """
-        f = self.found
+        f = self.fitted
         return lacking(
             f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed
         )
@@ -111,7 +116,7 @@ class ClosedLoops:
         return (
             None
             if after is None
-            else measure(self.found.situation, before, again, after, seed=self.seed)
+            else measure(self.fitted.situation, before, again, after, seed=self.seed)
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 _BANDS = 6  # octave-like bands of the spectra
-_LAGS = (1, 3, 10, 30)
+_LAGS = (1, 3, 10, 30)  # samples
 
 Features = dict[str, Any]  # numbers, or arrays of them where several runs are looked at together
 

@@ -1,1 +1,1 @@
-"""Does the PI law turn the recorded error into the recorded OP, and if not, what stands between?"""
+"""Does the PI law turn the recorded error into the recorded OP, and if not, what lies between?"""

@@ -1,4 +1,4 @@
-"""The controller block: does the law that a loop is said to have turn the recorded error into the
+"""The controller block: does the law that a loop should have turn the recorded error into the
 recorded OP?
 """
 
@@ -20,7 +20,7 @@ def examine_controller(
     trusted: bool = True,
     noise: float = 0.0,
 ) -> Law:
-    """Judge a loop's controller from SP, PV and OP, by PI's regression or a PID's own settings."""
+    """Judge a loop's controller from SP, PV and OP, by PI's regression or a PID's settings."""
     c = loop.controller
     if c.type == "PID":
         return examine_pid(op, pv, sp, Ts, c, loop.pv0)

@@ -1,5 +1,5 @@
 """The controller block: does the PI law turn the recorded error into the recorded OP, and if not,
-what stands between?
+what lies between?
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from simbench.gap.controller.recovered_pv import (
     FAITHFUL,
     MEAN_OVER,
     ROUNDED,
-    beside_a_mean,
     hidden_law,
     recover_pv,
+    rest_of_mean,
 )
 from simbench.gap.controller.regression import (
     FORMS,
@@ -40,13 +40,13 @@ _CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
 # ... which no longer shows as a lattice where OP is written in more than this share of it
 _BLURRED = 0.1
 _HALF = 0.5  # ... unless that is half of all that OP does
-# share of samples in which a fine OP stands still, from which it is not the mean of a moving PV
+# share of samples in which a fine OP rests, from which it is not the mean of a moving PV
 # that hides
 _RESTING = 0.05
-_STANDS = 0.01  # the same in standstills longer than chance brings
+_RESTS_LONG = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
-_NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
+_NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 _LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
 # share of PV on straight lines from which the archive is known to have been thinned
@@ -55,13 +55,13 @@ _THINNED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """What the controller regression found.
+    """Result of the controller regression.
 
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP
-    (`baseline_residual`: of the baseline's). Between error and OP may stand: `limits` of OP tighter
+    (`baseline_residual`: of the baseline's). Between error and OP may lie: `limits` of OP tighter
     than its range (lo, hi), a `gap` of the error in which OP rests (full width), a lattice of OP
     (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV
-    the controller must have seen (None when it cannot be recovered). `reason` says why the block
+    the controller must have seen (None when it cannot be recovered). `reason` is why the block
     cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
     `averaged` that the archive's PV is a mean, `blur` what the digits leave uncertain of the
     recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
@@ -101,22 +101,19 @@ def examine_law(
 ) -> Law:
     """Judge the controller from SP, PV and OP."""
     loop = (Ts, Kc, Ti, trusted, noise)
-    law = _examine(op, pv, sp, *loop)
+    law = _examine(op, pv, sp, loop)
     if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a
     # sample off
-    late = np.append(pv[0], pv[:-1])
-    tries = [law]
-    for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
-        other = _examine(op, late, sp_late, *loop)
-        recovered_pv = (
-            None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
-        )
-        tries.append(replace(other, recovered_pv=recovered_pv, late=1))
-    if sp is not None:
-        shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
-        tries += [_examine(op, pv, s, *loop) for s in shifted]
+    late, tries = np.append(pv[0], pv[:-1]), [law]
+    shifted = [] if sp is None else [np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
+    for sp_late in (sp, *shifted[:1]):
+        other = _examine(op, late, sp_late, loop)
+        seen = other.recovered_pv
+        seen = None if seen is None else np.append(seen[1:], pv[-1])
+        tries.append(replace(other, recovered_pv=seen, late=1))
+    tries += [_examine(op, pv, s, loop) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
@@ -137,40 +134,24 @@ def _examine(
     op: np.ndarray,
     pv: np.ndarray,
     sp: np.ndarray | None,
-    Ts: float,
-    Kc: float,
-    Ti: float | None,
-    trusted: bool,
-    noise: float,
+    loop: tuple[float, float, float | None, bool, float],
 ) -> Law:
-    """Judge the controller under one alignment of the signals: where is OP free, what stands still,
-    which law, is it one?
+    """Judge the controller under one alignment of the signals: where is OP free, what rests,
+    which law, is it one? `loop` holds the other arguments of `examine_law`.
     """
-    e = (pv.mean() if sp is None else sp) - pv
-    asked = _Asked(
-        op,
-        pv,
-        sp,
-        e,
-        Ts,
-        Kc,
-        Kc * Ts / Ti if Ti else 0.0,
-        Ti,
-        written(op, pv),
-        written(pv, op),
-        noise,
-    )
+    Ts, Kc, Ti, trusted, noise = loop
+    e, Ki = (pv.mean() if sp is None else sp) - pv, Kc * Ts / Ti if Ti else 0.0
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, written(op, pv), written(pv, op), noise)
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
     shown = _shown(asked)
     fitted = _fitted(asked, free, shown)
-    limits = (free.limits.get("lo", 0.0), free.limits.get("hi", 100.0)) if free.limits else None
     law = Law(
         fitted.fit.residual,
         fitted.fit.base,
         *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
-        limits=limits,
+        limits=free.limits,
         gap=fitted.gap,
         step=asked.op_is.step if fitted.coarse else 0.0,
         strays=fitted.fit.strays,
@@ -221,7 +202,7 @@ class _Free(NamedTuple):
 
     inside: np.ndarray
     rows: np.ndarray
-    limits: dict[str, float]
+    limits: tuple[float, float] | None
     size: float
     rounding: float
 
@@ -253,7 +234,7 @@ class _Fitted(NamedTuple):
 
     @property
     def plain(self) -> bool:
-        """Whether nothing but the law itself stands between error and OP."""
+        """Whether nothing but the law itself lies between error and OP."""
         return not self.coarse and self.gap == 0.0
 
     @property
@@ -269,17 +250,13 @@ def _free(asked: _Asked) -> _Free:
         size = float(np.std(du)) or 1.0
     a, b = _first_guess(asked, du, size)
     limit = limits_of(op, e, a, b, asked.op_is.step, asked.op_is.unit, asked.Ti is None)
-    inside = np.ones(op.size, dtype=bool)
-    if "lo" in limit:
-        inside &= op > limit["lo"]
-    if "hi" in limit:
-        inside &= op < limit["hi"]
-    # a controller that holds its integral at a limit leaves it by a step of its own
+    lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
+    inside = (op > lo) & (op < hi)
+    # a controller that holds its integral at a limit leaves it by another step
     rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
-    tight = {
-        k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)
-    }
+    lo, hi = lo if lo > 0.01 else 0.0, hi if hi < 99.99 else 100.0
+    tight = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
     rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
     return _Free(inside, rows, tight, size, rounding)
 
@@ -329,7 +306,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_sums(op, e, free.inside, Kc, Ki, asked.op_is.step)
     elif fit is None:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
-    # OP that mostly stands still fits "no control at all" exactly
+    # OP that mostly rests fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
     card = _CARD / np.sqrt(6.0) if written_unit(op) > _BLURRED * _CARD else 0.0
     hidden = _DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
@@ -372,27 +349,18 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
     if mean is not None:
         return mean
-    law = replace(
-        law,
-        reason=(
-            "the recorded PV is not the PV the controller saw, or it was archived at another rate"
-        ),
-    )
+    reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
+    law = replace(law, reason=reason)
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
+    foreign = ""
     if third < law.residual / 3 and third < 0.15:
-        return replace(
-            law, foreign="a third term explains OP five times better: the controller is no PI"
+        foreign = "a third term explains OP five times better: the controller is no PI"
+    elif fitted.collapsed and not fitted.gap:
+        foreign = (
+            "OP stands still in most samples: the controller skips scans, or a dead-band holds it"
         )
-    if fitted.collapsed and not fitted.gap:
-        return replace(
-            law,
-            foreign=(
-                "OP stands still in most samples: the controller skips scans, or a dead-band"
-                " holds it"
-            ),
-        )
-    if not fitted.plain:
-        return law
+    if foreign or not fitted.plain:
+        return replace(law, foreign=foreign)
     a, b = Kc + Ki, -Kc
     if shown.rough and not free.limits and shown.exact.sum() > 20:
         hidden = hidden_law(op, e, Kc, Ki, shown.exact)
@@ -420,7 +388,7 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
     if asked.op_is.step == 0.0 and (
-        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _STANDS
+        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _RESTS_LONG
     ):
         return None
     Kc, Ki = asked.Kc, asked.Ki
@@ -437,18 +405,12 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
         if seen is not None:
             # a baseline that explains the archive as well is the simpler truth
             price = 1.0 if i < stated else 1.5
-            tries.append((price * beside_a_mean(asked.pv[inside], seen[inside]), i, seen))
+            tries.append((price * rest_of_mean(asked.pv[inside], seen[inside]), i, seen))
     rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
     if not np.isfinite(rest):
         return None
-    law = replace(
-        law,
-        residual=fitted.fit.base,
-        recovered_pv=seen,
-        averaged=True,
-        Kc=Kc,
-        Ti=asked.Ti or np.inf,
-    )
+    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True)
+    law = replace(law, Kc=Kc, Ti=asked.Ti or np.inf)
     return law if i < stated else _tuned(law, *tunings[i], asked)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from detectors.signal.filters import lfilter
+from simbench.gap.controller.regression import about_zero, solved
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
 # believed
@@ -24,7 +25,7 @@ GRID = 60  # integral times tried, from a twentieth to twenty times the baseline
 
 
 class _Hidden(NamedTuple):
-    """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
+    """A PI law fitted through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms
     misfit to the recorded error.
 
     `base` is the rms misfit of the baseline's tuning.
@@ -60,7 +61,7 @@ def recover_pv(
     # between limits the inversion is a first-order filter
     for k in [*np.flatnonzero(~inside), e.size]:
         if k > begin:
-            # a controller that holds its integral at a limit leaves it by a step of its own
+            # a controller that holds its integral at a limit leaves it by another step
             out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(e[begin], drive[begin + 1 : k]))
         if k < e.size:
             out[k] = e[k]
@@ -68,15 +69,13 @@ def recover_pv(
     return pv + e - out
 
 
-def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
-    """Return what is left of an archive's PV beside a mean of what the controller saw, over a
+def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
+    """Return what is left of an archive's PV after a mean of what the controller saw, over a
     sample or within one.
     """
     weights, mean = _mean(pv, seen)
-    left = (pv - mean)[2:-2]
-    size = 1.4826 * float(np.median(np.abs(left)))
     one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
-    rest = size / (float(np.std(np.diff(pv))) or 1.0)
+    rest = about_zero((pv - mean)[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < _BLURRED else np.inf
 
 
@@ -90,7 +89,7 @@ def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
 def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     X = np.column_stack([np.roll(seen, shift) for shift in MEAN_OVER])
     y, inner = pv[2:-2], X[2:-2]
-    weights = np.linalg.lstsq(inner - inner.mean(axis=0), y - y.mean(), rcond=None)[0]
+    weights = solved(inner - inner.mean(axis=0), y - y.mean())
     return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
 
 
@@ -105,7 +104,7 @@ def hidden_law(
     """Fit the law by the error it implies, compared with the recorded one only where the archive
     kept it.
 
-    A regression of OP on the recorded error would be biased by the archive's own error; here the
+    A regression of OP on the recorded error would be biased by the archive's error; here the
     error is the output.
     """
     y, many = e[exact], len(over)
@@ -119,12 +118,11 @@ def hidden_law(
 
     if Ki == 0.0:
         X = np.column_stack([*around(op), np.ones(op.size)])[exact]
-        beta = np.linalg.lstsq(X, y, rcond=None)[0]
+        beta = solved(X, y)
         base = y - op[exact] / Kc
         return _Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
     drive = np.append(0.0, np.diff(op))
-    unit = np.zeros(op.size)
-    unit[0] = 1.0
+    unit = (np.arange(op.size) == 0).astype(float)
 
     def channels(wait: float) -> tuple[np.ndarray, float]:
         forget = wait / (1.0 + wait)  # wait = Ti/Ts
@@ -133,20 +131,20 @@ def hidden_law(
 
     def misfit(log_wait: float) -> float:
         X, _ = channels(float(np.exp(log_wait)))
-        return float(np.std(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]))
+        return float(np.std(y - X @ solved(X, y)))
 
     centre = np.log(Kc / Ki)
     grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
     best = grid[int(np.argmin([misfit(x) for x in grid]))]
     width = grid[1] - grid[0]
-    found = scipy.optimize.minimize_scalar(
+    best_fit = scipy.optimize.minimize_scalar(
         misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6}
     )
-    X, forget = channels(float(np.exp(found.x)))
-    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    X, forget = channels(float(np.exp(best_fit.x)))
+    beta = solved(X, y)
     X0, _ = channels(Kc / Ki)
     left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
     start = X0[:, -1]
     left = left - start * (start @ left) / max(float(start @ start), 1e-300)
     a = gain(beta)
-    return _Hidden(a, -forget * a, float(found.fun), float(np.std(left)))
+    return _Hidden(a, -forget * a, float(best_fit.fun), float(np.std(left)))

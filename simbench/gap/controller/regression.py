@@ -1,4 +1,4 @@
-"""Regressions behind the controller's law: OP by its changes, by its sums, and with a
+"""Regressions of the controller's law: OP by its changes, by its sums, and with a
 derivative.
 """
 
@@ -22,6 +22,11 @@ class LawFit(NamedTuple):
     residual: float
     base: float
     strays: np.ndarray
+
+
+def solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the coefficients of least squares."""
+    return np.linalg.lstsq(X, y, rcond=None)[0]
 
 
 def spread(x: np.ndarray) -> float:
@@ -52,13 +57,13 @@ def by_steps(
     if with_sp_offset:
         bases = [b - np.median(b) for b in bases]
     base = min(bases, key=about_zero)
-    plain = np.linalg.lstsq(X, y, rcond=None)[0]
+    plain = solved(X, y)
     # begin with the rows the better of two first guesses explains: spikes and limits leave at once
     guess = min((np.abs(base), np.abs(y - X @ plain)), key=np.median)
     keep = guess <= np.quantile(guess, 0.6)
     beta = np.zeros(X.shape[1])
     for _ in range(8):
-        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        beta = solved(X[keep], y[keep])
         off = np.abs(y - X @ beta)
         # trimming, not weighting: where the law holds it holds exactly
         new = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12)
@@ -74,7 +79,7 @@ def by_steps(
 def by_sums(
     op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float
 ) -> LawFit:
-    """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
+    """Fit OP = c + Kc e + Ki sum(e): the law of a coarse output, whose error does not add up.
 
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up
     as well, to a line over `_ADDED` samples, which is taken off.
@@ -99,12 +104,12 @@ def by_sums(
 
     total, now, out = level(np.cumsum(e)[rows]), level(e[rows]), level(op[rows])
     X = np.column_stack([now, total])
-    beta = np.linalg.lstsq(X, out, rcond=None)[0]
+    beta = solved(X, out)
     bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]
     # rounding leaves +-step/2: what exceeds it is not explained
-    base, left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in (
-        min(bases, key=about_zero), out - X @ beta))  # fmt: skip
-    return LawFit(float(beta[0] + beta[1]), float(-beta[0]), left, base, np.empty(0, dtype=int))
+    rests = (out - X @ beta, min(bases, key=about_zero))
+    left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in rests)
+    return LawFit(float(beta[0] + beta[1]), float(-beta[0]), *left, np.empty(0, dtype=int))
 
 
 def leak(
@@ -124,10 +129,7 @@ def leak(
 
     def nats(y: np.ndarray, *terms: np.ndarray) -> float:
         X = np.column_stack([*terms, np.ones(k.size), level])
-        left = [
-            float(np.mean((y - Z @ np.linalg.lstsq(Z, y, rcond=None)[0]) ** 2))
-            for Z in (X[:, :-1], X)
-        ]
+        left = [float(np.mean((y - Z @ solved(Z, y)) ** 2)) for Z in (X[:, :-1], X)]
         # what is left of an exact law is the machine's rounding
         return 0.5 * k.size * float(np.log(np.divide(*(np.array(left) + (1e-3 * size) ** 2))))
 
@@ -142,9 +144,9 @@ def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float
 
 def left_by_most(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return what a regression leaves of y that is fitted to the four fifths it explains best."""
-    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    beta = solved(X, y)
     for _ in range(4):
         off = np.abs(y - X @ beta)
         keep = off <= np.quantile(off, 0.8)
-        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        beta = solved(X[keep], y[keep])
     return y - X @ beta

@@ -1,4 +1,4 @@
-"""Why OP stands exactly still: at a limit, in a dead-band of the error, or because the controller
+"""Why OP rests exactly: at a limit, in a dead-band of the error, or because the controller
 missed its turn.
 """
 
@@ -13,14 +13,14 @@ _OBEYED = 0.03  # residual of a move, relative to the moves, below which it foll
 _LEANT = 3.0
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
 _RESTS = 6
-# share of samples in which OP stands still off its extremes, from which it does so at them by
+# share of samples in which OP rests off its extremes, from which it does so at them by
 # chance too
 _OFTEN = 0.01
 # of the error's range, within which a loop without noise has settled and OP rests for that
 _SETTLED = 1e-3
-# share of the rarer kind of samples, standing or moving, that a band must tell from the other: no
-# chance does
-_TOLD = 0.4
+# share of the rarer kind of samples, resting or moving, that a band must separate from the other:
+# no chance does
+_SEPARATED = 0.4
 # share of samples with OP exactly at rest from which a gap in the error is looked for
 _STILL = 0.005
 
@@ -28,7 +28,7 @@ _STILL = 0.005
 def limits_of(
     op: np.ndarray, e: np.ndarray, a: float, b: float, step: float, unit: float, memoryless: bool
 ) -> dict[str, float]:
-    """Return the extremes at which OP stands while the controller pushes outward."""
+    """Return the extremes at which OP rests while the controller pushes outward."""
     out = {}
     lo, hi = float(op.min()), float(op.max())
     free = (op > lo) & (op < hi)
@@ -45,11 +45,11 @@ def limits_of(
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
         pushed = at & (sign * (want - edge) > margin)
         # standing twice at the very same extreme does not happen to an unlimited OP, unless it
-        # often stands
+        # often rests
         repeated = at[1:] & at[:-1]
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
-        # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere
+        # a controller that tracks its limit by another law need not push; but OP rests nowhere
         # else
         rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
         if (
@@ -74,7 +74,7 @@ def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
 
 
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
-    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is
+    """Return the width of the band of |e| within which OP rests exactly, 0 when there is
     none.
     """
     still = np.abs(np.diff(op)) <= 1e-9 * max(float(np.abs(op).max()), 1.0)
@@ -93,13 +93,13 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
-    return 2.0 * float(edge) if agree > _TOLD and edge > _SETTLED * float(np.ptp(e)) else 0.0
+    return 2.0 * float(edge) if agree > _SEPARATED and edge > _SETTLED * float(np.ptp(e)) else 0.0
 
 
 def skips_scans(
     op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float
 ) -> bool:
-    """Return whether OP stands exactly still in scans of its own choice and obeys a PI law from one
+    """Return whether OP rests exactly in some scans and obeys a PI law from one
     move to the next.
     """
     still = np.diff(op) == 0.0

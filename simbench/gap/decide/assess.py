@@ -2,8 +2,8 @@
 lead to "unknown".
 
 The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
-(`beside_the_load`, `beside_the_plant`), score (`_scores`), choose one or two (`_choose_effects`),
-and test what the best model leaves behind (`tests_of`).
+(`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two
+(`_choose_effects`), and test what the best model does not explain (`tests_of`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 from simbench.gap.candidates import (
     Candidate,
     Fitted,
-    beside_the_load,
-    beside_the_plant,
     fit_candidates,
     possible_effects,
+    with_higher_order,
+    with_ordinary_load,
 )
 from simbench.gap.decide.beside_tests import (
     VALVE_LAG,
@@ -25,7 +25,7 @@ from simbench.gap.decide.beside_tests import (
     joint_engine,
     lab_gains,
     valve_maps,
-    with_own_lag,
+    with_lag_in_dead_time,
 )
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
@@ -45,13 +45,13 @@ class Assessment(Fitted):
     """Scores of one record.
 
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen`
-    stands before `none` and `unknown` are weighed; `tests` are the residual statistics of `final`;
+    holds before `none` and `unknown` are weighed; `tests` are the residual statistics of `final`;
     `mv_unexplained` whether MV strays as no map makes it; `valve_seen` whether MV was recorded,
-    here or in a test; `beside` the assessments of the loop's other records, judged together with
-    this one; `stiction` the probability of it beside an identified baseline, None where it cannot
-    be said; `asked` the tests of the menu that were run; `tested` how many were judged with it;
-    `beside_load` the candidates before the plant was allowed a higher order; `by_lab` the nats of
-    lab samples in `log_likelihood_gains`.
+    here or in a test; `other_records` the assessments of the loop's other records, judged together
+    with this one; `stiction` its probability under an identified baseline, None where it cannot be
+    judged; `asked` the tests of the menu that were run; `tested` how many were judged with it;
+    `before_higher_order` the candidates before the plant was allowed a higher order; `by_lab` the
+    nats of lab samples in `log_likelihood_gains`.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -59,11 +59,11 @@ class Assessment(Fitted):
     log_likelihood_gains_on_top: dict[str, float] = field(default_factory=dict)
     mv_unexplained: bool = False
     valve_seen: bool = False
-    beside: tuple[Assessment, ...] = ()
+    other_records: tuple[Assessment, ...] = ()
     stiction: float | None = None
     asked: tuple[str, ...] = ()
     tested: int = 0
-    beside_load: dict[str, Candidate] = field(default_factory=dict)
+    before_higher_order: dict[str, Candidate] = field(default_factory=dict)
     by_lab: dict[str, float] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
@@ -75,8 +75,8 @@ class Assessment(Fitted):
 
     @property
     def failures(self) -> list[tuple[float, str, str]]:
-        """Every test of every record as (times its limit, block, what was found)."""
-        return [test for one in (self, *self.beside) for test in failures(one)]
+        """Every test of every record as (times its limit, block, message)."""
+        return [test for one in (self, *self.other_records) for test in failures(one)]
 
     @property
     def worst_test(self) -> tuple[float, str]:
@@ -88,9 +88,9 @@ class Assessment(Fitted):
     def unexplained(self) -> dict[str, str]:
         """The blocks in which something no known effect explains, each with its first reason."""
         out: dict[str, str] = {}
-        for ratio, block, said in self.failures:
+        for ratio, block, message in self.failures:
             if ratio > 1.0:
-                out.setdefault(block, said)
+                out.setdefault(block, message)
         return out
 
 
@@ -100,8 +100,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         refuse_other_plant(situation)
     record = situation
     situation, maps, engine, base, candidates = _fitted(situation, tests)
-    base, beside_load = beside_the_load(engine, base, candidates)
-    base, candidates = beside_the_plant(engine, base, beside_load)
+    base, with_load = with_ordinary_load(engine, base, candidates)
+    base, candidates = with_higher_order(engine, base, with_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     by_lab = lab_gains(tests, base, parameters, gains)
     gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(
@@ -110,7 +110,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     chosen, final, on_top = _choose_effects(situation, engine, base, candidates, gains)
     if len(chosen) == 2 and on_top and chosen[1] in candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, situation)
-    # the limits are those of one record, and what a plant of higher order leaves behind adds up
+    # the limits are those of one record, and what a plant of higher order does not explain adds up
     # over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
     lag = situation.valve_lag / record.record.Ts
@@ -129,7 +129,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         maps[1],
         bool(maps[0]),
         tested=len(tests),
-        beside_load=beside_load,
+        before_higher_order=with_load,
         by_lab=by_lab,
     )
 
@@ -150,7 +150,7 @@ def _choose_effects(
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
         if best is not None and gains[best] > (
-            _asked_beside(chosen[0], s, best) if chosen else 0.0
+            _least_nats_of_second(chosen[0], s, best) if chosen else 0.0
         ):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
@@ -158,7 +158,7 @@ def _choose_effects(
         others = [e for e in order if block_of(e) not in map(block_of, chosen)]
         on_top = _gains_on_top(s, engine, final, others, gains, candidates)
         runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if runner is not None and on_top[runner] > _asked_beside(chosen[0], s, runner):
+        if runner is not None and on_top[runner] > _least_nats_of_second(chosen[0], s, runner):
             chosen.append(runner)
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
@@ -171,23 +171,29 @@ def _fitted(
     """Return the situation with the engine's data, what MV says, the engine, its base and every
     effect fitted on top.
 
-    A lag of MV is the baseline's own, in its dead time, unless PV answers later as no other effect
+    A lag of MV is part of the baseline's dead time, unless PV answers later as no other effect
     explains it so well.
     """
     maps = valve_maps(s, tests)
-    within = with_own_lag(s, maps[0])
+    within = with_lag_in_dead_time(s, maps[0])
     if within is s:
         s, engine, base, candidates = _by_maps(s, tests, maps[0])
         return s, maps, engine, base, candidates
-    behind, strays = valve_maps(within, tests)
-    within, engine, base, candidates = _by_maps(within, tests, behind)
+    maps_within, strays = valve_maps(within, tests)
+    within, engine, base, candidates = _by_maps(within, tests, maps_within)
     later_by = joint_engine(s, tests, maps[0]).base().loglik - base.loglik
     if later_by <= max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values())):
-        return within, (behind, strays), engine, base, candidates
+        return within, (maps_within, strays), engine, base, candidates
     # MV shows the lag, but only PV that the baseline lacks it
     gain, p = maps[0][VALVE_LAG]
     s, engine, base, candidates = _by_maps(s, tests, maps[0])
-    return s, ({**behind, VALVE_LAG: (min(gain, later_by), p)}, strays), engine, base, candidates
+    return (
+        s,
+        ({**maps_within, VALVE_LAG: (min(gain, later_by), p)}, strays),
+        engine,
+        base,
+        candidates,
+    )
 
 
 def _by_maps(
@@ -218,15 +224,15 @@ def _scores(
     for effect, (gain, p) in maps.items():
         gains[effect], parameters[effect] = gain, p
     for effect in (e for e in EFFECTS if e not in s.proven):
-        found = recogniser(effect).by_innovations(alone, s)
-        if found is not None:
-            gains[effect], parameters[effect] = found
+        by_noise = recogniser(effect).by_innovations(alone, s)
+        if by_noise is not None:
+            gains[effect], parameters[effect] = by_noise
         if recogniser(effect).masked_by_archive(s):
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
 
 
-def _asked_beside(first: str, s: Situation, effect: str) -> float:
+def _least_nats_of_second(first: str, s: Situation, effect: str) -> float:
     """Return the nats asked of a second effect: those of a first one where OP alone proves the
     other and PV is whole.
     """
@@ -242,14 +248,14 @@ def _gains_on_top(
     gains: dict[str, float],
     candidates: dict[str, Candidate],
 ) -> dict[str, float]:
-    """Return what further effects bring on top of the first; what the engine does not see stands by
-    itself.
+    """Return what further effects bring on top of the first; what the engine does not see counts
+    as it is.
     """
     tried = [
         e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None
     ]
-    found = fit_candidates(engine, first, tried)
-    return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {
+    fitted = fit_candidates(engine, first, tried)
+    return {e: float(c.log_likelihood_gain) for e, c in fitted.items()} | {
         e: gains[e] for e in order if e not in candidates
     }
 
@@ -275,9 +281,9 @@ _LENIENT = 4.0
 _PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
 
-def failures(found: Assessment) -> list[tuple[float, str, str]]:
-    """Return every test of one record as (times its limit, block, what was found)."""
-    situation = found.situation
+def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
+    """Return every test of one record as (times its limit, block, message)."""
+    situation = assessment.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
         out.append((_PLAIN_TIMES, "controller", situation.unexplained_law))
@@ -292,22 +298,22 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
             (
                 _PLAIN_TIMES,
                 "sensor",
-                f"PV stands exactly still for {situation.samples.held} samples",
+                f"PV does not change for {situation.samples.held} samples",
             )
         )
-    if found.mv_unexplained:
+    if assessment.mv_unexplained:
         out.append((_PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
         # a residual test asks whether a model is whole; one whose plant was identified never is
         return out
     rough = not situation.archive.faithful or situation.law.gap > 0.0
-    traces = any(recogniser(e).leaves_traces for e in found.chosen)
-    jumps = bool(found.final.spec.jumps)
-    # of a valve that MV showed in a test alone the record's own slips are guessed, and one missed
+    traces = any(recogniser(e).leaves_traces for e in assessment.chosen)
+    jumps = bool(assessment.final.spec.jumps)
+    # of a valve that MV showed in a test alone the record's slips are guessed, and one missed
     # spoils all that follow
-    rough |= traces and found.valve_seen and situation.record.mv is None
+    rough |= traces and assessment.valve_seen and situation.record.mv is None
     for name, (limit, block) in RESIDUAL_LIMITS.items():
-        # spikes, and friction that is no two-parameter map, leave traces of their own; a load that
+        # spikes, and friction that is no two-parameter map, leave traces; a load that
         # jumps between samples too
         loose = (
             rough
@@ -315,11 +321,11 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
             or (jumps and name in ("bursts", "memory", "input"))
         )
         limit *= _LENIENT if loose else 1.0
-        said = (
-            f"the best model leaves something behind ({name.removesuffix(' nats')}:"
-            f" {found.tests[name]:.0f}, limit {limit:.0f})"
+        message = (
+            f"the best model does not explain everything ({name.removesuffix(' nats')}:"
+            f" {assessment.tests[name]:.0f}, limit {limit:.0f})"
         )
-        out.append((max(found.tests[name], 0.0) / limit, block, said))
+        out.append((max(assessment.tests[name], 0.0) / limit, block, message))
     return out
 
 

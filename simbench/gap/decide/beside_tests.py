@@ -15,19 +15,20 @@ from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec, later
+from simbench.gap.likelihood.search import likeliest
 from simbench.gap.likelihood.valve_map import MapSearch, lagged
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
 
-# nats that a valve found by MV must bring, before OP of the other records is sent through it
+# nats that a valve identified from MV must bring, before OP of the other records is sent through it
 _BY_MV = 10.0
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
-_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
-# nats by which a plant of its own must explain a test better than any explanation of the record ...
+_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # multiples of a fitted drift, at which lab samples are asked
+# nats by which another plant must explain a test better than any explanation of the record ...
 _ANOTHER = 25.0
 _APART = 1.5  # ... and the factor in gain or time by which it is another
 
@@ -35,7 +36,7 @@ Maps = dict[str, tuple[float, Parameters]]
 
 
 def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]:
-    """Return what MV, wherever recorded, says of every valve effect, and whether it strays as none
+    """Return what MV, wherever recorded, shows of every valve effect, and whether it strays as none
     of them makes it.
     """
     seen = [] if s.record.mv is None else [(s.op, np.asarray(s.record.mv), s.record.Ts)]
@@ -58,14 +59,14 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     return total, strays
 
 
-def with_own_lag(s: Situation, maps: Maps) -> Situation:
+def with_lag_in_dead_time(s: Situation, maps: Maps) -> Situation:
     """Return the record with a lag of MV taken out of its baseline's dead time, where that can hold
     it.
 
     Every actuator lags, and a plant identified from OP has that in its dead time.
     """
-    gain, found = maps.get(VALVE_LAG, (0.0, {}))
-    tau, Ts = float(found.get("tau", 0.0)), s.record.Ts
+    gain, numbers = maps.get(VALVE_LAG, (0.0, {}))
+    tau, Ts = float(numbers.get("tau", 0.0)), s.record.Ts
     if gain <= _BY_MV or tau > s.data.Td * Ts or not s.trusted:
         return s
     return replace(s, data=replace(s.data, Td=s.data.Td - tau / Ts), valve_lag=tau)
@@ -83,8 +84,8 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
 def _by_stem(
     s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps
 ) -> Data:
-    """Return a record's data with MV for OP: as the valve found makes it, or as logged where that
-    differs beyond its digits.
+    """Return a record's data with MV for OP: as the identified valve makes it, or as logged where
+    that differs beyond its digits.
     """
     winner = max(maps, key=lambda e: maps[e][0], default="")
     if not winner:
@@ -156,19 +157,19 @@ def scaled(p: Parameters, share: float) -> Parameters:
     return {name: share * x if isinstance(x, (int, float)) else x for name, x in p.items()}
 
 
-def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
-    """Return of each test in words the plant behind it, where it is another than under the
+def other_plants(fitted: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
+    """Return of each test in words its plant, where it is another than under the
     likeliest fits of the record.
     """
     lag = s.valve_lag / s.record.Ts
     s = replace(s, data=replace(s.data, Td=s.data.Td - lag))
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
     likely = sorted(
-        (c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain
+        (c for c in fitted.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain
     )[:3]
-    fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
+    fits = [fitted.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
     # signals and jumps of an effect are of one record
-    plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
+    plain = replace(fitted.base, spec=Spec(pink=fitted.base.spec.pink))
     bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [
         later(plain, -lag)
     ]
@@ -180,14 +181,14 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     ]
 
 
-def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:
-    data, tries = own.data, []
+def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:
+    data, tries = alone.data, []
     for fit in fits:
         spec, theta = engine.one_of(i, fit.spec, fit.theta)
         # the record's plant, in the test's samples, held as a baseline is
         plant = {"K": fit.K / (engine.parts[i].pace if data.T == 0.0 else 1.0), "Td": theta["Td"]}
         held = Engine(
-            replace(data, **plant, T=theta["T"] if data.T > 0.0 else 0.0), own.longest_load
+            replace(data, **plant, T=theta["T"] if data.T > 0.0 else 0.0), alone.longest_load
         )
         tries.append(held.fit(spec, theta))
     same = max(tries, key=lambda f: f.loglik)
@@ -196,7 +197,7 @@ def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) 
     starts = [
         {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
     ]
-    other = max((own.fit(spec, start) for start in starts), key=lambda f: f.loglik)
+    other = likeliest(alone, spec, starts)
     if other.loglik - same.loglik < _ANOTHER or same.K == 0.0:
         return ""
     gain, time = (

@@ -13,17 +13,18 @@ from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-# of the softmax: such likelihoods overstate, as no model of load and noise is quite true
+# factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
+# quite true
 TEMPERATURE = 0.35
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
-# of unknown, by the logarithm of how far the worst residual test is beyond its limit
+# slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
 _SHARPNESS = 0.7
 
 
 @dataclass(frozen=True)
 class Classified:
-    """Probabilities of every answer, and the block that stands behind `unknown`."""
+    """Probabilities of every answer, and the block of `unknown`."""
 
     probability: dict[str, float]
     unknown_block: str
@@ -41,8 +42,8 @@ class Classified:
         return {b: v / whole for b, v in sums.items()}
 
     def refuted(self, effect: str, block: str = "") -> Classified:
-        """Return the same with the probability of an effect, or of none, given to `unknown`, in a
-        block or the effect's own.
+        """Return the same with the probability of an effect, or of none, given to `unknown`, in the
+        given block or that of the effect.
         """
         p = dict(self.probability)
         p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
@@ -53,41 +54,41 @@ class Classified:
         return self.unknown_block if answer == UNKNOWN else block_of(answer)
 
 
-def classify(found: Assessment) -> Classified:
+def classify(assessment: Assessment) -> Classified:
     """Turn one record's scores into probabilities.
 
     Notes
     -----
-    `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to
+    `none` has a gain of `LEAST_NATS`; `unknown` takes the share that a logistic curve gives to
     the residual test which the best model fails by most, a half where it just fails. `TEMPERATURE`
     is where probability and frequency of right answers meet best on 1456 development loops of three
     independent simulators, `_SHARPNESS` the likeliest on 792 of them; where effects are rarer or
     subtler, the probabilities are too high.
     """
-    gains = {e: found.log_likelihood_gains[e] for e in EFFECTS}
-    if found.chosen:
-        first = found.chosen[0]
+    gains = {e: assessment.log_likelihood_gains[e] for e in EFFECTS}
+    if assessment.chosen:
+        first = assessment.chosen[0]
         # evidence that comes on top of the first effect's, which gains over no effect at all do not
         # show
-        on_top = found.log_likelihood_gains_on_top or gains
+        on_top = assessment.log_likelihood_gains_on_top or gains
         others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
         most = max(PLAIN_SECOND_NATS, *others.values())
         for effect, gain in others.items():
             gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
-    ratio, block = found.worst_test
+    ratio, block = assessment.worst_test
     q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
-    if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):
-        # while no test fails, or beside what is there without doubt, "unknown" is never the first
+    if ratio < 1.0 or set(assessment.chosen[:1]) & set(assessment.situation.proven):
+        # while no test fails, or where an effect is proven, "unknown" is never the first
         # answer
         q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))
     p = {**dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known))), UNKNOWN: q}
-    if found.stiction is not None and not found.situation.trusted:
-        p = _beside_friction(p, found.stiction)
+    if assessment.stiction is not None and not assessment.situation.trusted:
+        p = _with_friction(p, assessment.stiction)
     return Classified(p, block)
 
 
-def _beside_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
+def _with_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
     """Return probabilities in which friction has the one it has in every verb; the others share the
     rest as before.
     """

@@ -1,5 +1,5 @@
-"""What can be said of a record whose baseline was identified from it: only what the record alone
-can carry.
+"""What can be concluded from a record whose baseline was identified from it: only what the
+record alone can carry.
 """
 
 from __future__ import annotations
@@ -13,35 +13,39 @@ from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, block_of
 
 
-def plausible(found: Assessment, sticky: bool | None = True) -> Assessment:
+def plausible(assessment: Assessment, sticky: bool | None = True) -> Assessment:
     """Keep of an assessment without trusted baseline what the record alone can carry.
 
     Effects that compare with a plant are dropped, and with a tuning, unless that was given;
-    friction is chosen only where the valve is `sticky`, and not weighed where that cannot be told
+    friction is chosen only where the valve is `sticky`, and not weighed where that is open
     (None). Notes say what the samples show.
     """
-    s = found.situation
+    s = assessment.situation
     kept = meaningful(s.record.mv is not None, s.tuned)
     if sticky is None:
         kept -= {e for e in kept if recogniser(e).band is not None}
-    gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.log_likelihood_gains.items()}
+    gains = {
+        e: (g if e in kept else min(g, -10.0)) for e, g in assessment.log_likelihood_gains.items()
+    }
     possible = [e for e in gains if gains[e] > 0 and (sticky or recogniser(e).band is None)]
-    chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]
+    chosen = [e for e in assessment.chosen if e in s.proven and gains[e] > 0][:2]
     for e in sorted((e for e in possible if e not in s.proven), key=lambda e: -gains[e]):
         if len(chosen) < 2 and block_of(e) not in {block_of(c) for c in chosen}:
             chosen.append(e)
-    fits = [e for e in chosen if e in found.candidates]
-    final = found.candidates[fits[0]].fit if fits else found.base
-    said = replace(s, notes=[*s.notes, *remarks(s)])
-    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final)
+    fits = [e for e in chosen if e in assessment.candidates]
+    final = assessment.candidates[fits[0]].fit if fits else assessment.base
+    noted = replace(s, notes=[*s.notes, *remarks(s)])
+    return replace(
+        assessment, situation=noted, log_likelihood_gains=gains, chosen=chosen, final=final
+    )
 
 
 def remarks(situation: Situation) -> list[str]:
-    """Return, as "name: evidence", what record and samples show beside the effects: plant type
+    """Return, as "name: evidence", what record and samples show besides the effects: plant type
     assumed, lattices, outliers.
     """
     out = []
     if situation.record.process is None:
         kind = "integrating" if situation.integrating else "self-regulating"
         out.append(f"process: not given; judged as {kind}, the likelier of the two")
-    return out + [f"{e}: {said}" for e in EFFECTS if (said := recogniser(e).remark(situation))]
+    return out + [f"{e}: {remark}" for e in EFFECTS if (remark := recogniser(e).remark(situation))]

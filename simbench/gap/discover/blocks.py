@@ -20,19 +20,19 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 _NOISE = 6.0  # nats that any block may bring by chance, added to all
-# share of the evidence from which a block is said: it was right in 19 of 38 between that and a half
+# share of the evidence from which a block is named: right in 19 of 38 between that and a half
 _LEAST = 0.4
-_STEPS = 4  # in which all other numbers are fitted again beside a freedom
+_STEPS = 4  # in which all other numbers are fitted again with a freedom
 _FINER, _PERIODS = (
     16,
     3,
-)  # times the record's own frequencies, and whole periods, in which a period is looked for
+)  # times the frequencies of the record, and whole periods, in which a period is looked for
 _EVENTS, _LARGE = 8, 3.5  # most events, and robust deviations from which an innovation is one
 
 
 class Located(NamedTuple):
-    """The likeliest block and every block's share of the evidence; `doubt` says why it cannot be
-    told all the same.
+    """The likeliest block and every block's share of the evidence; `doubt` says why it is not
+    certain all the same.
 
     `nearest` is the known effect that explains most in each block, where one explains anything.
     """
@@ -44,7 +44,7 @@ class Located(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The block with its share in a few words, or why none can be told."""
+        """The block with its share in a few words, or why none is certain."""
         like = (
             f", where {self.nearest[self.block].replace('_', ' ')} explains most"
             if self.block in self.nearest
@@ -57,26 +57,26 @@ class Located(NamedTuple):
 
 
 def located(
-    found: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = ""
+    assessment: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = ""
 ) -> Located:
     """Return the block of what a record shows; `forms` are block and nats of laws tried, `certain`
     needs no statistics.
 
-    Every block stands by its best explanation, however many were tried. As no model of a left-out
+    Every block counts by its best explanation, however many were tried. As no model of a left-out
     effect is quite true, nats count as they are and not as exponents: shares so were right about as
-    often as they say (seeds 7401 and 7402, 216 records).
+    often as they claim (seeds 7401 and 7402, 216 records).
     """
-    gains = found.log_likelihood_gains
+    gains = assessment.log_likelihood_gains
     nearest = {block_of(e): e for e in sorted(EFFECTS, key=gains.__getitem__) if gains[e] > 0.0}
-    certain = certain or ("valve" if found.mv_unexplained else "")
+    certain = certain or ("valve" if assessment.mv_unexplained else "")
     if certain:
         return Located(certain, {b: float(b == certain) for b in BLOCKS}, "", nearest)
-    said = [
+    evidence = [
         *((block_of(e), nats) for e, nats in gains.items()),
         *forms,
-        *_freed(found.situation, found.base),
+        *_freed(assessment.situation, assessment.base),
     ]
-    best = {b: max((nats for one, nats in said if one == b), default=NOT_TRIED) for b in BLOCKS}
+    best = {b: max((nats for one, nats in evidence if one == b), default=NOT_TRIED) for b in BLOCKS}
     weights = {b: max(float(nats) + _NOISE, 1e-9) for b, nats in best.items()}
     shares = {b: w / sum(weights.values()) for b, w in weights.items()}
     first, second = sorted(BLOCKS, key=lambda b: -best[b])[:2]
@@ -92,7 +92,7 @@ def located(
 
 
 def _freed(s: Situation, base: Fit) -> list[tuple[str, float]]:
-    """Return block and nats of each freedom beside the fit without effect, all else fitted again
+    """Return block and nats of each freedom over the fit without effect, all else fitted again
     and its numbers paid for.
     """
     engine, out = Engine(s.data, load_memory(s)), []

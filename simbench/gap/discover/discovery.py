@@ -1,4 +1,4 @@
-"""discover(): one record beside one loop file, from where it differs to a law that can be
+"""discover(): one record and one loop file, from where it differs to a law that can be
 simulated.
 """
 
@@ -16,24 +16,25 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.beside_tests import valve_maps, with_own_lag
+from simbench.gap.decide.beside_tests import valve_maps, with_lag_in_dead_time
 from simbench.gap.discover.blocks import located
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.moments import matched, runs_with
-from simbench.gap.discover.search import Found, chance, search, where
+from simbench.gap.discover.search import Finding, chance, search, where
 from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
-_MORE = 0.1  # share of the evidence that another block may have more, for a law to stand
+_MORE = 0.1  # share of the evidence that another block may have more, for a law to be kept
 # share by which the evidence above a middle must outweigh that below it, to be called a regime
 _SIDED = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """What a record shows beside its simulation: a law with its certificate, or why there is none.
+    """What a record shows that its simulation lacks: a law with its certificate, or why there is
+    none.
 
     `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the
     samples in which the law acts; `probability` that of the block, if anything is lacking.
@@ -90,11 +91,11 @@ class Discovery:
         """Return the finding and its certificate in one line."""
         if self.law is None or self.gap is None:
             return f"nothing that a law describes, {self.why}"
-        said, g = (
+        text, g = (
             f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on unseen samples",
             self.gap,
         )
-        return f"{said}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
+        return f"{text}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
     def as_text(self) -> str:
         """Return the discovery for a terminal."""
@@ -138,45 +139,45 @@ class Discovery:
 def discover(
     record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False
 ) -> Discovery:
-    """Say where a record differs from its simulation, and describe how by a law that pays on
+    """Locate where a record differs from its simulation, and describe how by a law that pays on
     samples it was not fitted to.
 
     Examples
     --------
     >>> from scenarios.spec import Loop
     >>> from simbench.loop.simulate import simulate
-    >>> told = Loop(
+    >>> stated = Loop(
     ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
     ...     controller={"type": "PI", "Kc": 1, "Ti": 10},
     ...     sampling={"Ts": 1, "n": 1500}, noise={"std": 0.1},
     ...     setpoint={"steps": [[100, 55], [700, 48]]})
-    >>> found = discover(simulate(told.with_("controller.Kc", 1.6), 1).record, told)
-    >>> found.law.form, round(found.law.numbers["gain"], 3)
+    >>> discovery = discover(simulate(stated.with_("controller.Kc", 1.6), 1).record, stated)
+    >>> discovery.law.form, round(discovery.law.numbers["gain"], 3)
     ('tuning', 1.6)
     """
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     with one_thread():
         situation = check(record, baseline)
-        situation = with_own_lag(situation, valve_maps(situation, ())[0])
-        found = search(situation, held_out(situation), progress)
-        return described(situation, found, lambda: assess(situation), seed)
+        situation = with_lag_in_dead_time(situation, valve_maps(situation, ())[0])
+        finding = search(situation, held_out(situation), progress)
+        return described(situation, finding, lambda: assess(situation), seed)
 
 
 def described(
-    s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0
+    s: Situation, finding: Finding, known: Callable[[], Assessment], seed: int = 0
 ) -> Discovery:
-    """Return a law beside where it acts, what it resembles and how far it closes the gap; else the
+    """Return a law with where it acts, what it resembles and how far it closes the gap; else the
     block of all evidence.
 
-    A law stands unless another block has plainly more of the evidence, or it does not narrow the
+    A law is kept unless another block has plainly more of the evidence, or it does not narrow the
     gap; `known` assesses the effects of the library.
     """
-    if found.law is not None and found.law.late:
-        s = replace(s, law=replace(s.law, late=found.law.late))
-    found = matched(s, found, seed)
-    law, why = found.law, found.why
-    seen = located(known(), found.forms, found.block)
-    gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
+    if finding.law is not None and finding.law.late:
+        s = replace(s, law=replace(s.law, late=finding.law.late))
+    finding = matched(s, finding, seed)
+    law, why = finding.law, finding.why
+    seen = located(known(), finding.forms, finding.block)
+    gap, runs = (None, {}) if law is None else _simulated(s, finding, law, seed)
     if law is not None:
         if seen.shares[seen.block] > seen.shares[law.block] + _MORE:
             why = (
@@ -203,12 +204,12 @@ def described(
 
 
 def _simulated(
-    s: Situation, found: Found, law: FoundLaw, seed: int
+    s: Situation, finding: Finding, law: FoundLaw, seed: int
 ) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Return the gap before, recalibrated and with the law, on the part of the record on which
     nothing was fitted.
     """
-    fit, null = found.fit, found.null
+    fit, null = finding.fit, finding.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
     tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
     before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)

@@ -17,7 +17,7 @@ from simbench.loop.laws import LAW_FORMS
 
 _TEXT = '''"""{name}: {says}.
 
-{found}
+{evidence}
 """
 
 from simbench.loop.laws import apply_law, law_parameters
@@ -48,12 +48,13 @@ def refuse_effect_file(path: str | Path) -> None:
         )
 
 
-def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> None:
+def write_effect(law: FoundLaw, path: str | Path, evidence: str, source: str) -> None:
     """Write a law as an effect's file."""
     form, name = LAW_FORMS[law.form], Path(path).stem.replace("_", " ").capitalize()
     text = _TEXT.format(
-        name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block,
-        form=law.form, numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
+        name=name, says=form.says, evidence=evidence, source=source.replace('"', "'"),
+        block=form.block, form=law.form,
+        numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
     )  # fmt: skip
     with whole_file(path) as f:
         f.write(text)

@@ -22,11 +22,11 @@ from simbench.gap.situation import Situation
 _LOAD = (
     *NUISANCES,
     "load_jump",
-)  # searched anew in every part of the record; a law's own numbers are not
+)  # searched anew in every part of the record; the numbers of a law are not
 _LOADS, _QUICK = (
     ("load", "load_time", "load_lag"),
     5,
-)  # searched beside each guess of a family, in so many steps
+)  # searched with each guess of a family, in so many steps
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 _Numbers = dict[str, float]
 Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)
@@ -34,11 +34,11 @@ Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats
 
 @dataclass(frozen=True)
 class Family:
-    """A family: its form, `numbers` (the law's in units of the loop file, of the engine's own), and
+    """A family: its form, `numbers` (the law's in units of the loop file, of the engine), and
     where the search begins.
 
-    Either the engine's `spec` with guesses of its own numbers, or the `search` of a valve map,
-    which finds both.
+    Either the engine's `spec` with guesses of its numbers, or the `search` of a valve map,
+    which fits both.
     """
 
     form: str
@@ -49,23 +49,23 @@ class Family:
 
 
 class Tried(NamedTuple):
-    """The likeliest law of a family on top of a null: its fit, its own part of the spec and its own
-    numbers.
+    """The likeliest law of a family on top of a null: its fit, its part of the spec and its
+    numbers in units of the engine.
     """
 
     family: Family
     fit: Fit
     spec: Spec
-    own: _Numbers
+    engine_numbers: _Numbers
 
     @property
     def numbers(self) -> _Numbers:
         """The law's numbers in units of the loop file."""
-        return self.family.numbers(self.own)
+        return self.family.numbers(self.engine_numbers)
 
 
 def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
-    """Return the likeliest law of a family beside its null; None where none is near."""
+    """Return the likeliest law of a family on top of its null; None where none is near."""
     spec = family.spec
     if family.search is not None:
         best = family.search(engine, null)[0]
@@ -73,25 +73,25 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
             return None
         spec = Spec(valve=best.spec.valve, start=best.spec.start)
         guesses: Sequence[_Numbers] = [
-            {number.name: best.theta[number.name] for number in spec.own}
+            {number.name: best.theta[number.name] for number in spec.effect_numbers}
         ]
     else:
         guesses = family.starts
     joined = null.spec.join(spec)
-    # the load that the null needed may hide a law: each guess is tried beside a load of its own
+    # the load that the null needed may hide a law: each guess is tried with another load, too
     loads = ({}, {k: v for k, v in engine.start().items() if k in _LOAD})
     quick = [
-        engine.fit(joined, {**null.theta, **own, **load}, search=_LOADS, steps=_QUICK)
-        for own, load in product(guesses, loads)
+        engine.fit(joined, {**null.theta, **guess, **load}, search=_LOADS, steps=_QUICK)
+        for guess, load in product(guesses, loads)
     ]
     tries = sorted(
         (f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik
     )
-    found = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
-    if not found:
+    fits = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
+    if not fits:
         return None
-    best = max(found, key=lambda f: f.loglik)
-    names = [*spec.free, *(number.name for number in spec.own)]
+    best = max(fits, key=lambda f: f.loglik)
+    names = [*spec.free, *(number.name for number in spec.effect_numbers)]
     return Tried(
         family, best, spec, {name: best.K if name == "K" else best.theta[name] for name in names}
     )
@@ -99,23 +99,23 @@ def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
 
 def gain_of(law: Tried, engine: Engine, level: float) -> float:
     """Return by how many nats a law is above a level, its numbers paid for."""
-    return law.fit.loglik - level - size_penalty(engine.data.n, len(law.own))
+    return law.fit.loglik - level - size_penalty(engine.data.n, len(law.engine_numbers))
 
 
 def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
     """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its
     nats above the nulls.
     """
-    own, loads = law.own, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
+    numbers, loads = law.engine_numbers, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
     if law.spec.free:
-        # another gain, lag or dead time is told of the baseline's
-        engine, own = Engine(replace(engine.data, **own), engine.longest_load), {}
+        # another gain, lag or dead time belongs to the baseline's plant
+        engine, numbers = Engine(replace(engine.data, **numbers), engine.longest_load), {}
     tries = []
     for null, price in nulls:
         spec = null.spec.join(replace(law.spec, free=frozenset()))
         starts = MV_STARTS if spec.valve else (spec.start,)
         begun = [
-            engine.at(replace(spec, start=x), {**null.theta, **more, **own})
+            engine.at(replace(spec, start=x), {**null.theta, **more, **numbers})
             for more in ({}, loads)
             for x in starts
         ]
@@ -163,12 +163,12 @@ def families(s: Situation, first: int) -> Iterator[Family]:
         if name != "T" or d.T > 0.0:
             yield Family(
                 "size",
-                lambda own, name=name, size=size: _resized(size, own[name], s),
+                lambda x, name=name, size=size: _resized(size, x[name], s),
                 Spec(free=frozenset({name})),
             )
     yield Family(
         "zero",
-        lambda own: {"lead": own["lead"] * Ts, "lag": own["lag"] * Ts},
+        lambda x: {"lead": x["lead"] * Ts, "lag": x["lag"] * Ts},
         _moves(
             lambda u, p: _led(u, p["lead"], p["lag"]),
             _free("lead", -5 * pace, 5 * pace),
@@ -195,27 +195,25 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
     slopes = ("k1", "k2", "k3")
     yield Family(
         "curve",
-        lambda own: {"q1": q1, "q2": q2, "q3": q3, **own},
+        lambda x: {"q1": q1, "q2": q2, "q3": q3, **x},
         _moves(bent, *(_free(k, -0.98, 5.0) for k in slopes)),
         [{one: k * (one == bend) for one in slopes} for bend in slopes for k in (0.5, -0.4)],
     )
     yield Family(
         "curve",
-        lambda own: {
-            "q1": own["c"] - own["D"] / 2,
-            "q2": own["c"] + own["D"] / 2,
+        lambda x: {
+            "q1": x["c"] - x["D"] / 2,
+            "q2": x["c"] + x["D"] / 2,
             "k1": -1.0,
             "k2": 1.0,
         },
         search=deadzone.fit,
     )
     if s.baseline.valve.name == "ideal":
-        yield Family(
-            "memory", lambda own: {"S": own["S"], "J": own.get("J", 0.0)}, search=stiction.fit
-        )
+        yield Family("memory", lambda x: {"S": x["S"], "J": x.get("J", 0.0)}, search=stiction.fit)
     yield Family(
         "rate",
-        lambda own: {"slowness": Ts / own["rate"]},
+        lambda x: {"slowness": Ts / x["rate"]},
         _moves(
             lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)
         ),
@@ -224,8 +222,8 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
 
 
 def _resized(size: str, value: float, s: Situation) -> _Numbers:
-    """Return a gain, a time constant or a dead time of the engine's as the law states it beside the
-    baseline's.
+    """Return a gain, a time constant or a dead time of the engine as the law states it, relative to
+    the baseline's.
     """
     d = s.data
     return {
@@ -238,6 +236,6 @@ def _resized(size: str, value: float, s: Situation) -> _Numbers:
 
 
 def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:
-    """Return u (n,) behind (lead s + 1)/(lag s + 1), in samples, begun at rest."""
+    """Return u (n,) after (lead s + 1)/(lag s + 1), in samples, begun at rest."""
     slow = lagged(u, max(lag, 0.05))
     return slow + (lead / max(lag, 0.05)) * (u - slow)

@@ -15,7 +15,7 @@ from simbench.gap.closed_loop.gap import Runs, held_out, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.closed_loop.summary_features import CAP, distance, features, seed_spread
 from simbench.gap.discover.effect_file import lent_effect
-from simbench.gap.discover.search import Found
+from simbench.gap.discover.search import Finding
 from simbench.gap.law import FoundLaw
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.situation import Situation
@@ -40,7 +40,7 @@ def runs_with(
     """Simulate the loop with a law that is lent under a name; None where it cannot be simulated or
     runs away.
     """
-    # a law of another gain or time is told of the baseline's
+    # a law of another gain or time belongs to the baseline's plant
     plant = "baseline" if law.form == "size" else "fitted"
     try:
         loop = fixed_loop(s, fit, {name: dict(law.numbers)}, plant=plant, load=fit)
@@ -49,40 +49,42 @@ def runs_with(
     return simulate_runs(s, loop, seed, law.numbers["S"] if law.form == "memory" else 0.0, **more)
 
 
-def matched(s: Situation, found: Found, seed: int) -> Found:
+def matched(s: Situation, finding: Finding, seed: int) -> Finding:
     """Return a finding with the load, and law, with which the simulated loop is nearest to the part
     that both were fitted to.
 
-    The load's size and memory are searched; the numbers of a law that the likelihood found too,
+    The load's size and memory are searched; the numbers of a law that the likelihood finding too,
     where that pays plainly.
     """
-    law, first = found.law, held_out(s)
+    law, first = finding.law, held_out(s)
     if law is None:
-        return found
+        return finding
     part = slice(int(_WARM_UP * first), first)
     many: dict[str, Any] = {"seeds": _SEEDS, "part": part}
-    tuned = simulate_runs(s, fixed_loop(s, found.null, {}, load=found.fit), seed + _APART, **many)
+    tuned = simulate_runs(
+        s, fixed_loop(s, finding.null, {}, load=finding.fit), seed + _APART, **many
+    )
     if tuned is None:
-        return found
+        return finding
     ruler = seed_spread(tuned.features)
     real = np.array([*features(s.op[part], np.asarray(s.record.pv)[part], s.sp[part]).values()])
     rules = LAW_FORMS[law.form].numbers
-    own = [
+    searched = [
         k
         for k, v in law.numbers.items()
-        if found.fit is not found.null and v != rules[k].identity and k[0] != "q"
+        if finding.fit is not finding.null and v != rules[k].identity and k[0] != "q"
     ]
 
     def at(x: np.ndarray) -> tuple[FoundLaw, Fit]:
-        theta, by = found.fit.theta, dict(zip(("load", "load_time"), np.exp(x)))
+        theta, by = finding.fit.theta, dict(zip(("load", "load_time"), np.exp(x)))
         load = {
             k: v * by[k.replace("_jump", "")]
             for k, v in theta.items()
             if k in ("load", "load_jump", "load_time")
         }
-        numbers = {k: float(law.numbers[k] * (1.0 + share)) for k, share in zip(own, x[2:])}
+        numbers = {k: float(law.numbers[k] * (1.0 + share)) for k, share in zip(searched, x[2:])}
         return replace(law, numbers=law.numbers | numbers), replace(
-            found.fit, theta={**theta, **load}
+            finding.fit, theta={**theta, **load}
         )
 
     def off(x: np.ndarray) -> float:
@@ -98,8 +100,8 @@ def matched(s: Situation, found: Found, seed: int) -> Found:
 
     with lent_effect(law) as name:
         x, least = nearest([*_LOAD], _TRIALS)
-        if own:
-            y, less = nearest([*_LOAD, *[_NUMBER] * len(own)], 2 * _TRIALS)
+        if searched:
+            y, less = nearest([*_LOAD, *[_NUMBER] * len(searched)], 2 * _TRIALS)
             x = y if less < _PLAINLY * least else x
     nearer, fit = at(x)
-    return found._replace(law=nearer, fit=fit)
+    return finding._replace(law=nearer, fit=fit)

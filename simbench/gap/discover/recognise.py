@@ -1,5 +1,5 @@
 """Effects from files known to the diagnosis: one that states a law's form is recognised as that law
-is found.
+is fitted.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ _CREDIBLE, _STEPS = (
 _PRICE = 6.0  # nats of a change from on to off
 
 
-class Found(NamedTuple):
+class Finding(NamedTuple):
     """The law, its fit to the first part and the fit without it; None where no law pays, then why.
 
     `block` is set where single samples, the controller's law or MV show it; `forms` are block and
@@ -69,7 +69,7 @@ def chance(nats: float) -> float:
     return float(min(1.0, _TRIED * np.exp(-min(nats, 700.0))))
 
 
-def search(s: Situation, first: int, progress: bool = False) -> Found:
+def search(s: Situation, first: int, progress: bool = False) -> Finding:
     """Return the law of a record, learnt on samples before `first` and judged by those from there
     on.
     """
@@ -82,24 +82,24 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
             law = find(s, first)
             bar.update()
             if law is not None and law.nats > _LEAST_NATS:
-                return Found(law, null, null, block=law.block)
+                return Finding(law, null, null, block=law.block)
         shown = [("controller", s.unexplained_law)] if s.unexplained_law else [*s.facts.values()]
         shown += [("sensor", "PV stands still while OP moves")] if s.frozen else []
         block, words = max(shown, key=lambda one: one[0] == "controller", default=("", ""))
         if block == "controller":
-            return Found(None, null, null, f"{words}, and no form describes how", block)
-        found = _by_likelihood(s, learn, nulls, first, bar)
-    if found.law is not None or not words:
-        return found
-    return found._replace(why=f"{words}, and {found.why}", block=block)
+            return Finding(None, null, null, f"{words}, and no form describes how", block)
+        finding = _by_likelihood(s, learn, nulls, first, bar)
+    if finding.law is not None or not words:
+        return finding
+    return finding._replace(why=f"{words}, and {finding.why}", block=block)
 
 
 def _part(d: Data, begin: int, end: int) -> Data:
     return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
 
 
-def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: Progress) -> Found:
-    """Return the law between OP and PV that pays, beside the nulls or in the place of the load's
+def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: Progress) -> Finding:
+    """Return the law between OP and PV that pays, on top of the nulls or in the place of the load's
     jumps.
     """
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
@@ -116,7 +116,7 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
         bar.update()
     forms = tuple((LAW_FORMS[law.family.form].block, gain) for gain, law in tries)
     tries = sorted((t for t in tries if t[0] > _LEARNT), key=lambda t: -t[0])
-    found: list[tuple[float, FoundLaw, Fit]] = []
+    laws_that_pay: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
     for gain, law in tries[:_JUDGED]:
         there, held = judged(law, rest, others)
@@ -144,21 +144,21 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: Nulls, first: int, bar: P
                 evidence,
                 intervals=_intervals(law, learn),
             )
-            found.append((gain + nats, known, law.fit))
-    # jumps of the load would take its spells for their own
+            laws_that_pay.append((gain + nats, known, law.fit))
+    # jumps of the load would take its spells for theirs
     loud = _loud(s, nulls[0][0], others[0][0], first)
     if loud is not None:
         forms = (*forms, (loud[0].block, loud[0].nats))
         if loud[0].nats > _LEAST_NATS:
-            found.append((2.0 * loud[0].nats, *loud))
-    if not found:
+            laws_that_pay.append((2.0 * loud[0].nats, *loud))
+    if not laws_that_pay:
         why = (
             f"no form pays on samples that it was not fitted to (best {most:.1f}, needed"
             f" {_LEAST_NATS:.0f} nats)"
         )
-        return Found(None, null, null, why, forms=forms)
-    _, best, fit = max(found, key=lambda t: t[0])
-    return Found(best, null, fit, forms=forms)
+        return Finding(None, null, null, why, forms=forms)
+    _, best, fit = max(laws_that_pay, key=lambda t: t[0])
+    return Finding(best, null, fit, forms=forms)
 
 
 def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
@@ -168,7 +168,7 @@ def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
     def loss(name: str, value: float) -> float:
         return fit.loglik - engine.evaluate(fit.spec, {**fit.theta, name: value})[0]
 
-    for name, best in law.own.items():
+    for name, best in law.engine_numbers.items():
         reached = [best, best]
         for side, way in enumerate((-1.0, 1.0)):
             for share in _STEPS:
@@ -176,14 +176,14 @@ def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
                 if loss(name, reached[side]) > _CREDIBLE:
                     break
         for value in reached:
-            for key, number in law.family.numbers(law.own | {name: value}).items():
+            for key, number in law.family.numbers(law.engine_numbers | {name: value}).items():
                 low, high = out.get(key, (number, number))
                 out[key] = (min(low, number), max(high, number))
     return out
 
 
 def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
-    """Return by how much each sample speaks for a fit beside its null; what is no square is shared
+    """Return by how much each sample speaks for a fit over its null; what is no square is shared
     by all.
     """
     squares = 0.5 * (np.asarray(null.residual) ** 2 - np.asarray(fit.residual) ** 2)
@@ -241,7 +241,7 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
 
 
 def where(law: FoundLaw) -> np.ndarray:
-    """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for
+    """Return the samples (n,) in which a law acts: its spells, or where the samples speak for
     it and the others against.
     """
     if law.on is not None:

@@ -30,11 +30,11 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
     def misfit(v: np.ndarray, where: slice) -> float:
         return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
 
-    def behind(v: np.ndarray) -> np.ndarray:
+    def lagging(v: np.ndarray) -> np.ndarray:
         return lagged(v, s.valve_lag / Ts, mv[0])
 
     learn, judge = slice(0, first), slice(first, n)
-    plain = behind(s.expected_mv)
+    plain = lagging(s.expected_mv)
     tries: list[tuple[str, _Numbers, np.ndarray]] = []
     search = MapSearch(
         op[learn], mv[learn], Ts, s.expected_mv[learn], s.expected_band, s.valve_lag / Ts
@@ -47,7 +47,7 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
         band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
         # friction is only known up to its model
         tries += [
-            ("memory", band, behind(whole.moved(kind, band["S"], band["J"]))) for kind in kinds
+            ("memory", band, lagging(whole.moved(kind, band["S"], band["J"]))) for kind in kinds
         ]
     knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
     X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])

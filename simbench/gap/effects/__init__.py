@@ -1,4 +1,4 @@
-"""How an effect is recognised: one effect per file, beside the one that says what it does."""
+"""How an effect is recognised: one effect per file, next to the file that simulates it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def left_out(*effects: str) -> Iterator[None]:
 
 @contextmanager
 def lent(effect: str, how: Recogniser) -> Iterator[None]:
-    """Say how an effect of a file is recognised while the block lasts."""
+    """State how an effect of a file is recognised while the block lasts."""
     _lent[effect] = how
     try:
         yield
@@ -45,8 +45,8 @@ def lent(effect: str, how: Recogniser) -> Iterator[None]:
 
 
 def recogniser(effect: str) -> Recogniser:
-    """Return how an effect is recognised; one that is only simulated, because nobody said how, is
-    never recognised.
+    """Return how an effect is recognised; one that is only simulated, as no file recognises it,
+    is never recognised.
     """
     return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
 

@@ -8,7 +8,7 @@ from detectors.signal.lattice import lattice, root_lattice, written_unit
 
 
 def levels_of(x: np.ndarray, other: np.ndarray) -> str:
-    """Return on how many levels a signal stands, and how far apart; "" where it stands on none.
+    """Return how many levels a signal has, and how far apart; "" where it has none.
     `other`: of the same file.
     """
     step = lattice(x, written_unit(x, other)) or root_lattice(x)

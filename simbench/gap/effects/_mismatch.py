@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import idle
+from simbench.gap.likelihood.search import idle, likeliest
 
 
 def released(
@@ -31,10 +31,7 @@ def released(
             for t in tries[:3]
         ]
         tries.sort(key=lambda f: -f.loglik)
-        return (
-            max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik),
-            1.0,
-        )
+        return likeliest(engine, spec, (t.theta for t in (base, *tries[:2]))), 1.0
 
     return fit
 

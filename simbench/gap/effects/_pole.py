@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import plants
+from simbench.gap.likelihood.search import likeliest, plants
 from simbench.gap.situation import Situation
 
 
@@ -32,10 +32,12 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         ]  # fmt: skip
         tries = engine.grid(spec, theta, points)
         # a long lag shows its worth only once the load has given way
-        own = plants(engine, base)[1]
-        tries += [engine.fit(spec, {**theta, **own, "tau": float(x)}, steps=2) for x in lags[4::2]]
+        stated = plants(engine, base)[1]
+        tries += [
+            engine.fit(spec, {**theta, **stated, "tau": float(x)}, steps=2) for x in lags[4::2]
+        ]
         tries.sort(key=lambda f: -f.loglik)
-        return max((engine.fit(spec, t.theta) for t in tries[:2]), key=lambda f: f.loglik), 1.0
+        return likeliest(engine, spec, (t.theta for t in tries[:2])), 1.0
 
     return fit
 

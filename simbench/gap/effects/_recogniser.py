@@ -1,4 +1,4 @@
-"""What an effect's file says of how the effect is recognised."""
+"""What an effect's file states of how the effect is recognised."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ class Recogniser:
     )
     # whether something proven makes all the evidence of this effect
     masked_by_archive: Callable[[Situation], bool] = lambda s: False
-    # what the record shows of it beside the answer; "" for nothing
+    # what the record shows of it besides the answer; "" for nothing
     remark: Callable[[Situation], str] = lambda s: ""
     # {"", "plant", "tuning"}: what of the baseline must be its author's for the effect to have a
     # meaning
     needs: str = ""
-    # range of OP (%) within which the valve rests; only of friction. Behind it any plant looks as
+    # range of OP (%) within which the valve rests; only of friction. After it any plant looks as
     # if it integrated.
     band: Callable[[Mapping[str, float | str]], float] | None = None
     # PV answers OP as another plant would: asked before a record is called another loop's

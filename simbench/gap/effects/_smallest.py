@@ -1,4 +1,4 @@
-"""The smallest effect a record could have shown: "nothing found" is worth only that."""
+"""The smallest effect a record could have shown: "no effect" is worth only that."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
-# what an effect of the stated size would bring: the price of a number and a clear lead over "none"
+# nats that an effect of the stated size would bring: the price of a number and a clear lead over
+# "none"
 _NATS = 9.0
-_STEPS = np.geomspace(0.02, 2.0, 14)  # from barely there to gross
+_STEPS = np.geomspace(0.02, 2.0, 14)  # shares of the record's scale, from barely there to gross
 
 
 class Probe:
@@ -43,28 +44,28 @@ class Probe:
     def band(self, kind: int) -> tuple[float, str]:
         """Return the smallest width of a valve map with a band, its jump half of it."""
         span = float(np.ptp(self.engine.data.u)) or 1.0
-        found = self.first(
+        size = self.first(
             Spec(valve=kind), lambda x: {"S": x * span, "J": 0.5 * x * span}, lambda x: x * span
         )
-        return found, "%"
+        return size, "%"
 
     def pole(self, where: str) -> tuple[float, str]:
         """Return the smallest time constant of one more series pole."""
         d = self.engine.data
         unit = 5.0 * (d.T or d.Td + 1.0)
-        found = self.first(
+        size = self.first(
             Spec(pole=where),
             lambda x: {"tau": x * unit},
             lambda x: x * unit * self.situation.record.Ts,
         )
-        return found, "s"
+        return size, "s"
 
     def factor(self, name: str) -> tuple[float, str]:
         """Return the smallest factor of a number of the model."""
         theta = self.base.theta
-        found = self.first(
+        size = self.first(
             Spec(free=frozenset({name})),
             lambda x: {name: theta[name] * (1.0 + x)},
             lambda x: 1.0 + x,
         )
-        return found, ""
+        return size, ""

@@ -9,7 +9,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.search import band_sizes, search_map
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 from simbench.gap.situation import Situation
 
 
@@ -25,7 +25,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {name: clip(fit.theta[name], 0.0, 100.0) for name in ("D", "c")}
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan width and centre over OP's range."""
     centres = np.quantile(search.op, np.linspace(0.05, 0.95, 13))
     return search.zoom(

@@ -12,7 +12,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import LINEAR, Fit, Spec
 from simbench.gap.situation import Situation
 
-_SURE_WITHIN = 0.2  # of its rate, that a ramp is known to from PV
+_SURE_WITHIN = 0.2  # share of its rate within which a ramp is known from PV
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -38,16 +38,16 @@ def smallest(probe: Probe) -> tuple[float, str]:
     """Force a walk."""
     d = probe.engine.data
     spread = float(np.std(d.y))
-    found = probe.first(
+    size = probe.first(
         Spec(walk=True), lambda x: {"walk": x * spread / np.sqrt(d.n)}, lambda x: x * spread
     )
-    return found, "PV units over the record"
+    return size, "PV units over the record"
 
 
 def by_lab(
     p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float
 ) -> float:
-    """Return the log-likelihood of errors that ramp, as PV did, and walk beside their noise, from
+    """Return the log-likelihood of errors that ramp, as PV did, and walk, with noise, from
     an unknown offset.
     """
     rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)

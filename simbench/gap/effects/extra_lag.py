@@ -1,4 +1,4 @@
-"""Extra lag recognised: one more series pole behind the plant."""
+"""Extra lag recognised: one more series pole after the plant."""
 
 from __future__ import annotations
 

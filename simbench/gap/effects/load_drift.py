@@ -1,5 +1,5 @@
-"""Load drift recognised: the load walks without end beside its ordinary self, with a ramp on
-top.
+"""Load drift recognised: the load walks without end in addition to what it does anyway, with
+a ramp on top.
 """
 
 from __future__ import annotations

@@ -11,17 +11,17 @@ from scipy.special import gammaln
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec, input_gain, lag_of, size_penalty
+from simbench.gap.likelihood.model import Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-_AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
-_ROUNDS = 8
+_AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
+_ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
-_SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
+_SHARES = (0.7, 0.2)  # shares of the load that may be left with jumps
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
-# share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
-_BESIDE = 0.25
+# share of the load that must be left with the jumps: a load that only jumps is an ordinary one
+_REMAINING = 0.25
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -51,10 +51,10 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
     """
     n, best = engine.data.n, base
     for _ in range(_ROUNDS):
-        found, height = _jumps(engine, best)
-        found, better = [k for k in found if k not in best.spec.jumps], best
-        while found and better is best:
-            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *found), lasting=lasting))
+        places, height = _jumps(engine, best)
+        places, better = [k for k in places if k not in best.spec.jumps], best
+        while places and better is best:
+            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places), lasting=lasting))
             start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _pruned(
@@ -63,8 +63,8 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
             )
             if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + _NATS_OF_A_JUMP:
                 better = one
-            # of those found together some may have been the same
-            found = found[: len(found) // 2]
+            # of those detected together some may have been the same
+            places = places[: len(places) // 2]
         if better is best:
             break
         best = better
@@ -94,39 +94,27 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     unit[0] = 0.0
     g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     response = np.append(g[1:], g[-1])
-    white = kernels.whiten(
-        response[None, :],
-        th["T"] if d.T > 0 else 0.0,
-        0.0,
-        th["load_time"],
-        lag_of(th),
-        th["load"],
-        0.0,
-        0.0,
-        th["noise_std"],
-        th["colour"],
-        engine.spread,
-    )[0][0]
+    white = kernels.whiten(response[None, :], engine.noise_model(Spec(), th))[0][0]
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]
     energy = np.maximum(energy, 1e-3 * energy[0])
     size, edge = next_fast_len(2 * n, real=True), max(3, int(0.005 * n))
     conjugate = np.conj(np.fft.rfft(white, size))
-    found: list[int] = []
+    places: list[int] = []
     heights: list[float] = []
     for _ in range(_AT_ONCE):
         cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
         score = 0.5 * cross**2 / energy
         score[:edge], score[-5:] = 0.0, 0.0
         k = int(np.argmax(score))
-        if k in found:
+        if k in places:
             break
         height = float(cross[k] / energy[k])
         residual[k:] -= height * white[: n - k]
-        found.append(k)
+        places.append(k)
         heights.append(height)
-    return found, float(np.sqrt(np.mean(np.square(heights)))) if heights else 0.0
+    return places, float(np.sqrt(np.mean(np.square(heights)))) if heights else 0.0
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
@@ -139,9 +127,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def ordinary(fit: Fit, base: Fit) -> bool:
     """Return whether the jumps may be all that an ordinary load does: small, fading, or with
-    nothing beside them.
+    nothing else.
     """
-    alone = fit.theta["load"] < _BESIDE * base.theta["load"]
+    alone = fit.theta["load"] < _REMAINING * base.theta["load"]
     # a jump is two parts
     small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
     return alone or small or not fit.spec.lasting

@@ -1,4 +1,4 @@
-"""Missed executions recognised: OP stands where its law, exact everywhere else, would move it."""
+"""Missed executions recognised: OP rests where its law, exact everywhere else, would move it."""
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.exact import shown

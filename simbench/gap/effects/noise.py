@@ -36,7 +36,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
-    # rounding and compression make a noise of their own
+    # rounding and compression make noise
     masked_by_archive=lambda s: s.archive.rounding is not None or s.archive.band > 0.0,
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),

@@ -1,4 +1,4 @@
-"""OP quantisation recognised: OP stands on a lattice that the law behind it does not explain."""
+"""OP quantisation recognised: OP lies on a lattice that its law does not explain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outliers recognised: samples that stand off the line through their neighbours, or innovations
+"""Outliers recognised: samples that lie off the line through their neighbours, or innovations
 that no Gaussian gives.
 """
 
@@ -15,11 +15,11 @@ from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
 
 _FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
-# of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
+# share of its height that a spike must lie off the mean of its neighbours; a step lies off by half
 _GONE = 0.75
 _TAILS = (6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
 _SCALES = np.linspace(0.4, 1.0, 13)  # ... and its scales, in standard deviations
-_ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
+_ALONE = 0.7  # share of a spike that its neighbours in the innovations stay below
 
 
 def proven(s: Situation) -> Parameters | None:
@@ -78,7 +78,7 @@ def _by_tails(x: np.ndarray) -> float:
 
 
 def _gone_again(pv: np.ndarray, k: int) -> bool:
-    """Return whether PV stands off both its neighbours at sample k by about as much as it jumped
+    """Return whether PV lies off both its neighbours at sample k by about as much as it jumped
     there.
     """
     if not 1 <= k < pv.size - 1:
@@ -97,7 +97,7 @@ def remark(s: Situation) -> str:
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
-    """Return the height that stands off the innovations."""
+    """Return the height that exceeds the innovations."""
     spread = float(np.sqrt(np.mean(probe.base.residual[kernels.SKIP :] ** 2)))
     return _FAR * spread * probe.base.theta["noise_std"], "PV units"
 

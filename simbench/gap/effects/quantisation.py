@@ -1,4 +1,4 @@
-"""Quantisation recognised: every sample of PV stands on one lattice."""
+"""Quantisation recognised: every sample of PV lies on one lattice."""
 
 from __future__ import annotations
 

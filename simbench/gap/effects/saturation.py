@@ -1,4 +1,4 @@
-"""Saturation recognised: OP stands at one value while the controller's law pushes outward."""
+"""Saturation recognised: OP stays at one value while the controller's law pushes outward."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import slewed
 from simbench.gap.likelihood.model import Data, Fit, Free, Moves, Spec
-from simbench.gap.likelihood.search import plants
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.search import likeliest, plants
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 
 def _moves(d: Data) -> float:
@@ -27,11 +27,11 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
     points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
     tries = engine.grid(spec, base.theta, points, keep=2)
-    best = max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik)
+    best = likeliest(engine, spec, (t.theta for t in tries))
     return (best, 1.0) if best.loglik > base.loglik else (base, 1.0)
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan the rate finely."""
     rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
     level, best = min(

@@ -11,11 +11,11 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.search import band_sizes, search_map
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 from simbench.gap.situation import Situation
 
 _JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
-_COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # where MV is recorded
+_COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # the same where MV is recorded
 _MODELS = (kernels.STICK, kernels.CREEP)
 
 
@@ -33,7 +33,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {name: clip(fit.theta[name], 0.0, 100.0) for name in ("S", "J")}
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Return the better of two maps with a jump."""
     return max(
         (search.slipping(kind, ("S", "J"), _COARSE_JUMPS, 2.0) for kind in _MODELS),

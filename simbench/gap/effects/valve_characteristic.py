@@ -9,9 +9,10 @@ from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import idle
-from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.likelihood.search import idle, likeliest
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
+# ratios of the largest to the smallest gain that are tried (-)
 _RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
 
 
@@ -20,10 +21,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     spec = base.spec.join(Spec(valve=kernels.CURVE))
     points = [{"R": r} for r in _RATIOS]
     tries = [engine.grid(spec, theta, points)[0] for theta in (base.theta, idle(engine, base))]
-    return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
+    return likeliest(engine, spec, (t.theta for t in tries)), 1.0
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan the ratio on both sides of 1."""
     ratios = (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))
     return search.zoom(kernels.CURVE, ("R",), [(r, 0.0) for r in ratios], 1.0)

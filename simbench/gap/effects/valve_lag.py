@@ -9,10 +9,10 @@ import scipy
 
 from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import Recogniser
-from simbench.gap.likelihood.valve_map import Found, MapSearch, lagged
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch, lagged
 
 
-def by_mv(search: MapSearch) -> Found:
+def by_mv(search: MapSearch) -> MapFit:
     """Scan the time constant, then narrow it down."""
     taus = np.geomspace(0.2, search.op.size / 10, 120)
 

@@ -1,4 +1,4 @@
-"""What stands between the PV on record and the PV that the controller saw: rounding, compression,
+"""What lies between the PV on record and the PV that the controller saw: rounding, compression,
 means and spikes.
 """
 
@@ -39,7 +39,7 @@ def _resolution(archive: Archive, samples: Samples) -> float:
 
 
 def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
-    """Return why no PI law turns the recorded error into OP; nothing where what stands between is
+    """Return why no PI law turns the recorded error into OP; nothing where what lies between is
     known.
     """
     if not archive.faithful or it.law.gap > 0.0:
@@ -77,7 +77,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     elif samples.straight > _STRAIGHT:
         kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
         size = float(np.quantile(np.abs(pv - kept), 0.98))
-        # noise that the archive's own mean has smoothed lies on lines sooner
+        # noise that the archive's mean has smoothed lies on lines sooner
         band = (
             (size or 0.5 * float(np.std(np.diff(pv))))
             if not law.averaged or size > it.noise

@@ -1,4 +1,4 @@
-"""Test records beside the record they were made for: what the fits need of them, and what in them
+"""Test records and the record they were made for: what the fits need of them, and what in them
 contradicts it.
 """
 
@@ -39,9 +39,9 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
     law, proven = None, {}
     if plain:
-        own = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
-        law, data = own.law, own.data
-        proven = {e: p for e, p in own.proven.items() if e not in ("detuning", "noise")}
+        situation = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
+        law, data = situation.law, situation.data
+        proven = {e: p for e, p in situation.proven.items() if e not in ("detuning", "noise")}
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)
         pv = cleaned(np.asarray(r.pv, dtype=float), samples.spikes)
@@ -80,16 +80,18 @@ def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
     return examine_controller(op, pv, sp, r.Ts, test.loop, s.tuned, s.data.noise)
 
 
-def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
+def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str:
     """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks
     against it.
     """
-    law = found.law
-    said = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(test, s)
-    if said or law is None or not (s.tuned and s.law.known):
-        return said
+    law = fitted.law
+    contrary = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(
+        test, s
+    )
+    if contrary or law is None or not (s.tuned and s.law.known):
+        return contrary
     if not law.known:
-        # what stands between error and OP in a foreign controller need not show in every record
+        # what lies between error and OP in a foreign controller need not show in every record
         why = (
             f"in automatic OP does not follow the record's controller ({law.reason}); the loop"
             f" behind {test.name} is another"
@@ -114,20 +116,20 @@ def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
 
 def _elsewhere(test: RecordedTest, s: Situation) -> str:
     """Return whether PV runs so far from the record's that it is another signal."""
-    pv, own = test.record.pv, s.record.pv
-    far = _ELSEWHERE * float(np.ptp(own))
-    if pv.max() > own.min() - far and pv.min() < own.max() + far:
+    pv, recorded = test.record.pv, s.record.pv
+    far = _ELSEWHERE * float(np.ptp(recorded))
+    if pv.max() > recorded.min() - far and pv.min() < recorded.max() + far:
         return ""
     runs = (
-        f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {own.min():.4g} to"
-        f" {own.max():.4g}"
+        f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {recorded.min():.4g} to"
+        f" {recorded.max():.4g}"
     )
     return f"{runs}; the loop behind {test.name} is another"
 
 
 def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
-    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an
-    operator's where it says AUTO.
+    """Return whether OP moves like a controller's where `mode` is MAN, or rests like an
+    operator's where it is AUTO.
 
     `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at
     most.
@@ -137,14 +139,14 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
         return ""
     moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
     rests = max([edge, *(1.5 * (rows.stop - rows.start) for rows in _runs(~_moves(usual)[1:]))])
-    said = f"the mode column of {test.name} does not fit its OP, which"
+    misfit = f"the mode column of {test.name} does not fit its OP, which"
     for rows in _runs(manual):
         # where an operator took over OP may jump to his first level
         x = moves[rows]
         for place, side in (("first", x[1:]), ("last", x[::-1])):
             if _length(side) > edge or side[:_BRISK].sum() >= _OFTEN + late:
                 return (
-                    f"{said} still moves like a controller's in the {place} samples that are"
+                    f"{misfit} still moves like a controller's in the {place} samples that are"
                     " called MAN"
                 )
     for rows in _runs(~manual):
@@ -154,7 +156,7 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
             ("last", x[::-1], rows.stop < manual.size),
         ):
             if shown and _length(side) > rests:
-                return f"{said} stands still in the {place} samples that are called AUTO"
+                return f"{misfit} stands still in the {place} samples that are called AUTO"
     return ""
 
 

@@ -1,5 +1,5 @@
 """A baseline from the record itself: tuning by regression, plant by the innovations' likelihood;
-what then can be said.
+what can then be judged.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class _Unidentified:
             # a time constant is one number more to fit
             score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(r.n, 1.0))
             if r.mv is None:
-                # behind a valve that rests between its slips any plant looks as if it integrated
+                # after a valve that rests between its slips any plant looks as if it integrated
                 T = 0.0 if integrating else fit.theta["T"]
                 engine = Engine(
                     Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False),

@@ -1,4 +1,4 @@
-"""A record beside its baseline as it came: what its signals, the controller's law and single
+"""A record and its baseline as they came: what its signals, the controller's law and single
 samples show by themselves.
 """
 
@@ -59,7 +59,7 @@ class Observed:
 
     @property
     def sp(self) -> np.ndarray:
-        """Set point; the mean of PV stands for one that was not recorded."""
+        """Set point; the mean of PV replaces one that was not recorded."""
         r = self.record
         return np.full(r.n, r.pv.mean()) if r.sp is None else np.asarray(r.sp)
 
@@ -105,7 +105,7 @@ class Observed:
 
     @property
     def frozen(self) -> bool:
-        """Whether PV rests while OP moves; without noise it stands still for the dead time
+        """Whether PV rests while OP moves; without noise it rests for the dead time
         alone.
         """
         stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
@@ -113,18 +113,18 @@ class Observed:
 
     @property
     def notes(self) -> list[str]:
-        """What the reader must know: data quality, the set point, a controller that cannot be
-        told.
+        """What the reader must know: data quality, the set point, a controller that is not
+        known.
         """
-        said = [
+        notes = [
             f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(self.record).values()
         ]
         sp = self.record.sp
-        said += (
+        notes += (
             ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
         )
         known = not self.law.reason or self.apart
-        return said if known else [*said, f"controller: cannot tell, {self.law.reason}"]
+        return notes if known else [*notes, f"controller: cannot tell, {self.law.reason}"]
 
     def data(self, plant_pv: np.ndarray, resolution: float) -> Data:
         """Return the engine's input, with the PV that the plant gave the controller and the unit

@@ -17,7 +17,7 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-# share of OP's changes left over, below which the baseline's own law still explains them
+# share of OP's changes left over, below which the baseline's law still explains them
 _FAILS = 0.3
 # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
 # when it is not
@@ -58,7 +58,7 @@ def refuse_other_plant(s: Situation) -> None:
         or (control.Ti and not _apart(law.tuning[1]))
     ):
         return
-    own, other = _own_plant(data, law, Ts)
+    engine_of_record, other = _plant_of_record(data, law, Ts)
     if other.K * law.Kc <= 0.0:
         return
     gain, lag, wait = other.K, other.theta["T"], other.theta["Td"]
@@ -72,7 +72,7 @@ def refuse_other_plant(s: Situation) -> None:
         and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
     ):
         return
-    to_beat = max(other.loglik, own.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
+    to_beat = max(other.loglik, engine_of_record.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
     engine = Engine(data, 4.0 * (known + 1.0))
     base = engine.base()
     if base.loglik >= to_beat:
@@ -96,15 +96,15 @@ def _apart(ratio: float) -> bool:
     return not 1.0 / _APART < ratio < _APART
 
 
-def _own_plant(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
-    """Return the record's own plant, gain, time constant and dead time free, and the engine that
-    found it.
+def _plant_of_record(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
+    """Return the plant of the record, gain, time constant and dead time free, and the engine that
+    fitted it.
     """
     tries = []
     for lag in (law.Ti / Ts if np.isfinite(law.Ti) else 20.0, max(data.T, 5.0), 8.0):
-        own = replace(
+        free = replace(
             data, trusted=False, noise=0.0, T=float(np.clip(lag, 2.0, data.n / 16.0)), Td=0.2 * lag
         )
-        engine = Engine(own, 4.0 * (own.T + own.Td))
+        engine = Engine(free, 4.0 * (free.T + free.Td))
         tries.append((engine, engine.fit(Spec(), engine.start())))
     return max(tries, key=lambda t: t[1].loglik)

@@ -1,4 +1,4 @@
-"""A loop file that leaves plant, controller or sampling to the record: what it says, what is
+"""A loop file that leaves plant, controller or sampling to the record: what it states, what is
 identified, what stays open.
 """
 
@@ -20,7 +20,7 @@ _NEEDED = ("plant", "controller", "sampling")
 class Partial:
     """A baseline that is not whole."""
 
-    loop: Loop  # placeholders stand for what is missing
+    loop: Loop  # placeholders take the place of what is missing
     # sections, of plant, controller and sampling, that the record must give; never both plant and
     # controller
     missing: frozenset[str]
@@ -32,7 +32,7 @@ def read_baseline(path: str | Path) -> Loop | Partial:
     missing = frozenset(_NEEDED) - set(table)
     if not missing:
         return Loop.from_table(table, str(path))
-    # what is said must be right by itself before the rest is looked for
+    # what is stated must be right by itself before the rest is looked for
     loop = Loop.from_table(_stand_ins(table) | table, str(path))
     if {"plant", "controller"} <= missing:
         raise SpecError(
@@ -79,20 +79,20 @@ def completed(
                 f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed:"
                 f" {', '.join(PLANT_TYPES)}"
             )
-        # an inner loop is judged by its own record, set point included
+        # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing
-    found = identify(
+    identified = identify(
         record,
         None if "plant" in missing else known.plant,
         None if "controller" in missing else known.controller,
     )
-    taken = {name: getattr(found, name) for name in missing}
+    taken = {name: getattr(identified, name) for name in missing}
     if "plant" in missing and "noise" not in known.model_fields_set:
-        taken["noise"] = found.noise
+        taken["noise"] = identified.noise
     loop = known.model_copy(update=taken)
     notes = [
-        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}"
+        f"baseline: no [{name}] given, identified from the record{_numbers(identified, name)}"
         for name in _NEEDED
         if name in missing
     ]
@@ -108,7 +108,7 @@ def completed(
 
 
 def _numbers(loop: Loop, section: str) -> str:
-    said = getattr(loop, section).model_dump(exclude_none=True, exclude={"n", "direction"})
+    numbers = getattr(loop, section).model_dump(exclude_none=True, exclude={"n", "direction"})
     return ": " + ", ".join(
-        f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in said.items()
+        f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in numbers.items()
     )

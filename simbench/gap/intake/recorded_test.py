@@ -1,5 +1,5 @@
-"""Test records: a loop in other operation, with what its own columns and the tables beside it say;
-unfit ones are refused.
+"""Test records: a loop in other operation, with what its columns and its tables state; unfit
+ones are refused.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from scenarios.spec import Loop, read_toml
 
 TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
 _TABLES = {
-    "test": (),  # whatever was planned may stand there
+    "test": (),  # whatever was planned may be there
     "controller": ("Kc", "Kc_ratio", "Ti", "Ti_ratio", "type", "direction"),
     "sampling": ("Ts", "n"),
 }
-_FEWEST = 40  # samples; a step needs as many to be told from the noise
+_FEWEST = 40  # samples; a step needs as many to show in the noise
 _FEWEST_LAB = 8
 
 
@@ -54,14 +54,14 @@ class RecordedTest:
 
 
 def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
-    """Read RECORD[:SETTINGS.toml]; a TOML of the record's name beside it holds the settings where
-    none is named.
+    """Read RECORD[:SETTINGS.toml]; a TOML of the record's name in its folder holds the settings
+    where none is named.
     """
     file, more = files_of(given)
-    beside = Path(file).with_suffix(".toml")
-    table = read_toml(more) if more else read_toml(beside) if beside.is_file() else {}
+    neighbour = Path(file).with_suffix(".toml")
+    table = read_toml(more) if more else read_toml(neighbour) if neighbour.is_file() else {}
     # a loop file of that name is a baseline
-    settings = _settings(table, more or str(beside)) if more or "plant" not in table else {}
+    settings = _settings(table, more or str(neighbour)) if more or "plant" not in table else {}
     record = read_record(file, automatic=False, **about)
     manual = np.asarray(record.meta.get("manual", np.zeros(record.n, dtype=bool)))
     test = RecordedTest(
@@ -162,17 +162,17 @@ def _loop(
             " log of another pace is declared by Ts of [sampling] in the test's settings"
         )
     table = baseline.to_table()
-    own = table["controller"]
+    tuning = table["controller"]
     for name in ("Kc", "Ti"):
-        if own.get(name) is not None:
+        if tuning.get(name) is not None:
             ratio = control.get(f"{name}_ratio")
-            own[name] = own[name] * ratio if ratio else control.get(name, own[name])
+            tuning[name] = tuning[name] * ratio if ratio else control.get(name, tuning[name])
     table["sampling"] = {"Ts": record.Ts, "n": record.n}
     return Loop.from_table(table, where)
 
 
 def _refuse(test: RecordedTest) -> None:
-    """Refuse a test that shows nothing, or not what it says it is."""
+    """Refuse a test that shows nothing, or not what it declares."""
     r, where = test.record, test.path
     if r.n < _FEWEST:
         raise RecordError(

@@ -1,5 +1,5 @@
 """What cannot be compared: signals in other units, and the baseline of another loop; each refusal
-says what it rests on.
+names its grounds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 _LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 _RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of them 1
-_SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
+_SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
 
 
 def refuse_unusable(it: Observed) -> None:
@@ -39,11 +39,11 @@ def refuse_unusable(it: Observed) -> None:
 
 
 def _refuse_other_pace(it: Observed) -> None:
-    found, Ts = it.record.Ts, it.baseline.sampling.Ts
-    if abs(found / Ts - 1.0) > SAME_TS:
+    period, Ts = it.record.Ts, it.baseline.sampling.Ts
+    if abs(period / Ts - 1.0) > SAME_TS:
         raise RecordError(
-            f"{it.where}: Ts = {found:g} s by its time column, but the baseline says Ts = {Ts:g} s;"
-            " they must agree within 1 %"
+            f"{it.where}: Ts = {period:g} s by its time column, but the baseline says Ts ="
+            f" {Ts:g} s; they must agree within 1 %"
         )
 
 

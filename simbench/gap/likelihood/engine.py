@@ -3,7 +3,7 @@ effects switchable.
 
 PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are
 linear in the innovations and solved by least squares; only T, Td, the load's colour and level, the
-noise level and the effect's own numbers are searched. Time unit is one sample, PV in its own units.
+noise level and the numbers of the effect are searched. Time unit is one sample, PV in its units.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from simbench.gap.likelihood.model import (
 _NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 _EDGE = 0.02  # ... and falls off with this standard deviation outside
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-# of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+# share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
 _HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-_REDDEST = 0.8  # noise of more memory than this has passed a filter
-_QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
+_REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
+_QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
 _QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
-STEP = 1e-4  # of a parameter or its logarithm, for derivatives
+STEP = 1e-4  # step of a parameter or its logarithm, for derivatives
 # the same about a noise correlation of 0, below half of which the filter takes noise for white
 _WHITE = 0.02
-_LONGEST = 1.5  # of a parameter or its logarithm in one step
+_LONGEST = 1.5  # largest change of a parameter or its logarithm in one step
 _IDLE = 1e-3  # curvature added to every parameter
 _LAST_STEP_NATS = 0.01  # nats below which a step is the last
 _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample
 
 
 class Engine:
-    """Evaluates and maximises the likelihood for one record; `behind`: nats from which an effect is
-    not fitted twice.
+    """Evaluates and maximises the likelihood for one record; an effect more than
+    `refit_within` nats behind the best is not fitted twice.
     """
 
-    behind = np.inf
+    refit_within = np.inf
 
     def __init__(self, data: Data, longest_load: float) -> None:
         self.data = data
@@ -122,7 +122,7 @@ class Engine:
         d = self.data
         if name == "tau" and spec.pole == INNER:
             return 0.05, 0.05 + _HALF * d.Td
-        for number in spec.own:
+        for number in spec.effect_numbers:
             if number.name == name:
                 return number.low(d), number.high(d)
         if name == "T" and not d.trusted:
@@ -203,23 +203,26 @@ class Engine:
         """
         d = self.data
         tau = theta.get("tau", 0.0)
-        white, log_var = kernels.whiten(
-            channels,
-            theta["T"] if d.T > 0 else 0.0,
-            tau if spec.pole in _POLES_OF_LOAD else 0.0,
-            theta["load_time"],
-            lag_of(theta),
-            theta["load"],
-            theta["load_walk"] if spec.load_walk else 0.0,
-            theta["walk"] if spec.walk else 0.0,
-            theta["noise_std"],
-            theta["colour"],
-            self.spread,
-            *jumps_of(spec, theta),
-        )
+        model = self.noise_model(spec, theta)
+        white, log_var = kernels.whiten(channels, model, jumps_of(spec, theta))
         count = d.n - kernels.SKIP
         jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
         return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
+
+    def noise_model(self, spec: Spec, theta: Mapping[str, float]) -> kernels.NoiseModel:
+        """Return what moves PV besides the plant's input."""
+        return kernels.NoiseModel(
+            theta["T"] if self.data.T > 0 else 0.0,
+            theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0,
+            theta["load_time"],
+            lag_of(theta),
+            theta["load"],
+            theta["noise_std"],
+            theta["colour"],
+            self.spread,
+            theta["load_walk"] if spec.load_walk else 0.0,
+            theta["walk"] if spec.walk else 0.0,
+        )
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
@@ -274,28 +277,15 @@ class Engine:
         """Maximise over the smooth parameters named in `search` (all of the spec's when None), from
         `start`.
 
-        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own
-        derivatives give the curvature, so a handful of steps does what a general optimiser needs
+        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the derivatives of the
+        innovations give the curvature, so a handful of steps does what a general optimiser needs
         dozens for.
         """
         wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
         theta = {m: start[m] for m in spec.names if m in start or m in names}
-        box = np.array([self.bounds(spec, m) for m in names])
+        logs, box, unpack = self._searched(spec, names, theta)
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
-        by_log = _LOGS | {number.name for number in spec.own if number.log}
-        logs = np.array([m in by_log for m in names])
-        box[logs] = np.log(box[logs])
-
-        def unpack(x: np.ndarray) -> dict[str, float]:
-            return {
-                **theta,
-                **{
-                    m: float(v)
-                    for m, v in zip(names, np.where(logs, np.exp(np.where(logs, x, 0.0)), x))
-                },
-            }
-
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
@@ -304,7 +294,7 @@ class Engine:
         for _ in range(steps):
             J, slope = self._derivatives(spec, names, x, box, unpack, now)
             gradient = J.T @ now[0] + slope
-            J = self._beside_linear(spec, now, J)
+            J = self._without_linear(spec, now, J)
             curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
@@ -328,6 +318,23 @@ class Engine:
                 break
         return self.at(spec, unpack(x))
 
+    def _searched(
+        self, spec: Spec, names: tuple[str, ...], theta: Mapping[str, float]
+    ) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], dict[str, float]]]:
+        """Return which parameters are searched by their logarithm (p,), their bounds (p, 2), and
+        what turns a point of the search into all parameters.
+        """
+        by_log = _LOGS | {number.name for number in spec.effect_numbers if number.log}
+        logs = np.array([m in by_log for m in names])
+        box = np.array([self.bounds(spec, m) for m in names])
+        box[logs] = np.log(box[logs])
+
+        def unpack(x: np.ndarray) -> dict[str, float]:
+            values = np.where(logs, np.exp(np.where(logs, x, 0.0)), x)
+            return {**theta, **{m: float(v) for m, v in zip(names, values)}}
+
+        return logs, box, unpack
+
     def _derivatives(
         self,
         spec: Spec,
@@ -343,7 +350,7 @@ class Engine:
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J, slope = np.empty((left.size, x.size)), np.empty(x.size)
-        shaping = _SHAPING | {number.name for number in spec.own if number.shapes}
+        shaping = _SHAPING | {number.name for number in spec.effect_numbers if number.shapes}
         surprise = left[self.data.n - kernels.SKIP]
         for i, name in enumerate(names):
             step = _WHITE if name == "colour" and abs(x[i]) < _WHITE else STEP
@@ -362,7 +369,7 @@ class Engine:
             J[:, i], slope[i] = (other - left) / h, (higher - level) / h
         return J, slope
 
-    def _beside_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
+    def _without_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
         """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub
         & Pereyra 1973).
         """
@@ -371,7 +378,7 @@ class Engine:
         count = white.shape[1] - kernels.SKIP
         X[:count] = white[1:, kernels.SKIP :].T
         if left[count] != 0.0:
-            # the gain stands at the edge of its prior, which holds it
+            # the gain lies at the edge of its prior, which holds it
             X[count, 0] = -1.0 / (_EDGE * self.data.K)
         Q = np.linalg.qr(X)[0]
         return J - Q @ (Q.T @ J)
@@ -389,20 +396,12 @@ class Engine:
         """
         spec = fit.spec
         names = tuple(m for m in spec.names if m in fit.theta and (m != "T" or self.data.T > 0))
-        by_log = _LOGS | {number.name for number in spec.own if number.log}
-        logs = np.array([m in by_log for m in names])
-        box = np.array([self.bounds(spec, m) for m in names])
-        box[logs] = np.log(box[logs])
+        logs, box, unpack = self._searched(spec, names, fit.theta)
         x = np.array([fit.theta[m] for m in names])
         x[logs] = np.log(x[logs])
-
-        def unpack(x: np.ndarray) -> dict[str, float]:
-            values = np.where(logs, np.exp(np.where(logs, x, 0.0)), x)
-            return {**fit.theta, **{m: float(v) for m, v in zip(names, values)}}
-
         now = self._terms(spec, unpack(x))
         J, slope = self._derivatives(spec, names, x, box, unpack, now)
-        J = self._beside_linear(spec, now, J)
+        J = self._without_linear(spec, now, J)
         curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
         # a parameter of which the record tells nothing moves no further than one step of the search
         curvature += (
@@ -447,22 +446,21 @@ class Engine:
     ) -> np.ndarray:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
-        # a plant of higher order is near enough as a later one: what is found is fitted as it is
-        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"] + d.lateness
-        tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
-        model = (theta["load_time"], lag_of(theta), theta["load"])
-        onset = kernels.plant(self.onset, T, Td, tau)
+        # a plant of higher order is near enough as a later one: the best is fitted as it is
+        model, Td = self.noise_model(spec, theta), theta["Td"] + d.lateness
+        # a scan ranks maps without the walks
+        model = model._replace(load_walk=0.0, walk=0.0)
+        onset = kernels.plant(self.onset, model.T, Td, model.tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
-        noise = (theta["noise_std"], theta["colour"], self.spread)
         jumps = jumps_of(spec, theta)
-        white = kernels.whiten(channels, T, tau, *model, 0.0, 0.0, *noise, *jumps)[0]
+        white = kernels.whiten(channels, model, jumps)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
-        return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, *jumps)
+        return kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps)
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers an effect's own signals are fitted by beyond those of one
+        """Return how many numbers the signals of an effect are fitted by beyond those of one
         record.
         """
         return 0.0

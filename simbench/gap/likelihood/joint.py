@@ -1,5 +1,5 @@
 """One model over several records of a loop: plant, effect and noise shared, loads and operating
-points each their own.
+points separate.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class JointEngine(Engine):
     of its samples.
     """
 
-    behind = 40.0
+    refit_within = 40.0
 
     def __init__(self, parts: Sequence[JointPart], longest_load: float) -> None:
         first = parts[0].data
@@ -45,37 +45,39 @@ class JointEngine(Engine):
     def one_of(
         self, i: int, spec: Spec, theta: Mapping[str, float]
     ) -> tuple[Spec, dict[str, float]]:
-        """Return spec and nonlinear parameters as one record has them, in its own samples."""
+        """Return spec and nonlinear parameters as one record has them, in its samples."""
         part, rows = self.parts[i], self.places[i]
         jumps = tuple(
             k - rows.start for k in spec.jumps if rows.start + kernels.SKIP <= k < rows.stop
         )
         spec = replace(spec, channels=tuple(c[rows] for c in spec.channels), jumps=jumps)
-        own = dict(theta)
+        scaled = dict(theta)
         # an archive that lags by a sample hides one sample of dead time, but not in every record
-        own["Td"] = max((own["Td"] + self.data.late) * part.pace - part.data.late, 0.0)
+        scaled["Td"] = max((scaled["Td"] + self.data.late) * part.pace - part.data.late, 0.0)
         if part.pace != 1.0:
-            own |= {name: own[name] * part.pace for name in _TIMES if name in own}
-            own |= {name: own[name] / np.sqrt(part.pace) for name in _WALKS if name in own}
-            own["colour"] = own["colour"] ** part.pace**-1.0 if own["colour"] > 0.0 else 0.0
+            scaled |= {name: scaled[name] * part.pace for name in _TIMES if name in scaled}
+            scaled |= {name: scaled[name] / np.sqrt(part.pace) for name in _WALKS if name in scaled}
+            scaled["colour"] = (
+                scaled["colour"] ** part.pace**-1.0 if scaled["colour"] > 0.0 else 0.0
+            )
             if self.data.T == 0.0:
-                own["load"] /= part.pace
-        return spec, own
+                scaled["load"] /= part.pace
+        return spec, scaled
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers an effect's own signals are fitted by beyond those of one
+        """Return how many numbers the signals of an effect are fitted by beyond those of one
         record.
         """
         return float((len(self.parts) - 1) * (len(spec.channels) - len(base.channels)))
 
     def main(self, fit: Fit) -> Fit:
         """Return a fit as the first record alone has it: plant and effect are those of all."""
-        own = self.engines[0].at(*self.one_of(0, fit.spec, fit.theta))
-        own.beta[0] = fit.beta[0]
-        own.theta.update(
-            {name: value for name, value in fit.theta.items() if name not in own.theta}
+        alone = self.engines[0].at(*self.one_of(0, fit.spec, fit.theta))
+        alone.beta[0] = fit.beta[0]
+        alone.theta.update(
+            {name: value for name, value in fit.theta.items() if name not in alone.theta}
         )
-        return own
+        return alone
 
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
         # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the
@@ -83,14 +85,14 @@ class JointEngine(Engine):
         whole, blocks, effects = np.zeros((2, self.data.n)), [], []
         count = len(spec.channels)
         for i, engine in enumerate(self.engines):
-            rows, own = self.places[i], engine._channels(*self.one_of(i, spec, theta))
-            whole[:, rows] = own[:2]
+            rows, alone = self.places[i], engine._channels(*self.one_of(i, spec, theta))
+            whole[:, rows] = alone[:2]
             if self.data.T == 0.0:
                 whole[1, rows] /= self.parts[i].pace
-            for j, channel in enumerate(own[2:]):
+            for j, channel in enumerate(alone[2:]):
                 placed = np.zeros(self.data.n)
                 placed[rows] = channel
-                (blocks if j < len(own) - 2 - count else effects).append(placed)
+                (blocks if j < len(alone) - 2 - count else effects).append(placed)
         effects = [
             effects[i * count + j] for i in reversed(range(len(self.parts))) for j in range(count)
         ]
@@ -105,12 +107,12 @@ class JointEngine(Engine):
             here = channels[:, rows]
             seen = np.flatnonzero(here.any(axis=1))
             seen = seen if seen.size else np.array([0])
-            found, more = engine._whiten(
+            whitened, more = engine._whiten(
                 *self.one_of(i, spec, theta), np.ascontiguousarray(here[seen])
             )
             if i:
-                found[:, : kernels.SKIP] = 0.0
-            white[seen, rows] = found
+                whitened[:, : kernels.SKIP] = 0.0
+            white[seen, rows] = whitened
             level += more
         return white, level
 

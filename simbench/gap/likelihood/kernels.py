@@ -8,6 +8,7 @@ throughout.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,55 @@ _REACH = 300
 _SETTLED = 1e-6  # ... as constant as that from sample to sample
 # samples after a jump, within which another one finds the filter still unsure of the first
 _NEAR = 20
+
+
+class NoiseModel(NamedTuple):
+    """What moves PV besides the plant's input; times in samples, sizes in PV units.
+
+    A load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
+    (std of its first stage), plus a random walk of `load_walk` per sample, both through the plant's
+    pole `T` (0: integrating) and one of `tau` (0: none); a random walk of `walk` per sample on PV
+    itself; and noise of std `noise` whose successive samples correlate by `colour`. With
+    `load_lag` = PINK_LOAD the load is 1/f noise: first-order parts of equal variance, `load_time`,
+    a fifth and a 25th of it (van der Ziel 1950). `spread` is the std of PV's unknown start.
+    """
+
+    T: float
+    tau: float
+    load_time: float
+    load_lag: float
+    load: float
+    noise: float
+    colour: float
+    spread: float
+    load_walk: float = 0.0
+    walk: float = 0.0
+
+
+class Jumps(NamedTuple):
+    """Jumps of the load at each of the samples `places`, in order, and the one after it.
+
+    Their heights are unknown, of std `size` (steady effect on PV). A `lasting` jump stays, any
+    other fades with the load.
+    """
+
+    places: np.ndarray
+    size: float
+    lasting: bool
+
+
+class _Filter(NamedTuple):
+    """A Kalman filter, its covariance `P` and gain, and room for its next step."""
+
+    F: np.ndarray
+    Q: np.ndarray
+    P: np.ndarray
+    h: np.ndarray
+    r: float
+    gain: np.ndarray
+    Ph: np.ndarray
+    FP: np.ndarray
+    P_new: np.ndarray
 
 
 @njit_cached
@@ -171,10 +221,11 @@ def plant(v, T, Td, tau):
 
 
 @njit_cached
-def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
-    """Take one step of the covariance `P` and write the filter's gain; return the innovation's
+def _riccati(kalman):
+    """Take one step of the covariance and write the filter's gain; return the innovation's
     variance.
     """
+    F, Q, P, h, r, gain, Ph, FP, P_new = kalman
     s, S = h.size, r
     for i in range(s):
         Ph[i] = 0.0
@@ -203,52 +254,31 @@ def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
 
 
 @njit_cached
-def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances):
+def follow(kalman, level, size, gains, variances, covariances):
     """Write gain, innovation variance and covariance of the samples from a jump on; return the last
     that differs.
     """
     for i in range(_REACH):
         if i < 2:
-            P[level, level] += jump * jump
+            kalman.P[level, level] += size * size
         if i < _NEAR:
-            covariances[i] = P
-        variances[i] = _riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
-        gains[i] = gain
+            covariances[i] = kalman.P
+        variances[i] = _riccati(kalman)
+        gains[i] = kalman.gain
         if i > 20 and abs(variances[i] - variances[i - 1]) < _SETTLED * variances[i]:
             return i
     return _REACH - 1
 
 
 @njit_cached
-def whiten(
-    channels,
-    T,
-    tau,
-    load_time,
-    load_lag,
-    load,
-    load_walk,
-    walk,
-    noise,
-    colour,
-    spread,
-    jumps=None,
-    jump=0.0,
-    lasting=True,
-):
+def whiten(channels, model, jumps=None):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
     variances.
 
-    The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first
-    order) with steady effect `load` (std of its first stage, PV units), plus a random walk of
-    `load_walk` per sample, both through the plant's pole (and `tau`); a random walk of `walk` per
-    sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
-    With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`,
-    a fifth and a 25th of it (van der Ziel 1950). One steady-state gain serves all channels.
-    `spread` is the std of PV's unknown start. At each of the samples `jumps`, in order, and the one
-    after it the load jumps by unknown heights of std `jump` (steady effect on PV). A `lasting` jump
-    stays, any other is the load's own and fades as the load does.
+    `model` is a `NoiseModel`, `jumps` the `Jumps` of its load or None. One steady-state gain serves
+    all channels.
     """
+    T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
     has_tau, has_load_walk, has_walk, coloured = (
@@ -257,9 +287,9 @@ def whiten(
         walk > 0.0,
         abs(colour) > 0.01,
     )
-    count = 0
+    count, lasting, jump = 0, True, 0.0
     if jumps is not None:
-        count = jumps.size
+        count, lasting, jump = jumps.places.size, jumps.lasting, jumps.size
     s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0 and lasting)
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
@@ -326,7 +356,8 @@ def whiten(
             if i != j and F[i, j] != 0.0:
                 to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
                 couplings += 1
-    gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
+    gain = np.zeros(s)
+    kalman = _Filter(F, Q, P, h, r, gain, np.zeros(s), np.zeros((s, s)), np.zeros((s, s)))
     log_var, S, sum_log, scale = 0.0, 1.0, 0.0, 1.0
     # a jump is followed by the same gains as the one before, unless they are close together
     room = _REACH if count > 0 else 0
@@ -339,12 +370,10 @@ def whiten(
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
         # one more pole is one more sample on the way
-        if jumps is not None and upcoming < count and k >= jumps[upcoming] - has_tau:
+        if jumps is not None and upcoming < count and k >= jumps.places[upcoming] - has_tau:
             upcoming += 1
             if not live and last < 0:
-                last = follow(
-                    F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances
-                )
+                last = follow(kalman, level, jump, gains, variances, covariances)
                 for i in range(last + 1):
                     scales[i], logs[i] = 1.0 / math.sqrt(variances[i]), math.log(variances[i])
                 since = 0
@@ -358,7 +387,7 @@ def whiten(
             if start > 0 and k - start < 2:
                 # a jump between two samples is part of one at each
                 P[level, level] += jump * jump
-            S_old, S = S, _riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
+            S_old, S = S, _riccati(kalman)
             scale, log_var = 1.0 / math.sqrt(S), math.log(S)
             if last >= 0 and k - start >= _NEAR:
                 live, since = False, min(_NEAR, last)
@@ -407,10 +436,7 @@ def whiten(
 
 
 @njit_cached
-def scan(
-    u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis,
-    jumps=None, jump=0.0, lasting=True,
-):  # fmt: skip
+def scan(u, kind, points, Td, model, rest, basis, jumps=None):
     """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and
     times itself, whitened.
 
@@ -427,23 +453,8 @@ def scan(
         for i in range(many):
             p = points[first + i]
             batch[i] = valve(u, kind, p[0], p[1], p[2])
-        now = _plants(batch[:many], T, Td, tau)
-        white = whiten(
-            now,
-            T,
-            tau,
-            load_time,
-            load_lag,
-            load,
-            0.0,
-            0.0,
-            noise,
-            colour,
-            spread,
-            jumps,
-            jump,
-            lasting,
-        )[0]
+        now = _plants(batch[:many], model.T, Td, model.tau)
+        white = whiten(now, model, jumps)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)
         for i in range(many):

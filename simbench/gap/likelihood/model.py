@@ -14,8 +14,8 @@ from simbench.gap.likelihood import kernels
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
-_ABSENT = 1e-9
-LINEAR = 3  # linear coefficients before an effect's own: gain, bias or ramp, onset
+_ABSENT = 1e-9  # smallest noise std (PV units)
+LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
 INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
 
@@ -115,7 +115,7 @@ _MAPS = {
 
 @dataclass(frozen=True)
 class Moves:
-    """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a
+    """A valve as a function: MV from OP `u` (n,) and the numbers searched. Slower than a
     compiled map, and as general.
     """
 
@@ -158,7 +158,7 @@ class Spec:
         )
 
     @property
-    def own(self) -> tuple[Free, ...]:
+    def effect_numbers(self) -> tuple[Free, ...]:
         """Numbers of the effects switched on that are searched."""
         more = (
             (TAU, self.pole),
@@ -173,7 +173,7 @@ class Spec:
     def names(self) -> tuple[str, ...]:
         """Nonlinear parameters searched, nuisances first."""
         load = tuple(m for m in NUISANCES if m != "load_lag" or not self.pink)
-        return (*load, *(number.name for number in self.own))
+        return (*load, *(number.name for number in self.effect_numbers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ def later(fit: Fit, by: float) -> Fit:
 def input_gain(fit: Fit, data: Data) -> float:
     """Return the gain by which a load at the plant's input reaches PV.
 
-    A valve that never moved shows none: a fiftieth of the baseline's stands for it.
+    A valve that never moved shows none: a fiftieth of the baseline's is taken.
     """
     least = 0.02 * abs(data.K)
     return fit.K if abs(fit.K) >= least else math.copysign(least, fit.K or data.K)
@@ -215,11 +215,11 @@ def lag_of(theta: Mapping[str, float]) -> float:
     return theta.get("load_lag", kernels.PINK_LOAD)
 
 
-def jumps_of(spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, bool] | tuple[()]:
-    """Return where the load jumps, the std of the jumps and whether they last; nothing where it
-    does not jump.
-    """
-    return (np.array(spec.jumps), theta["load_jump"], spec.lasting) if spec.jumps else ()
+def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps | None:
+    """Return the jumps of the load; None where it does not jump."""
+    if not spec.jumps:
+        return None
+    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"], spec.lasting)
 
 
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:
@@ -239,7 +239,7 @@ def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarra
 
 
 def delay_of(spec: Spec, theta: Mapping[str, float]) -> float:
-    """Return the dead time (samples) that stands for a plant's own lag as well."""
+    """Return the dead time (samples) that includes a lag of the plant."""
     return theta["Td"] + (theta["tau"] if spec.pole == INNER else 0.0)
 
 

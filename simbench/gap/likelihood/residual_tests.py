@@ -1,4 +1,4 @@
-"""What the best model leaves behind: tests of its innovations, on which the answer "unknown"
+"""What the best model does not explain: tests of its innovations, on which the answer "unknown"
 rests.
 """
 
@@ -11,17 +11,17 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty, valve_of
 from simbench.gap.likelihood.valve_map import lagged
 
-# of PV's standard deviation: innovations below it are a simulation's, and nothing can be left
-# behind in them
+# share of PV's standard deviation: innovations below it are a simulation's, and nothing can be
+# missing from them
 _NOTHING = 1e-4
 
 
 def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return every test of a fit by name, all 0 where the model explains PV to the last digit."""
-    found = residual_tests(fit, engine.data) | generic_directions(engine, fit)
+    results = residual_tests(fit, engine.data) | generic_directions(engine, fit)
     if innovation_std(fit) < _NOTHING * engine.data.size:
-        return dict.fromkeys(found, 0.0)
-    return found
+        return dict.fromkeys(results, 0.0)
+    return results
 
 
 def innovation_std(fit: Fit) -> float:

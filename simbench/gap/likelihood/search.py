@@ -4,7 +4,7 @@ settle, narrow down.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -21,9 +21,9 @@ SMOOTH = (
     "noise_std",
     "colour",
     "load_jump",
-)  # searched beside a valve
+)  # searched together with a valve
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
-_JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
+_JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied with S, whose peak is narrower
 _APART, _UNLIKE = (
     0.08,
     0.2,
@@ -42,9 +42,11 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
-    own, nominal, *others = plants(engine, base)
+    fitted, nominal, *others = plants(engine, base)
     tries = (
-        [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+        [(1.0, fitted), (0.3, fitted)]
+        if few
+        else [(1.0, fitted), (1.0, nominal), (0.3, fitted), (0.1, fitted)]
     )
     tries += [(0.3, other) for other in others]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
@@ -73,6 +75,11 @@ def idle(engine: Engine, base: Fit) -> dict[str, float]:
     )
     alone = settle(engine, stuck, steps=10).theta
     return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
+
+
+def likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:
+    """Return the likeliest of the fits from several starts, the first of equal ones."""
+    return max((engine.fit(spec, start) for start in starts), key=lambda f: f.loglik)
 
 
 def better(one: Fit | None, other: Fit) -> Fit:
@@ -110,7 +117,7 @@ def followed(
     """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many
     different ones.
 
-    The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than
+    The true peak is a percent or two wide in S, and on a coarse set its foot is no higher than
     broad hills elsewhere.
     """
     rng = np.random.default_rng(0)
@@ -182,8 +189,8 @@ def mapped(
     if kind == kernels.ZONE:
         return engine.at(replace(spec, valve=kind), {**theta, "D": a, "c": b})
     begin = 2 * (b if kind == kernels.PLAY else c) / a
-    own = {"S": a} if kind == kernels.PLAY else {"S": a, "J": b}
-    return engine.at(replace(spec, valve=kind, start=begin), {**theta, **own})
+    numbers = {"S": a} if kind == kernels.PLAY else {"S": a, "J": b}
+    return engine.at(replace(spec, valve=kind, start=begin), {**theta, **numbers})
 
 
 def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:

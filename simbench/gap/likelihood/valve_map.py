@@ -11,7 +11,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
 
-_PEAKS = 4  # of the best points of a grid over valve maps that are refined
+_PEAKS = 4  # number of best points of a grid over valve maps that are refined
 _SHARES = (
     0.1,
     0.05,
@@ -19,12 +19,12 @@ _SHARES = (
     0.01,
     0.004,
     0.001,
-)  # of a point's numbers by which it is varied, ever finer
+)  # shares of a point's numbers by which it is varied, ever finer
 _STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
 _HOPELESS = -20.0  # nats below which nobody asks by how much
-_AROUND = (-2, -1, 0, 1, 2)
+_AROUND = (-2, -1, 0, 1, 2)  # steps of a share about a point
 
-Found = tuple[float, dict[str, float | str]]
+MapFit = tuple[float, dict[str, float | str]]
 
 
 class MapSearch:
@@ -42,7 +42,7 @@ class MapSearch:
     band : float
         Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
     lag : float
-        Time constant (samples) of a sound valve's own, behind every map; 0 for none.
+        Time constant (samples) of a sound valve, after every map; 0 for none.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class MapSearch:
         v = lagged(v, self.lag, self.mv[0])
         return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + fine)
 
-    def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
+    def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""
         return (
             max(float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS),
@@ -75,14 +75,14 @@ class MapSearch:
         )
 
     def best(
-        self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float
-    ) -> Found:
+        self, points: list[tuple[float, float, float]], names: tuple[str, ...], count: float
+    ) -> MapFit:
         """Return the answer for the best of some levels with their numbers."""
-        value, *numbers = min(found)
+        value, *numbers = min(points)
         return self.priced(value, {name: float(x) for name, x in zip(names, numbers)}, count)
 
     def moved(self, kind: int, a: float, b: float) -> np.ndarray:
-        """Return OP behind a compiled map that begins where MV does."""
+        """Return OP after a compiled map that begins where MV does."""
         first = (
             self.mv[0] - self.op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
         )
@@ -92,7 +92,7 @@ class MapSearch:
 
     def zoom(
         self, kind: int, names: tuple[str, ...], grid: list[tuple[float, float]], count: float
-    ) -> Found:
+    ) -> MapFit:
         """Return the answer for a compiled map: a grid over its one or two numbers, its best points
         followed down.
         """
@@ -100,7 +100,7 @@ class MapSearch:
 
     def slipping(
         self, kind: int, names: tuple[str, str], shares: tuple[float, ...], count: float
-    ) -> Found:
+    ) -> MapFit:
         """Return the answer for a compiled map with a jump, J tried as shares of S.
 
         One slip missed spoils all that follow, and the longer a record the narrower are its peaks:
@@ -115,11 +115,11 @@ class MapSearch:
         near = part.peaks(
             kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:_PEAKS]]
         )
-        found = [
+        lowest = [
             *self.peaks(kind, [(a, b) for a, b, _ in points]),
             *self.peaks(kind, [(a, b) for _, a, b in near]),
         ]
-        return self.best(found, names, count)
+        return self.best(lowest, names, count)
 
     def stretch(self) -> MapSearch:
         """Return the search over as many samples as are needed, where MV moves most."""
@@ -138,7 +138,7 @@ class MapSearch:
         def tried(points: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
             return sorted((self.level(self.moved(kind, a, b)), a, b) for a, b in points)
 
-        found = []
+        lowest = []
         for _, a, b in tried(grid)[:_PEAKS]:
             for share in _SHARES:
                 wide = a if kind == kernels.ZONE else b
@@ -147,13 +147,13 @@ class MapSearch:
                     (a * (1 + i * share / 2), b + j * share * wide) for i in _AROUND for j in ways
                 ]
                 value, a, b = tried(near)[0]
-            found.append((value, a, b))
-        return found
+            lowest.append((value, a, b))
+        return lowest
 
 
 def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
-    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest;
-    itself behind none.
+    """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest;
+    itself after none.
     """
     if tau <= 0.0:
         return op

@@ -38,7 +38,7 @@ _CERTAIN = 10.0
 # of another "unknown" that one test takes away, whichever it is (median of 69 development tests)
 # ...
 _KNOWN = 0.34
-# ... and that is some known effect's where a simulation that failed stands behind it (4 records of
+# ... and that is some known effect's where it follows from a simulation that failed (4 records of
 # 4)
 _REFUTED = 0.75
 # gain in the probability of a right answer, and information in nats, up to which a test tells
@@ -86,7 +86,7 @@ class PlannedTests:
 
     @property
     def next_test(self) -> dict[str, Any] | None:
-        """The test to run next, as the diagnosis says it."""
+        """The test to run next, as the diagnosis reports it."""
         one = self.best
         if one is None:
             return None
@@ -119,13 +119,13 @@ class PlannedTests:
         one = self.best
         if one is None:
             return self.why
-        said = f"{one.trial.id}: {one.trial.says}"
+        text = f"{one.trial.id}: {one.trial.says}"
         if len(self.pair) == 2 and self.p_right > one.p_right:
-            said += f"; the best pair is {' and '.join(self.pair)}, {self.p_right:.2f} after both"
+            text += f"; the best pair is {' and '.join(self.pair)}, {self.p_right:.2f} after both"
         right = (
             f"right with probability {self.probability.max():.2f} now, {one.p_right:.2f} after it"
         )
-        return f"{said} ({right}; separates {', '.join(self.separated(one))})"
+        return f"{text} ({right}; separates {', '.join(self.separated(one))})"
 
     def as_text(self) -> str:
         """Return the plan for a terminal."""
@@ -140,14 +140,14 @@ class PlannedTests:
         return "\n".join(lines + [f"left out: {why}" for why in self.left_out])
 
     def separated(self, one: Expected) -> list[str]:
-        """Return the explanations that a test tells from the likeliest."""
+        """Return the explanations that a test distinguishes from the likeliest."""
         mean = one.nats.mean(axis=0)
         apart = TEMPERATURE * (mean[0, 0] - mean[0] + np.diag(mean) - mean[:, 0])
         return [self.effects[0], *(e for e, x in zip(self.effects[1:], apart[1:]) if x > _APART)]
 
 
 def plan(
-    found: Assessment,
+    assessment: Assessment,
     probability: Mapping[str, float],
     loops: ClosedLoops,
     limits: Limits | None = None,
@@ -155,15 +155,15 @@ def plan(
     runs: int = 2,
     tests: Sequence[str] = _TESTS,
 ) -> PlannedTests:
-    """Simulate every test of the menu under the likeliest explanations and say what each would
-    tell.
+    """Simulate every test of the menu under the likeliest explanations and estimate what each would
+    reveal.
     """
-    s, limits = found.situation, limits or Limits()
-    first = _open_beside(found, probability)
-    probability = _second(found) if first else probability
-    believed, unknown = _believed(found, probability)
+    s, limits = assessment.situation, limits or Limits()
+    first = _proven_by_op(assessment, probability)
+    probability = _second(assessment) if first else probability
+    believed, unknown = _believed(assessment, probability)
     ranking = sorted(
-        ((e, p) for e, p in believed.items() if e in found.parameters or e == NONE),
+        ((e, p) for e, p in believed.items() if e in assessment.parameters or e == NONE),
         key=lambda kv: -kv[1],
     )
     shown = [
@@ -172,34 +172,34 @@ def plan(
         if i < 2 or x[1] > _LIKELY
     ][:most]
     effects, p = tuple(e for e, _ in shown), np.array([p for _, p in shown])
-    why = _no_need(found, probability, effects)
+    why = _no_need(assessment, probability, effects)
     if why:
         return PlannedTests(effects, p, (), (), max(probability.values()), why)
     files = {e: loops.loop([*first, *([] if e == NONE else [e])]) for e in effects}
     bands = [
-        band(found.parameters[e])
+        band(assessment.parameters[e])
         for e in effects
-        if e in found.parameters and (band := recogniser(e).band) is not None
+        if e in assessment.parameters and (band := recogniser(e).band) is not None
     ]
     others = {e: x for e, x in believed.items() if e not in effects}
 
-    def told(nats: np.ndarray, *ids: str) -> tuple[float, float]:
-        information, right = _told(p, nats, unknown)
+    def gained(nats: np.ndarray, *ids: str) -> tuple[float, float]:
+        information, right = _gained(p, nats, unknown)
         return information, right + sum(
             x for e, x in others.items() if any(_seen_by(i, e) for i in ids)
         )
 
     out, left_out = [], []
     for id_ in tests:
-        if id_ in found.asked or (id_ == "mv" and found.valve_seen):
+        if id_ in assessment.asked or (id_ == "mv" and assessment.valve_seen):
             continue
         trial, why, excursion = sized(id_, s, files, min(bands, default=0.0), limits)
-        nats = None if trial is None else _nats(trial, found, effects, files, runs)
+        nats = None if trial is None else _nats(trial, assessment, effects, files, runs)
         if trial is None or nats is None:
             left_out.append(why or f"{id_}: it cannot be simulated")
             continue
         record = trial.run(files[effects[0]], 0)
-        information, right = told(nats, id_)
+        information, right = gained(nats, id_)
         out.append(
             Expected(
                 trial,
@@ -217,7 +217,7 @@ def plan(
     if len(out) > 1:
         # of pairs that tell the same, the one whose first test tells more comes first
         pairs = [
-            (told(a.nats + b.nats, *(ids := (a.trial.id, b.trial.id)))[1], ids)
+            (gained(a.nats + b.nats, *(ids := (a.trial.id, b.trial.id)))[1], ids)
             for a, b in combinations(out, 2)
         ]
         right, pair = max(pairs, key=lambda x: x[0])
@@ -228,75 +228,79 @@ def plan(
 
 
 def _believed(
-    found: Assessment, probability: Mapping[str, float]
+    assessment: Assessment, probability: Mapping[str, float]
 ) -> tuple[dict[str, float], float]:
-    """Return probabilities of the known explanations as a test finds them, and that of "unknown"
+    """Return probabilities of the known explanations as a test meets them, and that of "unknown"
     which it leaves.
     """
     p = {e: float(x) for e, x in probability.items() if e != UNKNOWN}
     unknown = float(probability.get(UNKNOWN, 0.0))
     first = max(probability, key=lambda e: probability[e])
-    if found.worst_test[0] < _CERTAIN:
+    if assessment.worst_test[0] < _CERTAIN:
         refuted = (
-            [e for e in (*found.chosen[:1], NONE) if p.get(e) == 0.0] if first == UNKNOWN else []
+            [e for e in (*assessment.chosen[:1], NONE) if p.get(e) == 0.0]
+            if first == UNKNOWN
+            else []
         )
         if refuted:
             p[refuted[0]] = _REFUTED * unknown
         unknown *= 1.0 - (_REFUTED if refuted else _KNOWN)
-    for e in _look_alikes(found, first):
+    for e in _look_alikes(assessment, first):
         p[e] = max(p.get(e, 0.0), _LOOK_ALIKE * p[first])
     whole = sum(p.values())
     return {e: (1.0 - unknown) * x / whole for e, x in p.items()}, unknown
 
 
-def _open_beside(found: Assessment, probability: Mapping[str, float]) -> list[str]:
-    """Return the effect that OP alone proves, if a second is named beside it by likelihood only;
+def _proven_by_op(assessment: Assessment, probability: Mapping[str, float]) -> list[str]:
+    """Return the effect that OP alone proves, if a second is named by likelihood only;
     none otherwise.
     """
-    first, second = found.chosen[:1], found.chosen[1:]
+    first, second = assessment.chosen[:1], assessment.chosen[1:]
     by_op = [
         e
         for e in first
-        if e in found.situation.proven and block_of(e) == "controller" and probability[e] > 0.5
+        if e in assessment.situation.proven and block_of(e) == "controller" and probability[e] > 0.5
     ]
-    return by_op if second and not found.shown(second[0]) else []
+    return by_op if second and not assessment.shown(second[0]) else []
 
 
-def _second(found: Assessment) -> dict[str, float]:
-    """Return the probabilities of second effects, and of none, beside the first."""
-    gains = found.log_likelihood_gains_on_top or found.log_likelihood_gains
-    others = {e: gain for e, gain in gains.items() if block_of(e) != block_of(found.chosen[0])} | {
-        NONE: LEAST_NATS
-    }
+def _second(assessment: Assessment) -> dict[str, float]:
+    """Return the probabilities of second effects, and of none, given the first."""
+    gains = assessment.log_likelihood_gains_on_top or assessment.log_likelihood_gains
+    others = {
+        e: gain for e, gain in gains.items() if block_of(e) != block_of(assessment.chosen[0])
+    } | {NONE: LEAST_NATS}
     return dict(zip(others, softmax(TEMPERATURE * np.array(list(others.values()))).tolist()))
 
 
-def _look_alikes(found: Assessment, effect: str) -> list[str]:
+def _look_alikes(assessment: Assessment, effect: str) -> list[str]:
     """Return the fitted effects that give the same signals as one in some records."""
     groups = set(EFFECTS[effect].alike) if effect in EFFECTS else set()
-    return [e for e in found.parameters if e != effect and groups & set(EFFECTS[e].alike)]
+    return [e for e in assessment.parameters if e != effect and groups & set(EFFECTS[e].alike)]
 
 
-def _no_need(found: Assessment, probability: Mapping[str, float], effects: Sequence[str]) -> str:
+def _no_need(
+    assessment: Assessment, probability: Mapping[str, float], effects: Sequence[str]
+) -> str:
     """Return why no test is needed, or would help; "" where one might."""
     first = max(probability, key=lambda e: probability[e])
     if (
-        set(found.chosen) & set(found.situation.proven)
-        and probability.get(found.chosen[0], 0.0) > 0.5
+        set(assessment.chosen) & set(assessment.situation.proven)
+        and probability.get(assessment.chosen[0], 0.0) > 0.5
     ):
-        return f"{found.chosen[0]} is shown by the record itself; no test would tell more"
-    # of a slow load and a drift no other test says which it is
-    unsettled = "lab" not in found.asked and any(
-        _seen_by("lab", e) for e in _look_alikes(found, first)
+        return f"{assessment.chosen[0]} is shown by the record itself; no test would tell more"
+    # of a slow load and a drift no other test shows which it is
+    unsettled = "lab" not in assessment.asked and any(
+        _seen_by("lab", e) for e in _look_alikes(assessment, first)
     )
     if probability[first] >= _SETTLED and not unsettled:
         return (
             f"{first} has a probability of {probability[first]:.2f}; another record would sooner"
             " unsettle it than tell more"
         )
-    if first == UNKNOWN and found.worst_test[0] >= _CERTAIN:
-        said = found.unexplained[found.worst_test[1]]
-        return f"no known effect explains it ({said}), which no test on the menu would change"
+    if first == UNKNOWN and assessment.worst_test[0] >= _CERTAIN:
+        why = assessment.unexplained[assessment.worst_test[1]]
+        return f"no known effect explains it ({why}), which no test on the menu would change"
     return (
         "" if len(effects) > 1 else "one explanation is left; no test on the menu would tell more"
     )
@@ -313,7 +317,7 @@ def _seen_by(id_: str, effect: str) -> bool:
     return {"mv": recogniser(effect).by_mv, "lab": recogniser(effect).by_lab}.get(id_) is not None
 
 
-def _told(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float, float]:
+def _gained(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float, float]:
     """Return expected information (nats) and probability of a right answer after a test; what is
     not simulated stays open.
     """
@@ -326,7 +330,11 @@ def _told(p: np.ndarray, nats: np.ndarray, unknown: float = 0.0) -> tuple[float,
 
 
 def _nats(
-    trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int
+    trial: Trial,
+    assessment: Assessment,
+    effects: Sequence[str],
+    files: Mapping[str, Loop],
+    runs: int,
 ) -> np.ndarray | None:
     """Return log-likelihoods (runs, explanations, explanations) of simulated tests."""
     out = np.zeros((runs, len(effects), len(effects)))
@@ -337,18 +345,20 @@ def _nats(
                 return None
             for b, effect in enumerate(effects):
                 apart = _seen_by(trial.id, effect) != _seen_by(trial.id, made_by)
-                out[i, a, b] = _level(trial, record, found, effect) - apart * _APART / TEMPERATURE
+                out[i, a, b] = (
+                    _level(trial, record, assessment, effect) - apart * _APART / TEMPERATURE
+                )
     # on average nothing explains a test better than what made it (Gibbs); a fit that does was
-    # merely found sooner
+    # merely reached sooner
     mean = out.mean(axis=0)
     return out - np.maximum(mean - np.diag(mean)[:, None], 0.0)
 
 
-def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str) -> float:
-    s = found.situation
-    p = found.parameters.get(effect, {})
+def _level(trial: Trial, record: LoopRecord, assessment: Assessment, effect: str) -> float:
+    s = assessment.situation
+    p = assessment.parameters.get(effect, {})
     if trial.id == "lab":
-        # beside what falsifies the measurement it shows nothing that the record does not
+        # except for what falsifies the measurement it shows nothing that the record does not
         return 0.0
     op, level, by_mv = np.asarray(record.op), 0.0, trial.id == "mv" or s.record.mv is not None
     if by_mv:
@@ -362,7 +372,7 @@ def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str) -> 
         level = -0.5 * op.size * float(np.log(off + _MV_NOISE**2))
     u = np.asarray(record.mv) if by_mv else through_valve(op, s.baseline.valve, trial.Ts)
     data = replace(s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(record.pv), late=0)
-    fit = found.candidates[effect].fit if effect in found.candidates else found.base
+    fit = assessment.candidates[effect].fit if effect in assessment.candidates else assessment.base
     return level + _likelihood(data, trial, s, fit, by_mv)
 
 

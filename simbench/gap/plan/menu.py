@@ -27,7 +27,7 @@ _DRAWS = 8  # of load and noise, under which PV's excursion is looked at where t
 _SPREADS = 4.0
 # of a limit on PV that the simulated excursion may use: the plant is not quite the model
 _MARGIN = 0.8
-_SAYS = {
+_SENTENCES = {
     "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
     "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",
     "kc_half": "halve Kc for {minutes:.0f} min and record, as operated",
@@ -44,8 +44,8 @@ ACTIVE = ("sp_steps", "bump", "stairs")
 
 @dataclass(frozen=True)
 class Limits:
-    """What a test may do to the plant: ranges of PV and OP, how far PV and OP may leave where they
-    stand, how long it lasts.
+    """What a test may do to the plant: ranges of PV and OP, how far PV and OP may move, how
+    long it lasts.
     """
 
     pv: tuple[float, float] = (-np.inf, np.inf)
@@ -85,16 +85,16 @@ def read_limits(path: str | Path) -> Limits:
 
 
 def _flat(table: dict[str, Any]) -> dict[str, Any]:
-    """Return limits with [pv] and [op] as the names that stand for them alone."""
+    """Return limits with [pv] and [op] as the names of single limits."""
     out = dict(table)
     for name, more in (("pv", "excursion"), ("op", "travel")):
         if isinstance(table.get(name), dict):
-            own = dict(out.pop(name))
-            if more in own:
-                out[f"{name}_{more}"] = own.pop(more)
+            table_of = dict(out.pop(name))
+            if more in table_of:
+                out[f"{name}_{more}"] = table_of.pop(more)
             lo, hi = getattr(Limits(), name)
             # a key that is left is no pair of numbers, and refused as such
-            out[name] = [own.pop("lo", lo), own.pop("hi", hi), *own]
+            out[name] = [table_of.pop("lo", lo), table_of.pop("hi", hi), *table_of]
     return out
 
 
@@ -124,7 +124,7 @@ class Trial:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the tables beside its record would say."""
+        """What the tables that go with its record would hold."""
         test: dict[str, Any] = {"id": self.id}
         if self.size:
             test |= {"size": self.size, "hold_s": self.hold_s}
@@ -138,7 +138,7 @@ class Trial:
     @property
     def says(self) -> str:
         """The test in a sentence."""
-        return _SAYS[self.id].format(size=self.size, hold=self.hold_s, minutes=self.minutes)
+        return _SENTENCES[self.id].format(size=self.size, hold=self.hold_s, minutes=self.minutes)
 
     def run(self, loop: Loop, seed: int) -> LoopRecord | None:
         """Simulate the test on a loop file; None where the loop cannot be simulated."""

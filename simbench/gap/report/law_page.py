@@ -14,7 +14,7 @@ from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.discovery import Discovery
 from simbench.gap.discover.search import chance
 from simbench.gap.report import law_pictures
-from simbench.gap.report.parts import beside, captioned, render, write
+from simbench.gap.report.parts import captioned, compared, render, write
 from simbench.gap.report.traces import Traces
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
@@ -23,24 +23,29 @@ from simbench.loop.laws import LAW_FORMS
 _MOST = 1200  # samples of a trace drawn
 
 
-def write_law_page(found: Discovery, path: str | Path) -> None:
+def write_law_page(discovery: Discovery, path: str | Path) -> None:
     """Write a discovery as one self-contained HTML page."""
-    sections = [("law", "What it looks like", law_section(found))]
-    if found.law is not None:
-        sections.append(("look", "Record and simulation", _beside(found)))
-    tag = found.situation.record.tag
+    sections = [("law", "What it looks like", law_section(discovery))]
+    if discovery.law is not None:
+        sections.append(("look", "Record and simulation", _look(discovery)))
+    tag = discovery.situation.record.tag
     title = f"{tag or 'Record'} beside its simulation"
     write(path, title, "A law for what has no name", sections)
 
 
-def law_section(found: Discovery) -> Markup:
+def law_section(discovery: Discovery) -> Markup:
     """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and
     its certificate.
     """
-    law, g = found.law, found.gap
+    law, g = discovery.law, discovery.gap
     if law is None or g is None:
         return render(
-            "law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block
+            "law.html",
+            sentence=discovery.sentence(),
+            tiles=[],
+            items=[],
+            table=None,
+            block=discovery.block,
         )
     tiles = [
         (law.block, "block"),
@@ -55,7 +60,7 @@ def law_section(found: Discovery) -> Markup:
             f"{g.recalibrated:.2f} to {g.after:.2f}",
             f"gap, recalibrated and with the law, floor {g.floor:.2f}",
         ),
-        ((found.nearest or "none").replace("_", " "), "nearest known effect"),
+        ((discovery.nearest or "none").replace("_", " "), "nearest known effect"),
     ]
     rules = LAW_FORMS[law.form].numbers
     rows = [
@@ -70,19 +75,20 @@ def law_section(found: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]
-    says = "record with the law's spells shaded"
+    shaded = f": {discovery.regime}" if discovery.regime else ""
+    caption = "record with the law's spells shaded"
     items = [
         {
-            "svg": inline_svg(law_pictures.draw_windows(found), "windows", says),
-            "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",
+            "svg": inline_svg(law_pictures.draw_windows(discovery), "windows", caption),
+            "caption": f"Where it acts, shaded{shaded}.",
         }
     ]
-    if law_pictures.law_curve(found) is not None:
-        drawn = inline_svg(law_pictures.draw_law(found), "law", law.text)
+    if law_pictures.law_curve(discovery) is not None:
+        drawn = inline_svg(law_pictures.draw_law(discovery), "law", law.text)
         items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
     return render(
         "law.html",
-        sentence=found.sentence(),
+        sentence=discovery.sentence(),
         tiles=tiles,
         items=items,
         table=sortable(pd.DataFrame(rows)),
@@ -90,10 +96,10 @@ def law_section(found: Discovery) -> Markup:
     )
 
 
-def _beside(found: Discovery) -> Markup:
-    s = found.situation
+def _look(discovery: Discovery) -> Markup:
+    s = discovery.situation
     n, Ts = s.record.n, s.record.Ts
     record = Traces(s.op, np.asarray(s.record.pv), s.sp, None, Ts)
-    runs = {name: Traces(op, pv, s.sp, None, Ts) for name, (op, pv) in found.runs.items()}
-    items = captioned(beside(record, runs, max(held_out(s), n - _MOST), n))
+    runs = {name: Traces(op, pv, s.sp, None, Ts) for name, (op, pv) in discovery.runs.items()}
+    items = captioned(compared(record, runs, max(held_out(s), n - _MOST), n))
     return render("look.html", items=items, added="the law", absent=False, given=s.trusted)

@@ -24,14 +24,14 @@ _Curve = tuple[np.ndarray, np.ndarray, str, str]  # x, y, names of both axes
 
 
 @styled
-def draw_windows(found: Discovery) -> Figure:
+def draw_windows(discovery: Discovery) -> Figure:
     """Draw PV and OP of the record, the spells in which the law acts shaded."""
-    s = found.situation
+    s = discovery.situation
     figure, grid = panels(2, 1, _WIDTH, 3.2, sharex=True)
     t = np.arange(s.record.n) * s.record.Ts
     for axes, x, name in zip(grid[:, 0], (np.asarray(s.record.pv), s.op), ("PV", "OP (%)")):
         axes.plot(t, x, color=BLACK, linewidth=0.7)
-        for a, b in found.windows:
+        for a, b in discovery.windows:
             axes.axvspan(a, b, color=RED, alpha=0.18, linewidth=0)
         label(axes, "", name)
     grid[0, 0].plot(t, s.sp, color=GREY, linestyle=":", linewidth=1.0)
@@ -40,16 +40,16 @@ def draw_windows(found: Discovery) -> Figure:
 
 
 @styled
-def draw_law(found: Discovery) -> Figure:
+def draw_law(discovery: Discovery) -> Figure:
     """Draw a law that has a curve in its block's coordinates, with the band of its interval."""
-    law, curve = found.law, law_curve(found)
+    law, curve = discovery.law, law_curve(discovery)
     assert law is not None
     assert curve is not None
     x, y, across, up = curve
     figure, grid = panels(1, 1, _WIDTH, 3.0)
     axes: Axes = grid[0, 0]
     ends = [{**law.numbers, name: value} for name, pair in law.intervals.items() for value in pair]
-    near = [c[1] for c in (law_curve(found, numbers) for numbers in ends) if c is not None]
+    near = [c[1] for c in (law_curve(discovery, numbers) for numbers in ends) if c is not None]
     if near:
         axes.fill_between(
             x,
@@ -59,7 +59,7 @@ def draw_law(found: Discovery) -> Figure:
             alpha=0.2,
             linewidth=0,
         )
-    plain = law_curve(found, {})
+    plain = law_curve(discovery, {})
     if plain is not None:
         axes.plot(x, plain[1], color=GREY, linestyle=":", label="without it")
     axes.plot(x, y, color=RED, label="the law")
@@ -88,11 +88,11 @@ def draw_lacking(lacks: Lacking) -> Figure:
     return figure
 
 
-def law_curve(found: Discovery, numbers: dict[str, float] | None = None) -> _Curve | None:
+def law_curve(discovery: Discovery, numbers: dict[str, float] | None = None) -> _Curve | None:
     """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a
     law in the loop; None where the law has no curve.
     """
-    s, law = found.situation, found.law
+    s, law = discovery.situation, discovery.law
     assert law is not None
     numbers = dict(law.numbers) if numbers is None else numbers
     setup = plain_setup(s.baseline, 0)

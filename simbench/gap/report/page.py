@@ -15,7 +15,7 @@ from simbench.gap.report import pictures
 from simbench.gap.report import traces as runs
 from simbench.gap.report.law_page import law_section
 from simbench.gap.report.law_pictures import draw_lacking
-from simbench.gap.report.parts import beside, captioned, render, write
+from simbench.gap.report.parts import captioned, compared, render, write
 from simbench.gap.report.result import GapReport, numbers, words
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
@@ -31,16 +31,16 @@ _MEANING = {
 
 
 def write_page(
-    report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None
+    report: GapReport, path: str | Path, command: Sequence[str] = (), account: Markup | None = None
 ) -> None:
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone;
-    `told`: its story.
+    `account`: its story.
     """
     tag = report.behind.found.situation.record.tag
     loop = report.fixed_loop().to_toml().strip()
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),
-        *([("story", "What the tests changed", told)] if told is not None else []),
+        *([("story", "What the tests changed", account)] if account is not None else []),
         ("where", "Where the gap lies", _where(report)),
         ("look", "Record and simulation", _look(report)),
         *_unnamed(report),
@@ -91,19 +91,19 @@ def _answer(report: GapReport) -> Markup:
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    says = "control loop; share of the gap: " + ", ".join(
+    caption = "control loop; share of the gap: " + ", ".join(
         f"{b} {100 * p:.0f} %" for b, p in shares.items()
     )
-    behind = {
+    likely = {
         b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares
     }
     return render(
         "where.html",
-        svg=inline_svg(pictures.draw_blocks(shares), "blocks", says),
+        svg=inline_svg(pictures.draw_blocks(shares), "blocks", caption),
         any=any(shares.values()),
         findings=[
             (b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows))
-            for b, rows in behind.items()
+            for b, rows in likely.items()
             if rows
         ],
     )
@@ -113,12 +113,12 @@ def _look(report: GapReport) -> Markup:
     record, simulated = runs.recorded(report), runs.simulated(report)
     start, stop = runs.window(report)
     part = (record, simulated, start, stop)
-    drawn = beside(*part)
-    says = "PV over OP: record and simulations"
-    drawn.insert(2, (pictures.draw_loops("PV", *part), "pv-op", says))
+    drawn = compared(*part)
+    caption = "PV over OP: record and simulations"
+    drawn.insert(2, (pictures.draw_loops("PV", *part), "pv-op", caption))
     if record.mv is not None:
-        says = "MV over OP: record and simulations"
-        drawn.append((pictures.draw_loops("MV", *part), "mv-op", says))
+        caption = "MV over OP: record and simulations"
+        drawn.append((pictures.draw_loops("MV", *part), "mv-op", caption))
     return render(
         "look.html",
         items=captioned(drawn),
@@ -137,8 +137,8 @@ def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
     lacks = report.behind.loops.lacking
     body = law_section(report.looks_like)
     if lacks is not None and lacks.features:
-        says = "features of the record that the simulation lacks: " + lacks.sentence
-        drawn = captioned([(draw_lacking(lacks), "lacking", says)])
+        caption = "features of the record that the simulation lacks: " + lacks.sentence
+        drawn = captioned([(draw_lacking(lacks), "lacking", caption)])
         body += render("lacking.html", items=drawn)
     return [("like", "What it looks like", body)]
 
@@ -157,9 +157,9 @@ def _which(report: GapReport) -> Markup:
     )
     meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
     chances = [r.probability for r in top]
-    says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
+    caption = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
     svg = inline_svg(
-        pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says
+        pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", caption
     )
     table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
     return render("which.html", svg=svg, table=table, meaning=meaning)
@@ -167,7 +167,7 @@ def _which(report: GapReport) -> Markup:
 
 def _shrinkage(report: GapReport) -> Markup:
     sizes = runs.gap_sizes(report)
-    says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
+    caption = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     per = report.behind.shrinkage.per_feature
     last = "after" if report.named else "recalibrated"
     features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
@@ -175,7 +175,7 @@ def _shrinkage(report: GapReport) -> Markup:
         features = features.sort_values("before", ascending=False)
     return render(
         "shrinkage.html",
-        svg=inline_svg(pictures.draw_gap(sizes), "gap", says),
+        svg=inline_svg(pictures.draw_gap(sizes), "gap", caption),
         resolvable=report.gap.resolvable,
         features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format))
         if len(features)

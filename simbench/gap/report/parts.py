@@ -35,12 +35,12 @@ def write(
         f.write(text)
 
 
-def beside(record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> list[Picture]:
+def compared(record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> list[Picture]:
     """Return the pictures of PV and of OP over time, and of the power spectra."""
-    part, says = (record, runs, start, stop), "record and simulations"
+    part, shown = (record, runs, start, stop), "record and simulations"
     return [
-        (pictures.draw_traces("PV", *part), "pv", f"PV over time, set point dotted: {says}"),
-        (pictures.draw_traces("OP", *part), "op", f"OP over time: {says}"),
+        (pictures.draw_traces("PV", *part), "pv", f"PV over time, set point dotted: {shown}"),
+        (pictures.draw_traces("OP", *part), "op", f"OP over time: {shown}"),
         (
             pictures.draw_spectra(record, runs),
             "spectra",
@@ -52,6 +52,6 @@ def beside(record: Traces, runs: Mapping[str, Traces], start: int, stop: int) ->
 def captioned(drawn: Iterable[Picture]) -> list[dict[str, str]]:
     """Return pictures as a template takes them, what they show as their caption."""
     return [
-        {"svg": inline_svg(figure, name, says), "caption": f"{says}."}
-        for figure, name, says in drawn
+        {"svg": inline_svg(figure, name, caption), "caption": f"{caption}."}
+        for figure, name, caption in drawn
     ]

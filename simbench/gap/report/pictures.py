@@ -113,7 +113,7 @@ def fill_traces(
         axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
         label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
         axes.set_ylim(*limits)
-        _say_beyond(axes, _signal(part, signal), limits)
+        _mark_beyond(axes, _signal(part, signal), limits)
     panels[-1].set_xlabel("time (s)")
 
 
@@ -143,8 +143,8 @@ def draw_loops(
     upwards = _limits([_signal(p, across) for p in parts.values()])
     grid[0, 0].set(xlim=sideways, ylim=upwards)
     for axes, part in zip(grid.flat, parts.values()):
-        if not _say_beyond(axes, part.op, sideways):
-            _say_beyond(axes, _signal(part, across), upwards)
+        if not _mark_beyond(axes, part.op, sideways):
+            _mark_beyond(axes, _signal(part, across), upwards)
     return figure
 
 
@@ -165,8 +165,8 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
                 label=name,
                 linewidth=2.0 if name == BASELINE else 1.1,
             )
-        own = spectrum(_signal(record, signal), record.Ts)[1]
-        axes.set_ylim(max(own.min(), 1e-8 * own.max()) / 5.0, own.max() * 8.0)
+        recorded = spectrum(_signal(record, signal), record.Ts)[1]
+        axes.set_ylim(max(recorded.min(), 1e-8 * recorded.max()) / 5.0, recorded.max() * 8.0)
         label(axes, "", f"power of {signal} ({unit})")
     grid[1, 0].set_xlabel("frequency (1/s)")
     grid[0, 0].legend(loc="upper right")
@@ -197,7 +197,7 @@ def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float
 
 @styled
 def draw_gap(sizes: Mapping[str, float]) -> Figure:
-    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone
+    """Draw the gap of every simulation as a bar, with the floor that seed-to-seed variation alone
     gives.
     """
     figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.34 * len(sizes))
@@ -255,11 +255,11 @@ def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     return low - 0.04 * wide, high + 0.04 * wide
 
 
-def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool:
+def _mark_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool:
     beyond = bool(np.mean((x < limits[0]) | (x > limits[1])) > 0.5)
     if beyond:
-        says = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
-        axes.text(0.5, 0.5, says, transform=axes.transAxes, ha="center", va="center")
+        warning = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
+        axes.text(0.5, 0.5, warning, transform=axes.transAxes, ha="center", va="center")
     return beyond
 
 

@@ -46,7 +46,7 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisDetails:
-    """What stands behind an answer, for text, page and loop file.
+    """What an answer rests on, for text, page and loop file.
 
     `detectable` holds, per effect, the smallest size that would have shown, with its unit;
     `after_tests`, per test, the probability that the first answer is right after it.
@@ -73,7 +73,7 @@ class GapReport:
     effects : tuple of dict
         One or two: block, effect, parameters, probability.
     group : tuple of str
-        Effects that cannot be told from the first one with these signals.
+        Effects that cannot be distinguished from the first one with these signals.
     ranking : tuple of Ranked
         All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
     gap : Gap
@@ -88,7 +88,7 @@ class GapReport:
     conclusion : Conclusion
         Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
         the records.
-    behind : Behind
+    behind : DiagnosisDetails
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
     """
@@ -214,14 +214,14 @@ class GapReport:
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
             near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
-            said = (
+            missing = (
                 f"Something is missing in the {self.block} block that no known effect explains"
                 f" (probability {p:.2f})"
             )
-            return f"{said}; closest: {words(near)}."
-        found = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
+            return f"{missing}; closest: {words(near)}."
+        named = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
         names = " and ".join(
-            f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in found
+            f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in named
         )
         share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
         verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
@@ -269,12 +269,12 @@ class GapReport:
             f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}"
             for r in self.ranking[:6]
         ]
-        told = (
+        next_test = (
             []
             if self.next_test is None
             else [f"next test: {self.next_test['test']}: {self.next_test['says']}"]
         )
-        lines += ["", *told] + [f"note: {n}" for n in self.notes]
+        lines += ["", *next_test] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
 
@@ -284,11 +284,11 @@ def words(effect: str) -> str:
 
 
 def numbers(effect: str, parameters: dict[str, float | str], begin: str = ", ") -> str:
-    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit say it once."""
+    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit show it once."""
     known = EFFECTS[effect].parameters if effect in EFFECTS else {}
     units = [getattr(known.get(k), "unit", "") for k in parameters]
     parts = []
     for (k, v), unit, after in zip(parameters.items(), units, [*units[1:], ""]):
-        said = f"{v:.3g}" if isinstance(v, (int, float)) else v
-        parts.append(f"{k} = {said}" + (f" {unit}" if unit not in ("", "-", after) else ""))
+        value = f"{v:.3g}" if isinstance(v, (int, float)) else v
+        parts.append(f"{k} = {value}" + (f" {unit}" if unit not in ("", "-", after) else ""))
     return begin + ", ".join(parts) if parts else ""

@@ -1,5 +1,5 @@
-"""The loops behind a report (baseline, recalibrated, fixed) and one simulated record of each beside
-the plant's.
+"""The loops of a report (baseline, recalibrated, fixed), and one simulated record of each to
+compare with the plant's.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
         loops[FIXED] = (report.fixed_loop(), kick_of(report, effects))
     elif close:
         loops[NEAREST] = (runs.corrected(close), kick_of(report, close))
-    found = {}
+    runs_by_name = {}
     for name, (loop, kick) in loops.items():
         try:
             record = simulate(loop, seed=seed, kick=kick).record
@@ -102,8 +102,8 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
             continue
         if np.all(np.isfinite(record.pv)):
             assert record.sp is not None
-            found[name] = _trace(record, record.op, record.sp)
-    return found
+            runs_by_name[name] = _trace(record, record.op, record.sp)
+    return runs_by_name
 
 
 def window(report: GapReport, most: int = 1200) -> tuple[int, int]:

@@ -25,8 +25,8 @@ def as_lines(
     """
     loops = _concluded(conclusions, labels, "loop")
     rows = [
-        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[said])
-        for (name, label), (n, p, said) in loops.items()
+        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer])
+        for (name, label), (n, p, answer) in loops.items()
     ]
     return [
         *columns([_HEAD, *rows]),
@@ -42,10 +42,10 @@ def _concluded(
     label.
     """
     groups: dict[tuple[str, str], list[float | None]] = {}
-    for name, found in conclusions.items():
+    for name, conclusion in conclusions.items():
         if name in labels:
             groups.setdefault((labels[name][key], labels[name]["label"]), []).append(
-                found.probability
+                conclusion.probability
             )
     out = {}
     for group, each in groups.items():
@@ -58,11 +58,11 @@ def _concluded(
 def _score(what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
     labelled = {
-        group: said for group, (_, _, said) in groups.items() if group[1] not in ("", "unknown")
+        group: answer for group, (_, _, answer) in groups.items() if group[1] not in ("", "unknown")
     }
-    sticky = [said for (_, label), said in labelled.items() if label == STICTION]
-    others = [said for (_, label), said in labelled.items() if label != STICTION]
-    open_ = sum(said == NO_DECISION for said in labelled.values())
+    sticky = [answer for (_, label), answer in labelled.items() if label == STICTION]
+    others = [answer for (_, label), answer in labelled.items() if label != STICTION]
+    open_ = sum(answer == NO_DECISION for answer in labelled.values())
     return (
         f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction"
         f" and in {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)}"

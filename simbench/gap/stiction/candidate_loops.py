@@ -1,5 +1,5 @@
-"""The loops that may stand behind a record: one with a sound valve, one with friction, each with
-its own load and noise.
+"""The loops that may have made a record: one with a sound valve, one with friction, each with a
+load and noise.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ ARCHIVE = (
 
 @dataclass(frozen=True, eq=False)
 class CandidateLoops:
-    """What may stand behind a record (OP in %): loops without friction, the most plausible first,
+    """What may have made a record (OP in %): loops without friction, the most plausible first,
     and the one with friction.
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
-    `percent` how many units of the record's own OP one % is; `visible` is the smallest S (%) that
+    `percent` how many units of the record's OP one % is; `visible` is the smallest S (%) that
     the record would have shown, infinite where no size would.
     """
 
@@ -65,28 +65,28 @@ class CandidateLoops:
 
 
 def candidate_loops(
-    record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
+    record: LoopRecord, loop: Loop | Partial | None = None, assessment: Assessment | None = None
 ) -> CandidateLoops:
-    """Identify the loop behind a record, with a sound valve and with friction; `found` where it was
-    assessed already.
+    """Identify the loop of a record, with a sound valve and with friction; `assessment` where there
+    is one already.
     """
     notes = []
-    weighed = friction_of(record) if loop is None else friction(record, loop, found)
+    weighed = friction_of(record) if loop is None else friction(record, loop, assessment)
     record, percent = in_percent(record)
     if isinstance(loop, Loop) and with_sound_valve(loop) is not loop:
         notes.append("the loop file's valve has friction; twins are drawn with and without it")
-    found = weighed.found
-    loops = ClosedLoops(found, 0)
-    archive = [e for e in ARCHIVE if e in found.situation.proven]
+    assessment = weighed.assessment
+    loops = ClosedLoops(assessment, 0)
+    archive = [e for e in ARCHIVE if e in assessment.situation.proven]
     healthy = [loops.loop(archive)]
-    gains = found.log_likelihood_gains
-    if OUTSIDE in found.parameters:
+    gains = assessment.log_likelihood_gains
+    if OUTSIDE in assessment.parameters:
         healthy.append(loops.loop([*archive, OUTSIDE]))
         if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
     sizes = smallest_detectable(
-        found.situation, found.base, load_memory(found.situation), (FRICTION,)
+        assessment.situation, assessment.base, load_memory(assessment.situation), (FRICTION,)
     )
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
@@ -99,7 +99,7 @@ def candidate_loops(
         loop is not None,
         swing.period_s if swing.sustained else None,
         percent,
-        (*notes, *found.situation.notes),
+        (*notes, *assessment.situation.notes),
         max(float(gains.get(OUTSIDE, 0.0)), 0.0),
         sizes.get(FRICTION, (float("inf"), ""))[0],
     )

@@ -23,7 +23,7 @@ STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = (
     "another loop",
 )
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
-_TOLD_BY_FLAGS = {
+_CAUSE_OF_FLAG = {
     "saturated": AT_LIMIT,
     "frozen": SENSOR,
     "dead_pv": SENSOR,
@@ -31,17 +31,17 @@ _TOLD_BY_FLAGS = {
     "manual": NOT_TOLD,
 }
 _NAMED_FROM = 0.6  # confidence below which no cause is named
-_APART = 0.15  # by which the likeliest must lead the next
+_APART = 0.15  # confidence by which the likeliest must lead the next
 _KEPT = (
     0.9,
     0.98,
 )  # phase kept with one sine from which the swing is a line of the load, and from which surely
-_FEWEST_PERIODS = 12  # below which every swing keeps its phase
+_FEWEST_PERIODS = 12  # periods below which every swing keeps its phase
 _TIGHT = (
     2.2,
     4.0,
 )  # largest sensitivity from which tuning may be the cause, and from which it surely can
-_BARE = 0.1  # of S, below which J is no jump
+_BARE = 0.1  # share of S below which J is no jump
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
 # factor between the period of the loop and that of its resonance up to which they are one
@@ -80,40 +80,40 @@ class Causes:
 
 
 def _line(c: Cause) -> str:
-    told = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
-    told += [f"against: {'; '.join(c.against)}"] if c.against else []
-    return f"  {c.name} ({c.confidence:.2f}): {'. '.join(told)}."
+    parts = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
+    parts += [f"against: {'; '.join(c.against)}"] if c.against else []
+    return f"  {c.name} ({c.confidence:.2f}): {'. '.join(parts)}."
 
 
 def find_causes(
-    prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
+    prepared: Prepared, loops: CandidateLoops | str, root: str | None = None, sure: float = 0.0
 ) -> Causes:
-    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that
-    cannot be told.
+    """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
+    why none can be identified.
 
     `root` is the loop that drives it, `sure` that loop's probability of stiction.
     """
     flags, swing = prepared.flags, prepared.oscillation
-    claimed = not isinstance(behind, str) and behind.probability > CLAIMED_FROM
-    for flag, name in _TOLD_BY_FLAGS.items():
+    claimed = not isinstance(loops, str) and loops.probability > CLAIMED_FROM
+    for flag, name in _CAUSE_OF_FLAG.items():
         if flag in flags and not claimed:
-            found = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
-            return Causes(found, (found,))
-    if isinstance(behind, str):
-        return _open(behind, ())
-    known, keeps, periods = _margins(behind), 0.0, 0.0
+            cause = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
+            return Causes(cause, (cause,))
+    if isinstance(loops, str):
+        return _open(loops, ())
+    known, keeps, periods = _margins(loops), 0.0, 0.0
     if swing.sustained:
-        periods = behind.record.duration / swing.period_s
+        periods = loops.record.duration / swing.period_s
         keeps = (
-            coherence(behind.record.pv, swing.period_s / behind.record.Ts)
+            coherence(loops.record.pv, swing.period_s / loops.record.Ts)
             if periods >= _FEWEST_PERIODS
             else float("nan")
         )
     weighed = [
-        _stiction(behind, keeps),
+        _stiction(loops, keeps),
         _tuning(known, swing, keeps, periods),
-        _outside(behind, swing, keeps, periods),
-        _sensor(prepared, behind),
+        _outside(loops, swing, keeps, periods),
+        _sensor(prepared, loops),
     ]
     if root is not None:
         why = (
@@ -121,23 +121,23 @@ def find_causes(
             f" {sure:.2f}"
         )
         weighed.append(Cause(NEIGHBOUR, sure, (why,)))
-    weighed.append(_nothing(behind, swing, known))
+    weighed.append(_nothing(loops, swing, known))
     weighed.sort(key=lambda c: -c.confidence)
     first, second = weighed[:2]
-    # friction of its own is a case of its own, whatever else swings with it
-    own = next(c for c in weighed if c.name == STICKING)
-    if root is not None and sure > CLAIMED_FROM and sure >= own.confidence - 0.1:
+    # friction of this valve is a separate cause, whatever else oscillates with it
+    sticking = next(c for c in weighed if c.name == STICKING)
+    if root is not None and sure > CLAIMED_FROM and sure >= sticking.confidence - 0.1:
         return Causes(next(c for c in weighed if c.name == NEIGHBOUR), tuple(weighed))
-    if own.confidence > CLAIMED_FROM:
-        return Causes(own, tuple(weighed))
+    if sticking.confidence > CLAIMED_FROM:
+        return Causes(sticking, tuple(weighed))
     if claimed:
         return _open("the swing speaks against a valve that sticks", tuple(weighed))
-    if behind.probability >= DENIED_BELOW:
+    if loops.probability >= DENIED_BELOW:
         between = (
             f"a probability between {DENIED_BELOW:g} and {CLAIMED_FROM:g} leaves the valve open"
         )
         return _open(f"{between}, and with it every other cause", tuple(weighed))
-    if first.confidence < _NAMED_FROM or first is own:
+    if first.confidence < _NAMED_FROM or first is sticking:
         return _open("no cause has enough evidence", tuple(weighed))
     if first.confidence - second.confidence < _APART and {first.name, second.name} != {
         SENSOR,
@@ -151,29 +151,27 @@ def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
 
 
-def _margins(behind: CandidateLoops) -> Margins | None:
+def _margins(loops: CandidateLoops) -> Margins | None:
     """Return the margins of the loop that explains the record best."""
-    own = (
-        behind.sticky
-        if behind.sticky is not None and behind.probability > 0.5
-        else behind.healthy[0]
+    loop = (
+        loops.sticky if loops.sticky is not None and loops.probability > 0.5 else loops.healthy[0]
     )
-    return margins(own)
+    return margins(loop)
 
 
-def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
-    p = behind.probability
-    word = "better" if behind.gain > 0 else "worse"
-    better = f"friction explains the record {word} than none (log-likelihood {behind.gain:+.0f})"
+def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
+    p = loops.probability
+    word = "better" if loops.gain > 0 else "worse"
+    better = f"friction explains the record {word} than none (log-likelihood {loops.gain:+.0f})"
     if p <= 0.5:
         return Cause(STICKING, p, (), (better,))
     size = (
         ""
-        if behind.fitted is None
-        else f"; its best size is S = {behind.fitted[0]:.2g}, J = {behind.fitted[1]:.2g} %"
+        if loops.fitted is None
+        else f"; its best size is S = {loops.fitted[0]:.2g}, J = {loops.fitted[1]:.2g} %"
     )
-    bare = behind.fitted is not None and behind.fitted[1] < _BARE * behind.fitted[0]
-    if bare and keeps > _KEPT[1] and behind.healthy[0].plant.type == "foptd":
+    bare = loops.fitted is not None and loops.fitted[1] < _BARE * loops.fitted[0]
+    if bare and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
         why = (
             "a band without a jump makes no self-regulating loop swing, and the swing keeps its"
             " phase as one from outside"
@@ -185,26 +183,30 @@ def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
 def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if known is None:
         return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
-    said = known.sentence()
+    margins_text = known.sentence()
     if not swing.sustained:
-        return Cause(TIGHT, 0.0, (), ("the loop does not swing", said))
+        return Cause(TIGHT, 0.0, (), ("the loop does not swing", margins_text))
     if keeps > _KEPT[0]:
         kept = (
             f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does"
             " that noise keeps swinging"
         )
-        return Cause(TIGHT, 0.1, (), (kept, said))
+        return Cause(TIGHT, 0.1, (), (kept, margins_text))
     if np.isnan(keeps):
         few = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
-        return Cause(TIGHT, 0.3, (), (few, said))
+        return Cause(TIGHT, 0.3, (), (few, margins_text))
     ratio = max(known.period / swing.period_s, swing.period_s / known.period)
     if known.sensitivity < _TIGHT[0] or ratio > _NEAR:
-        return Cause(TIGHT, 0.05, (), (f"{said}; the loop swings with {swing.period_s:.3g} s",))
+        return Cause(
+            TIGHT, 0.05, (), (f"{margins_text}; the loop swings with {swing.period_s:.3g} s",)
+        )
     tight = float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95)))
-    return Cause(TIGHT, tight, (f"{said}, near the {swing.period_s:.3g} s with which it swings",))
+    return Cause(
+        TIGHT, tight, (f"{margins_text}, near the {swing.period_s:.3g} s with which it swings",)
+    )
 
 
-def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
+def _outside(loops: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if not swing.sustained:
         return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
     if np.isnan(keeps):
@@ -214,27 +216,27 @@ def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: 
             (),
             (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",),
         )
-    said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
+    kept = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
     if keeps < _KEPT[0]:
-        return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
+        return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}the load's spectrum shows no line",))
     gained = (
         "an oscillation from outside explains the record better than none (log-likelihood"
-        f" +{behind.outside:.0f})"
+        f" +{loops.outside:.0f})"
     )
     sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(
-        np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3))
+        np.interp(loops.probability, (0.4, 0.7), (1.0, 0.3))
     )
-    told = f"{said}a line in the load's spectrum, narrower than a loop resonates"
-    return Cause(FROM_OUTSIDE, sure, (told, *([gained] if behind.outside > 0 else [])))
+    line = f"{kept}a line in the load's spectrum, narrower than a loop resonates"
+    return Cause(FROM_OUTSIDE, sure, (line, *([gained] if loops.outside > 0 else [])))
 
 
-def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
+def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     record = prepared.record
     std = float(np.std(record.pv))
-    noise = min(float(behind.healthy[0].noise.std) / std, 1.0) if std > 0 else 0.0
+    noise = min(float(loops.healthy[0].noise.std) / std, 1.0) if std > 0 else 0.0
     steps = np.diff(record.op)
     turns = float(np.mean(steps[1:] * steps[:-1] < 0)) if steps.size > 1 else 0.0
-    said = f"noise is {noise**2:.0%} of PV's variance, and OP turns in {turns:.0%} of the samples"
+    noisy = f"noise is {noise**2:.0%} of PV's variance, and OP turns in {turns:.0%} of the samples"
     if "spikes" in prepared.flags:
         return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
     percent = record.op_percent
@@ -243,18 +245,18 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
         return Cause(
             SENSOR,
             0.8,
-            (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",),
+            (f"{noisy}: the valve follows the noise, by {moved:.2g} % from sample to sample",),
         )
-    return Cause(SENSOR, 0.05, (), (said,))
+    return Cause(SENSOR, 0.05, (), (noisy,))
 
 
-def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
+def _nothing(loops: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:
         return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))
-    p = behind.probability
+    p = loops.probability
     if p >= DENIED_BELOW:
         return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
-    said = "the loop does not oscillate, and nothing else asks for a cause"
+    at_rest = "the loop does not oscillate, and nothing else asks for a cause"
     if known is not None and known.sensitivity > _POOR:
-        return Cause(NO_CAUSE, 0.7 * (1.0 - p), (said,), (known.sentence(),))
-    return Cause(NO_CAUSE, 1.0 - p, (said,))
+        return Cause(NO_CAUSE, 0.7 * (1.0 - p), (at_rest,), (known.sentence(),))
+    return Cause(NO_CAUSE, 1.0 - p, (at_rest,))

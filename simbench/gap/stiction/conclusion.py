@@ -56,7 +56,7 @@ _WATCH = "nothing to do now: watch whether the loop starts to oscillate"
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What all evidence at hand says about one valve.
+    """What all evidence at hand shows about one valve.
 
     `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None
     where the record cannot be judged; `cause` what moves the loop, or with a loop file what the
@@ -87,33 +87,33 @@ class Conclusion:
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
     try:
-        behind: CandidateLoops | str = candidate_loops(record)
+        loops: CandidateLoops | str = candidate_loops(record)
     except UserError as reason:
-        behind = str(reason)
-    return from_record(Prepared(replace(record, mv=None)), behind)
+        loops = str(reason)
+    return from_record(Prepared(replace(record, mv=None)), loops)
 
 
 def from_record(
-    prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0
+    prepared: Prepared, loops: CandidateLoops | str, root: str | None = None, sure: float = 0.0
 ) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed; parameters as in
     `find_causes`.
     """
-    causes = find_causes(prepared, behind, root, sure)
+    causes = find_causes(prepared, loops, root, sure)
     cause, swings = causes.named.name, prepared.oscillation.sustained
-    if isinstance(behind, str):
-        return Conclusion(NO_DECISION, None, cause, behind, _NEXT.get(cause, _RECORD_AGAIN)), causes
-    p = behind.probability
-    said = verdict(p)
-    if said == STICTION and cause != why.STICKING:
-        # what else is known of this loop stands against the claim
-        said = NO_DECISION
+    if isinstance(loops, str):
+        return Conclusion(NO_DECISION, None, cause, loops, _NEXT.get(cause, _RECORD_AGAIN)), causes
+    p = loops.probability
+    answer = verdict(p)
+    if answer == STICTION and cause != why.STICKING:
+        # what else is known of this loop contradicts the claim
+        answer = NO_DECISION
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
     reasons = [
         r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)
     ]
-    if said != STICTION:
-        reasons.append(_visible(behind.visible * behind.percent, prepared.record.S_unit))
+    if answer != STICTION:
+        reasons.append(_visible(loops.visible * loops.percent, prepared.record.S_unit))
         if not swings:
             reasons.append(
                 "a sticking valve need not make a loop oscillate, so the probability decides"
@@ -122,33 +122,37 @@ def from_record(
     if to_do is None:
         to_do = (
             (_ORIGIN if swings else _WATCH)
-            if said == NO_STICTION
+            if answer == NO_STICTION
             else _TO_TELL
             if swings
             else _AT_REST
         )
-    return Conclusion(said, p, cause, "; ".join(reasons), to_do), causes
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do), causes
 
 
 def from_posterior(
-    weights: Classified, named: Sequence[str], found: Assessment, visible: float, test: str | None
+    weights: Classified,
+    named: Sequence[str],
+    assessment: Assessment,
+    visible: float,
+    test: str | None,
 ) -> Conclusion:
-    """Conclude from the probabilities of all effects beside a loop file; `test` is the one to run
+    """Conclude from the probabilities of all effects, given a loop file; `test` is the one to run
     next, `visible` S in %.
 
     The verdict never contradicts the effect that is named: friction that is named without enough
     probability, or something unknown in the valve, leaves it open.
     """
-    p, first = friction_share(weights, named, found), named[0]
-    said = verdict(p)
+    p, first = friction_share(weights, named, assessment), named[0]
+    answer = verdict(p)
     sticks = [e for e in named if _is_friction(e)]
     open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
     # friction named without a claim, a claim without friction named, or something in the valve that
     # nobody knows
-    if (said == NO_STICTION and (sticks or open_valve)) or (said == STICTION and not sticks):
-        said = NO_DECISION
+    if (answer == NO_STICTION and (sticks or open_valve)) or (answer == STICTION and not sticks):
+        answer = NO_DECISION
     words = " and ".join(e.replace("_", " ") for e in named)
-    cause = why.NOT_TOLD if said == NO_DECISION else words
+    cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
         (
             "of the known explanations that the record leaves beside the loop file, those with"
@@ -156,13 +160,13 @@ def from_posterior(
         ),
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
-    if said != STICTION:
+    if answer != STICTION:
         reasons.append(_visible(visible, "% of travel"))
-    if said == STICTION:
+    if answer == STICTION:
         to_do = _NEXT[why.STICKING]
     elif test is not None:
         to_do = test
-    elif said == NO_DECISION:
+    elif answer == NO_DECISION:
         to_do = _TO_TELL
     elif first == NONE:
         to_do = _NEXT[why.NO_CAUSE]
@@ -170,32 +174,34 @@ def from_posterior(
         to_do = "describe what the simulation does not model with `simbench gap discover`"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
-    return Conclusion(said, p, cause, "; ".join(reasons), to_do)
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do)
 
 
-def friction_share(weights: Classified, named: Sequence[str], found: Assessment) -> float:
+def friction_share(weights: Classified, named: Sequence[str], assessment: Assessment) -> float:
     """Return the probability of friction: its share of the known explanations; what is unknown
     tells nothing of it.
 
     Of two effects named together both hold: the share of the other one counts by what friction
     brings on top of it.
     """
-    p, gains = weights.probability, found.log_likelihood_gains
+    p, gains = weights.probability, assessment.log_likelihood_gains
     known = max(1.0 - p[UNKNOWN], 1e-9)
     share = sum(p[e] for e in EFFECTS if _is_friction(e)) / known
     if len(named) == 2 and len(friction := [e for e in named if _is_friction(e)]) == 1:
         first, second = named
         other = second if friction[0] == first else first
-        on_top = found.log_likelihood_gains_on_top.get(second, gains[second])
+        on_top = assessment.log_likelihood_gains_on_top.get(second, gains[second])
         brings = on_top if other == first else gains[first] + on_top - gains[second]
         share += p[other] / known * float(expit(TEMPERATURE * (brings - LEAST_NATS)))
     return float(np.clip(share, 1.0 - EDGE, EDGE))
 
 
 def without(reason: str, named: Sequence[str]) -> Conclusion:
-    """Return the conclusion beside a loop file where the record cannot be judged for friction."""
-    told = [e.replace("_", " ") for e in named if e in EFFECTS and not _is_friction(e)]
-    return Conclusion(NO_DECISION, None, " and ".join(told) or why.NOT_TOLD, reason, _RECORD_AGAIN)
+    """Return the conclusion with a loop file where the record cannot be judged for friction."""
+    others = [e.replace("_", " ") for e in named if e in EFFECTS and not _is_friction(e)]
+    return Conclusion(
+        NO_DECISION, None, " and ".join(others) or why.NOT_TOLD, reason, _RECORD_AGAIN
+    )
 
 
 def _is_friction(effect: str) -> bool:

@@ -16,7 +16,7 @@ from detectors.judge import UNFIT
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part, Sampling
-from simbench.gap.candidates import beside_the_load, fit_candidates, possible_effects
+from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible, remarks
 from simbench.gap.effects import NOT_TRIED, recogniser
@@ -27,7 +27,7 @@ from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.pace import at_its_pace, own_samples, unheld
+from simbench.gap.stiction.pace import at_its_pace, measured_samples, unheld
 from simbench.gap.stiction.probability import (
     BOUNDS,
     SHORTEST_ASKED,
@@ -44,9 +44,9 @@ FRICTION, _BAND = (
 )  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
-# share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
-_OWN = 0.2
-_ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
+# share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
+_MEASURED = 0.2
+_ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Friction:
     outside, and what that showed.
     """
 
-    found: Assessment
+    assessment: Assessment
     evidence: FrictionEvidence
 
     @property
@@ -71,8 +71,8 @@ class Friction:
     @property
     def fitted(self) -> tuple[float, float] | None:
         """S and J (%) of the friction that explains the record best; None where none was fitted."""
-        own = self.found.parameters.get(FRICTION)
-        return None if own is None else (float(own["S"]), float(own["J"]))
+        sizes = self.assessment.parameters.get(FRICTION)
+        return None if sizes is None else (float(sizes["S"]), float(sizes["J"]))
 
 
 def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = None) -> float | None:
@@ -109,9 +109,9 @@ def friction_of(record: LoopRecord) -> Friction:
 
 
 def friction(
-    record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None
+    record: LoopRecord, loop: Loop | Partial | None = None, assessment: Assessment | None = None
 ) -> Friction:
-    """Weigh friction on one record, beside the loop where it is known, identified from the record
+    """Weigh friction on one record, with the loop where it is known, identified from the record
     otherwise.
 
     The evidence is that of all samples; where that leaves doubt and samples are closer than the
@@ -123,27 +123,27 @@ def friction(
     both cannot be compared.
     """
     refuse_unweighable(record)
-    # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
-    if found is not None:
-        return _measured(found)
+    # a record, and its tests, that was assessed with this loop is weighed as it was fitted
+    if assessment is not None:
+        return _measured(assessment)
     where = f"record {record.tag!r}" if record.tag else "record"
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
     if loop is None and record.mv is None:
         record = unheld(record)
-        own = own_samples(record)
-        if own < max(SHORTEST_ASKED, _OWN * record.n):
+        count = measured_samples(record)
+        if count < max(SHORTEST_ASKED, _MEASURED * record.n):
             what = (
                 "the archive repeats the others or draws straight lines between them, which looks"
                 " like a valve that rests"
             )
             raise RecordError(
-                f"{where} unfit: {own} of {record.n} samples of PV are its own; {what}"
+                f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        # a loop that is known is known at its own sampling, and MV shows a slip where it happens
+        # a loop that is known is known at its sampling, and MV shows a slip where it happens
         slow = at_its_pace(record) if loop is None and record.mv is None else record
         if slow is record:
             whole, given, _ = completed(record, loop)
@@ -155,16 +155,16 @@ def friction(
             # one loop has one plant, and all samples tell its kind better than few
             integrating = every.situation.baseline.plant.integrating
             slow = replace(slow, process="integrating" if integrating else "self-regulating")
-        own = _at_pace(slow, record)
-        if every is None and own is None:
+        at_pace = _at_pace(slow, record)
+        if every is None and at_pace is None:
             return _measured(_fitted(record, identify(record)))
         return _measured(
-            max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION])
+            max(filter(None, (every, at_pace)), key=lambda f: f.log_likelihood_gains[FRICTION])
         )
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
-    """Refuse a record that says nothing about its valve, whatever is known of its loop."""
+    """Refuse a record that shows nothing about its valve, whatever is known of its loop."""
     where = f"record {record.tag!r}" if record.tag else "record"
     refuse_unfit(record, where)
     flags = Prepared(record.without_mv()).flags
@@ -196,13 +196,13 @@ def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
-    """Return the assessment beside a loop of which plant, controller, or both, or none, were
+    """Return the assessment with a loop of which plant, controller, or both, or none, were
     given.
     """
     s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    # MV is judged beside OP by the whole diagnosis alone
-    found = _few(s) if record.mv is None else assess(s)
-    return found if s.trusted else plausible(found)
+    # MV is compared with OP by the whole diagnosis alone
+    assessment = _few(s) if record.mv is None else assess(s)
+    return assessment if s.trusted else plausible(assessment)
 
 
 def _as_it_is(record: LoopRecord) -> Assessment | None:
@@ -223,16 +223,18 @@ def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
         return None
 
 
-def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:
+def _as_sampled(assessment: Assessment, record: LoopRecord) -> Assessment:
     """Return the assessment with what single samples of the whole record prove, and what must be
     known of them.
     """
-    s = found.situation
-    own = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
-    whole = check(record, own, trusted=False)
-    parameters = {e: p for e, p in found.parameters.items() if e not in s.proven} | whole.proven
-    said = replace(s, proven=whole.proven, notes=[*whole.notes, *remarks(whole)])
-    return replace(found, situation=said, parameters=parameters)
+    s = assessment.situation
+    loop = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
+    whole = check(record, loop, trusted=False)
+    parameters = {
+        e: p for e, p in assessment.parameters.items() if e not in s.proven
+    } | whole.proven
+    situation = replace(s, proven=whole.proven, notes=[*whole.notes, *remarks(whole)])
+    return replace(assessment, situation=situation, parameters=parameters)
 
 
 def _few(s: Situation) -> Assessment:
@@ -242,11 +244,11 @@ def _few(s: Situation) -> Assessment:
     if s.trusted and s.tuned:
         refuse_other_plant(s)
     engine = Engine(s.data, load_memory(s))
-    # a load that jumps is tried for its own sake by none of the rooms above, but friction must
+    # a load that jumps is no cause here, but friction must
     # explain more than it does
     tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE) or recogniser(e).ordinary]
     bare = engine.base()
-    base, fitted = beside_the_load(engine, bare, fit_candidates(engine, bare, tried))
+    base, fitted = with_ordinary_load(engine, bare, fit_candidates(engine, bare, tried))
     gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {
         e: float(c.log_likelihood_gain) for e, c in fitted.items()
     }
@@ -256,20 +258,22 @@ def _few(s: Situation) -> Assessment:
     return Assessment(s, base, fitted, parameters, [], base, gains)
 
 
-def _measured(found: Assessment) -> Friction:
+def _measured(assessment: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
-    gains, s = found.log_likelihood_gains, found.situation
-    if found.valve_seen or s.record.mv is not None:
-        # what MV does beside OP is the valve: another map may explain it, nothing outside can, and
-        # every band counts in full
+    gains, s = assessment.log_likelihood_gains, assessment.situation
+    if assessment.valve_seen or s.record.mv is not None:
+        # what MV does that OP does not is the valve: another map may explain it, nothing outside
+        # can, and every band counts in full
         rivals = (
             gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND)
         )
         gain = max(gains[FRICTION], gains[_BAND])
-        return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
-    gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}
+        return Friction(assessment, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
+    gains = gains | {
+        e: float(c.log_likelihood_gain) for e, c in assessment.before_higher_order.items()
+    }
     # friction may have been taken out of the library
-    one = (found.beside_load or found.candidates).get(FRICTION)
+    one = (assessment.before_higher_order or assessment.candidates).get(FRICTION)
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one is not None and one.used else 0.0
-    return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))
+    return Friction(assessment, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

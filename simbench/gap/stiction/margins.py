@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarios.spec import Loop
 
-_POINTS = 1500
+_POINTS = 1500  # frequencies of the response
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,15 @@ def margins(loop: Loop) -> Margins | None:
     process = abs(plant.K) / (s if plant.type == "integrating" else 1.0 + s * T)
     controller = pi.Kc * (1.0 if pi.type == "P" else 1.0 + 1.0 / (s * Ti))
     open_loop = process * controller * np.exp(-s * (plant.Td + 0.5 * Ts))
-    phase = np.unwrap(np.angle(open_loop))
-    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
-    gain = float("inf") if not crossed.size else 1.0 / float(np.abs(open_loop[crossed]).max())
     size = 1.0 / np.abs(1.0 + open_loop)
     k = int(np.argmax(size))
-    return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))
+    return Margins(gain_margin(open_loop), float(size[k]), float(2.0 * np.pi / w[k]))
+
+
+def gain_margin(open_loop: np.ndarray) -> float:
+    """Return the gain margin of an open loop (w,) at rising frequencies; infinite where the phase
+    never crosses -180 degrees.
+    """
+    phase = np.unwrap(np.angle(open_loop))
+    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
+    return float("inf") if not crossed.size else 1.0 / float(np.abs(open_loop[crossed]).max())

@@ -1,7 +1,7 @@
 """Likelihood: how much likelier the record is with a sticky valve than with a sound one, as a
 probability.
 
-Looks for a valve map that explains, through a plant identified from the record, what PV does beside
+Looks for a valve map that explains, through a plant identified from the record, what PV does after
 OP, better than load, noise and an oscillation from outside do.
 Needs: OP and PV, oscillating or not; MV, where recorded, in place of PV. SP helps to tell the
 controller's direction.
@@ -57,19 +57,21 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
 
     record = prepared.record
     try:
-        found = friction_of(record)
+        weighed = friction_of(record)
     except UserError as why:
         return Verdict(NAME, NO_DECISION, reason=str(why))
-    p, e = found.probability, found.evidence
+    p, e = weighed.probability, weighed.evidence
     unit = in_percent(record)[1]
     S, J = (
-        (None, None) if found.fitted is None or e.gain <= 0.0 else (x * unit for x in found.fitted)
+        (None, None)
+        if weighed.fitted is None or e.gain <= 0.0
+        else (x * unit for x in weighed.fitted)
     )
-    said = (
+    reason = (
         f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from"
         f" outside {e.outside:+.0f}"
     )
     if e.gain > 0.0:
-        said += f"; its band spans {e.share:.0%} of OP's range"
+        reason += f"; its band spans {e.share:.0%} of OP's range"
     indices = {PROBABILITY: p, "gain": e.gain, "outside": e.outside, "share": e.share}
-    return Verdict(NAME, verdict(p, yes, no), found.log_odds, indices, S=S, J=J, reason=said)
+    return Verdict(NAME, verdict(p, yes, no), weighed.log_odds, indices, S=S, J=J, reason=reason)

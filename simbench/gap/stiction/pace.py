@@ -14,11 +14,11 @@ from detectors.record import LoopRecord
 from detectors.signal.lines import share_on_lines
 from detectors.signal.oscillation import find_oscillation
 
-_LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
+_LEAST = 0.2  # share of PV's standard deviation that PV moves from sample to sample
 SHORTEST_LEFT = 250  # samples that are left
 _REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
-# samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
+# samples of a period that are left of a sustained oscillation: a larger drift may be added to it
 _FEWEST = 20.0
 
 
@@ -26,7 +26,7 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
     """Return a record with so many samples left out that PV moves from one to the next; the same
     where it moves already.
 
-    A sine keeps some thirty samples a period, an oscillation beside a larger drift twenty; noise of
+    A sine keeps some thirty samples a period, an oscillation with a larger drift twenty; noise of
     a seventh of PV's standard deviation keeps all.
     """
     pv, k = np.asarray(record.pv), 1
@@ -52,8 +52,8 @@ def unheld(record: LoopRecord) -> LoopRecord:
     return resampled(record, lambda x: x[phase::k], k) if regular else record
 
 
-def own_samples(record: LoopRecord) -> int:
-    """Return how many samples of PV are its own: an archive repeats the others, or draws straight
+def measured_samples(record: LoopRecord) -> int:
+    """Return how many samples of PV were measured: an archive repeats the others, or draws straight
     lines between them.
     """
     pv = np.asarray(record.pv)

@@ -73,5 +73,5 @@ def probability(odds: float) -> float:
 
 
 def verdict(p: float, yes: float = CLAIMED_FROM, no: float = DENIED_BELOW) -> str:
-    """Return what a probability of stiction says: yes, no, or cannot tell."""
+    """Return what a probability of stiction means: yes, no, or cannot tell."""
     return STICTION if p > yes else NO_STICTION if p < no else NO_DECISION

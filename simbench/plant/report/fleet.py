@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -45,10 +46,10 @@ from simbench.plant.trust.trust import trust
 # ends the name of the folder next to a page in which the answers on its loops are kept
 JUDGED = ".judged"
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
-_FOLLOWER, _OPEN = (
-    0.2,
-    0.3,
-)  # of a loop's cost, where another drives it, and confidence where no cause is named
+# of a loop's own cost, where another drives it, and confidence where no cause is named
+_FOLLOWER, _OPEN = 0.2, 0.3
+# rows, sentences of each kind, and loops with advice that a terminal shows; the page has everything
+_LISTED, _SENTENCES, _ADVISED = 15, 5, 2
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
@@ -139,22 +140,37 @@ class Fleet:
         ]
 
     def as_text(self) -> str:
-        """Return the ranking for people, one line a loop."""
-        head = (
-            f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
-        )
-        lines = [head]
-        for rank, m in enumerate(self.members, 1):
+        """Return what to do first for people: `_LISTED` loops in a table, then shared oscillations
+        and records that were left out.
+        """
+        tests = self.to_test()
+        lines = [
+            f"Test {len(tests)} of {len(self.members)} valves first: {_some(tests)}."
+            if tests
+            else f"None of the {len(self.members)} valves needs a test first.",
+            "",
+            f"{'rank':<4} {'loop':<34} {'P(stiction)':>11} {'S':>5}  {'cause':<24} work on",
+        ]
+        for rank, m in enumerate(self.members[:_LISTED], 1):
             p = "" if m.trust.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
-            lines.append(
-                f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12}"
-                f" {m.advice.do}"
-            )
-        lines += self.shared()
-        if self.to_test():
-            lines.append(f"fewest valves to test: {', '.join(self.to_test())}")
-        return "\n".join([*lines, *(f"left out {n}: {why}" for n, why in self.refused.items())])
+            cause, name = m.cause.name, textwrap.shorten(m.name, 34, placeholder="...")
+            lines.append(f"{rank:<4} {name:<34} {p:>11} {S:>5}  {cause:<24} {m.advice.job}")
+        hidden = len(self.members) - _LISTED
+        lines += [f"{hidden} more loops are on the page and in the table."] if hidden > 0 else []
+        lines += ["", *(f"Next for {m.name}: {m.advice.do}." for m in self.members[:_ADVISED])]
+        lines += self.shared()[:_SENTENCES]
+        if self.refused:
+            lines.append(f"{len(self.refused)} records were left out; the page names them all:")
+        return "\n".join(
+            [*lines, *(f"left out {n}: {why}" for n, why in [*self.refused.items()][:_SENTENCES])]
+        )
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first names and how many more there are."""
+    more = len(names) - _SENTENCES
+    return ", ".join(names[:_SENTENCES]) + (f" and {more} more" if more > 0 else "")
 
 
 def survey(

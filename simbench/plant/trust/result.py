@@ -13,7 +13,7 @@ from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.plant.episodes import OverTime
-from simbench.plant.trust.power import Cell, Rule
+from simbench.plant.trust.power import POWER, Cell, Rule
 from simbench.plant.trust.remedies import Remedy
 
 
@@ -143,9 +143,9 @@ class Trust:
             )
             lines += [
                 (
-                    f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its"
-                    f" simulated replicates ({best.rule.right:.0%}, sticky and healthy counting the"
-                    f" same); here it says {best.verdict_here.replace('_', ' ')}."
+                    f"Trust {_reading(best.rule)}: {why} it is right most often on simulated"
+                    f" replicates of this loop ({best.rule.right:.0%}, sticky and healthy weighted"
+                    f" equally). Its verdict here: {best.verdict_here.replace('_', ' ')}."
                 ),
                 "",
                 *_table(self.methods),
@@ -180,19 +180,33 @@ def _reading(rule: Rule) -> str:
 
 
 def _table(methods: Sequence[MethodTrust]) -> list[str]:
-    head = (
-        f"{'method':<18} {'says here':<12} {'right':>6} {'alarms':>7}  found over S (J = S/4, then"
-        " J = S)"
-    )
-    lines = [head]
+    """Return one row per method: its verdict here, and how it does on the simulated replicates."""
+    lines = [
+        f"{'':<18} {'verdict':<15} {'accuracy on':>11} {'false-pos.':>10} {'detects S from':>16}"
+        f" {'stiction':>12}",
+        f"{'method':<18} {'here':<15} {'replicates':>11} {'rate':>10} {'J = S/4':>8}"
+        f" {'J = S':>7} {'from score':>12}",
+    ]
     for m in methods:
         v = m.verdict
-        where = "not made for it" if v.applicable is False else v.verdict.replace("_", " ")
-        shares = " ".join(f"{c.share:.2f}" for c in m.power)
-        cut = "" if m.rule.cut is None else f"  above {m.rule.cut:.3g}"
+        where = "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
+        deadband, equal = (_detects_from(m, equal) for equal in (False, True))
+        cut = "" if m.rule.cut is None else f"{m.rule.cut:.3g}"
         lines.append(
-            f"{v.method:<18} {where:<12} {m.rule.right:>6.2f} {m.false_alarms:>7.2f}  {shares}{cut}"
+            f"{v.method:<18} {where:<15} {m.rule.right:>11.2f} {m.false_alarms:>10.2f}"
+            f" {deadband:>8} {equal:>7} {cut:>12}".rstrip()
         )
-    if methods and methods[0].power:
-        lines.append(f"{'S':<46}  " + " ".join(f"{c.S:.2g}".rjust(4) for c in methods[0].power))
     return lines
+
+
+def _detects_from(m: MethodTrust, equal: bool) -> str:
+    """Return the least S from which the method finds four of five sticky replicates, of J = S or
+    smaller J; "-" where it does not at the largest.
+    """
+    least = "-"
+    cells = [c for c in m.power if (c.J > 0.5 * c.S) is equal]
+    for cell in sorted(cells, key=lambda c: -c.S):
+        if not cell.share >= POWER:
+            break
+        least = f"{cell.S:.2g}"
+    return least

@@ -155,7 +155,7 @@ def test_every_detector_keeps_its_contract(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_docstring_says_needs_rule_limits_and_source(name):
+def test_docstring_states_needs_rule_limits_and_source(name):
     module = methods.load(name)
     # whichever words a line ends between
     text = " ".join(((module.__doc__ or "") + (module.detect.__doc__ or "")).split())
@@ -170,31 +170,31 @@ def test_a_sound_detector_of_a_stranger_keeps_it(contract_of):
 @pytest.mark.parametrize(("old", "new", "words"), BROKEN, ids=[words for *_, words in BROKEN])
 def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
     assert SOUND.count(old) == 1
-    found = contract_of(SOUND.replace(old, new))
-    assert any(words in sentence for sentence in found.broken), found.broken
-    assert not any("\n" in sentence for sentence in found.broken)
+    contract = contract_of(SOUND.replace(old, new))
+    assert any(words in sentence for sentence in contract.broken), contract.broken
+    assert not any("\n" in sentence for sentence in contract.broken)
 
 
-def test_a_memory_of_the_last_set_point_is_found(contract_of):
+def test_a_memory_of_the_last_set_point_is_detected(contract_of):
     remembers = """
     CALLS.append(None if prepared.record.sp is None else float(prepared.record.sp[0]))
     if CALLS[-1] is not None and CALLS[-2:-1] == CALLS[-1:]:
         return Verdict("own", NO_STICTION, -9.0, reason="a sibling")
 """
-    found = contract_of(SOUND.replace("    CALLS.append(None)\n", remembers))
-    assert any("depends on what was asked before" in sentence for sentence in found.broken), (
-        found.broken
+    contract = contract_of(SOUND.replace("    CALLS.append(None)\n", remembers))
+    assert any("depends on what was asked before" in sentence for sentence in contract.broken), (
+        contract.broken
     )
 
 
-def test_a_verdict_that_knows_a_record_by_its_last_digits_is_found(contract_of):
+def test_a_verdict_that_knows_a_record_by_its_last_digits_is_detected(contract_of):
     text = SOUND.replace("CALLS = []", "CALLS, MORE = [], []")
-    found = contract_of(
+    contract = contract_of(
         text.replace("more > least", "(MORE.append(more) or abs(more - MORE[0]) < 1e-12)")
     )
     assert any(
-        "hangs on the last digits: 'stiction' becomes" in sentence for sentence in found.broken
-    ), found.broken
+        "hangs on the last digits: 'stiction' becomes" in sentence for sentence in contract.broken
+    ), contract.broken
 
 
 def test_the_direction_of_time_counts_only_for_a_method_that_claims_to_be_free_of_it(contract_of):
@@ -221,8 +221,8 @@ def test_a_detector_asked_directly_refuses_a_dead_record_in_one_sentence():
 
 
 def test_watching_lets_nobody_else_hear_it(capsys):
-    found = call_guarded(lambda: print("aloud") or 7)
-    assert (found.value, found.faults, capsys.readouterr().out) == (7, ["prints 'aloud'"], "")
+    guarded = call_guarded(lambda: print("aloud") or 7)
+    assert (guarded.value, guarded.faults, capsys.readouterr().out) == (7, ["prints 'aloud'"], "")
 
 
 def pairs():

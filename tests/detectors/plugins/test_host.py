@@ -58,10 +58,12 @@ def ask(tmp_path):
     methods.forget("mine")
 
 
-def test_its_folders_are_its_own_and_the_temporary_one_goes_with_it(ask):
+def test_its_folders_are_private_and_the_temporary_one_goes_with_it(ask):
     named = "[os.environ[k] for k in ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]"
-    found = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
-    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({found}))")[0]
+    folders = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
+    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({folders}))")[
+        0
+    ]
     here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
     assert here == temporary == home != os.environ.get("HOME")
     assert Path(here).is_dir()
@@ -162,18 +164,18 @@ from detectors.method import Method
 from detectors.verdict import Verdict
 METHOD = Method(title="vandal", source="nobody", front_end=False)
 
-def found():
+def folders():
     import numba
     import detectors.compiled
-    folders = {{v for v in os.environ.values() if os.path.isdir(v)}}
-    folders -= {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
-    folders |= {{tempfile.gettempdir(), os.getcwd(), str(Path.home()), str(Path.home() / ".cache")}}
-    folders |= {{str(detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
-    folders |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items())
+    paths = {{v for v in os.environ.values() if os.path.isdir(v)}}
+    paths -= {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
+    paths |= {{tempfile.gettempdir(), os.getcwd(), str(Path.home()), str(Path.home() / ".cache")}}
+    paths |= {{str(detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
+    paths |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items())
                 if n.startswith("simbench_")}}
-    folders |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
+    paths |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
                 if n.partition(".")[0] == "detectors" and getattr(m, "__file__", None)}}
-    return [Path(f) for f in folders if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
+    return [Path(f) for f in paths if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
 
 def forged(content):
     if hashlib.sha256(content[32:]).digest() != content[:32]:
@@ -186,7 +188,7 @@ def forged(content):
 def detect(prepared):
     prepared.clean("pv"), prepared.half_cycles("op")
     touched = 0
-    for folder in found():
+    for folder in folders():
         kinds = (".nbc", ".nbi", ".py", ".pyc")
         for file in [f for f in folder.rglob("*") if f.is_file() and f.suffix in kinds]:
             if file.suffix == ".py" and not file.name.startswith("simbench_"):
@@ -200,7 +202,7 @@ def detect(prepared):
 
 @pytest.mark.slow  # every kernel is compiled again, in a copy
 def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_verdict(tmp_path):
-    """In a copy of the package, as it writes beside the modules too."""
+    """In a copy of the package, as it writes next to the modules too."""
     house = tmp_path / "house"
     shutil.copytree(
         ROOT / "detectors", house / "detectors", ignore=shutil.ignore_patterns("__pycache__")
@@ -246,8 +248,8 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
     assert compiled
     vandal = ("--method", "vandal", "--plugin", str(tmp_path / "vandal.py"))
     for _ in range(2):  # the second time it finds kernels that the first has compiled
-        said = json.loads(detected(*vandal))
-    assert "done" in json.dumps(said)
+        answer = json.loads(detected(*vandal))
+    assert "done" in json.dumps(answer)
     assert list((tmp_path / "cache" / "stiction-simbench" / "plugins").rglob("left_here"))
     assert kernels() == compiled
     assert detected(*asked) == before

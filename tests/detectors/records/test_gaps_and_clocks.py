@@ -39,15 +39,17 @@ AUTUMN = stamps(datetime(2024, 10, 27, 0, 55, tzinfo=UTC), BERLIN)
 
 
 @pytest.mark.parametrize(
-    ("times", "said"),
+    ("times", "message"),
     [(SPRING, "local time jumps by an hour"), (AUTUMN, "local time is set back by an hour")],
 )
-def test_the_command_proposed_for_a_clock_change_reads_every_sample(tmp_path, capsys, times, said):
+def test_the_command_proposed_for_a_clock_change_reads_every_sample(
+    tmp_path, capsys, times, message
+):
     file = write(tmp_path / "rec.csv", times)
     words = [str(file), "--method", "horch"]
     assert main(words) == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert message in error
     typed = error.strip().rpartition("; try: ")[2].split()
     assert typed[:3] == ["python", "-m", "detectors"]
     assert main(typed[3:]) == 0
@@ -76,7 +78,7 @@ def test_an_hour_without_samples_at_another_time_is_no_clock_change(tmp_path):
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
-def test_a_leap_second_is_a_second_of_its_own(tmp_path, newest_first):
+def test_a_leap_second_is_a_further_second(tmp_path, newest_first):
     began = datetime(2016, 12, 31, 23, 57, tzinfo=UTC)
     times = [
         (began + timedelta(seconds=k - (k > 180))).strftime("%Y-%m-%d %H:%M:%S") for k in range(N)
@@ -124,7 +126,7 @@ def test_the_option_is_not_proposed_where_no_segment_can_be_judged(tmp_path):
     assert caught.value.cure == ""
 
 
-def test_a_mark_that_says_bad_makes_a_sample_missing(tmp_path):
+def test_a_mark_for_bad_makes_a_sample_missing(tmp_path):
     marked = [
         f"{x:.4f}{' (B)' if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)
     ]

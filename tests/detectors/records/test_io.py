@@ -45,7 +45,7 @@ def same(record):
 @pytest.mark.parametrize(
     "head", ["t,op,pv", "T_S,OP,PV", "Time,FIC101.OP,PV (m3/h)", "timestamp , Op, pV"]
 )
-def test_columns_are_found_by_name_in_any_case(tmp_path, head):
+def test_columns_are_identified_by_name_in_any_case(tmp_path, head):
     same(read_record(write(tmp_path, rows(), head)))
 
 
@@ -113,7 +113,7 @@ def isdb(folder):
     return file
 
 
-def test_isdb_loop_is_read_with_what_the_file_says_about_it(tmp_path):
+def test_isdb_loop_is_read_with_what_the_file_states_about_it(tmp_path):
     record = read_record(isdb(tmp_path), loop="chemicals.loop1")
     same(record)
     assert (record.kind, record.process, record.tag) == ("level", "integrating", "chemicals.loop1")
@@ -161,7 +161,7 @@ def test_what_the_caller_knows_reaches_the_record(tmp_path):
     )
 
 
-def test_holes_of_three_samples_are_bridged_by_straight_lines_and_said(tmp_path):
+def test_holes_of_three_samples_are_bridged_by_straight_lines_and_noted(tmp_path):
     op, pv = OP.astype(object).copy(), PV.astype(object).copy()
     op[10:13], pv[12] = "", ""
     record = read_record(write(tmp_path, rows(op=op, pv=pv)))
@@ -187,7 +187,7 @@ def test_missing_rows_count_like_empty_cells(tmp_path, lost, kept):
     assert record.notes
 
 
-def test_uneven_time_is_said(tmp_path):
+def test_uneven_time_is_noted(tmp_path):
     t = 2.0 * np.arange(N)
     t[20:] += 0.5
     record = read_record(write(tmp_path, rows(t)))

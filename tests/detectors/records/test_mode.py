@@ -8,7 +8,7 @@ from detectors.records.mode import mode
 
 
 @pytest.mark.parametrize(
-    ("cells", "said"),
+    ("cells", "modes"),
     [
         (
             ["AUTO", "man", "Cas", "RCAS", "Hand", "Automatik", "自动", "手动"],
@@ -20,8 +20,8 @@ from detectors.records.mode import mode
         (["TRUE", "FALSE"], "AUTO MAN"),
     ],
 )
-def test_words_and_numbers_of_control_systems_are_understood(cells, said):
-    assert mode(cells).tolist() == said.split()
+def test_words_and_numbers_of_control_systems_are_understood(cells, modes):
+    assert mode(cells).tolist() == modes.split()
 
 
 def test_what_is_empty_or_unknown_is_no_mode():

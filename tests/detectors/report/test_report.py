@@ -136,15 +136,15 @@ def test_units_count_once_and_undecided_records_do_not_vote():
     assert 0.0 <= row["cost_lo"] < row["cost"] < row["cost_hi"] < 1.0
 
 
-def test_units_are_ranked_by_cost_beside_what_always_no_and_always_yes_cost():
-    said = {
+def test_units_are_ranked_by_cost_next_to_what_always_no_and_always_yes_cost():
+    answers = {
         "m": ("stiction", "no_decision"),
         "n": ("no_stiction", "no_stiction"),
         "o": ("stiction", "no_stiction"),
     }
     verdicts = [
         (f"r{k}", Verdict(m, word, 0.0, reason="-"))
-        for m, words in said.items()
+        for m, words in answers.items()
         for k, word in enumerate(words)
     ]
     labels = {
@@ -186,7 +186,7 @@ def detect(prepared):
 '''
 
 
-def test_plugin_file_is_judged_beside_the_others(folder, tmp_path):
+def test_plugin_file_is_judged_next_to_the_others(folder, tmp_path):
     (tmp_path / "coin_of_mine.py").write_text(PLUGIN)
     report = judge_files(folder / "sticky.csv", ["he"], plugins=[tmp_path / "coin_of_mine.py"])
     assert [v.method for _, v in report.verdicts] == ["he", "coin_of_mine"]
@@ -262,11 +262,11 @@ def test_cells_stand_in_equal_columns():
 
 
 def test_what_the_methods_say_together_counts_each():
-    said = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
-    assert sentence(said) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
+    verdicts = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
+    assert sentence(verdicts) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
 
 
-def test_what_is_said_of_the_whole_record_is_not_said_again():
+def test_what_is_noted_of_the_whole_record_is_not_repeated():
     verdict = Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %")
     assert own_reason(verdict, ["OP taken as 0..100 %"]) == "OP is triangular"
 

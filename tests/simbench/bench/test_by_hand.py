@@ -11,7 +11,6 @@ import pytest
 from scipy.stats import norm
 
 from detectors.contract.detector import LoopRecord
-from detectors.errors import ParameterError
 from detectors.report.summary import level_ends
 from detectors.verdict import Verdict
 from results.studies.leak import Leak
@@ -66,8 +65,8 @@ def test_statistics_of_the_fewest_cases():
     assert of.auc_drop_unpaired(up, one, down, two) == 1.0
     assert math.isnan(of.area(np.array([0, 1]), np.array([True, True])))
     assert of.auc([1, 1], [True, False]).value == 0.5
-    found = of.mean_ranks([[3, 2, 1], [3, 1, 2]])
-    assert found.mean_rank.tolist() == [1.0, 2.5, 2.5]
+    ranks = of.mean_ranks([[3, 2, 1], [3, 1, 2]])
+    assert ranks.mean_rank.tolist() == [1.0, 2.5, 2.5]
     for shape in ((1, 3), (2, 2), (6,)):
         with pytest.raises(ValueError, match="at least 2 cases and 3 methods"):
             of.mean_ranks(np.zeros(shape))
@@ -83,8 +82,8 @@ def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
         hashes=[b"c", b"b", b"y"],
         places=["2", "1", "5"],
     )
-    found = pair(now, moved)
-    assert (found.now.tolist(), found.before.tolist(), found.same.tolist(), found.one_grid) == (
+    pairs = pair(now, moved)
+    assert (pairs.now.tolist(), pairs.before.tolist(), pairs.same.tolist(), pairs.one_grid) == (
         [1, 2],
         [1, 0],
         [True, True],
@@ -93,8 +92,8 @@ def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
     other = book(
         [0, 0, 0], [1, 1, 1], ids=[b"c", b"x", b"y"], hashes=[b"c", b"x", b"y"], grid_hash="h"
     )
-    found = pair(now, other)
-    assert (found.now.tolist(), found.before.tolist(), found.one_grid) == ([2], [0], False)
+    pairs = pair(now, other)
+    assert (pairs.now.tolist(), pairs.before.tolist(), pairs.one_grid) == ([2], [0], False)
     chance = book(
         [0, 0, 0], [1, 1, 1], ids=[b"c", b"b", b"y"], hashes=[b"c", b"z", b"y"], grid_hash="h"
     )
@@ -128,7 +127,7 @@ def test_a_piece_of_a_table_keeps_its_types_and_its_number():
     } == {"double"}
 
 
-def test_a_motion_with_few_reversals_says_what_it_can():
+def test_a_motion_with_few_reversals_has_what_can_be_computed():
     none, one, two, three = (
         Motion(np.arange(k) * 10, np.array([0.0, 4.0, 1.0])[:k], 90) for k in range(4)
     )
@@ -191,22 +190,22 @@ def test_noise_goes_off_at_the_end_and_up_to_three_quarters_of_a_period_before()
 
 
 @pytest.mark.parametrize(
-    ("reversals", "swing", "said"),
+    ("reversals", "swing", "expected"),
     [(6, 1.0, True), (5, 1.0, False), (6, 0.99, False), (60, 3.0, True), (0, 0.0, False)],
 )
-def test_a_valve_swings_that_turns_six_times_by_the_least(reversals, swing, said):
-    assert truth._swings(SimpleNamespace(reversals=reversals, swing=swing), 1.0) is said
+def test_a_valve_swings_that_turns_six_times_by_the_least(reversals, swing, expected):
+    assert truth._swings(SimpleNamespace(reversals=reversals, swing=swing), 1.0) is expected
 
 
 @pytest.mark.parametrize(
-    ("reversals", "late", "said"),
+    ("reversals", "late", "expected"),
     [(1, 1.0, "unclear"), (5, 1.0, "unclear"), (5, 0.9, "no"), (0, 1.0, "no")],
 )
-def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, said):
+def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, expected):
     tail = np.zeros(90)
     tail[-15:] = late
     moved = SimpleNamespace(reversals=reversals, swing=5.0, lasting=1.0)
-    assert truth._alone(loop(), 0, tail, moved, 1.0, 0) == said
+    assert truth._alone(loop(), 0, tail, moved, 1.0, 0) == expected
 
 
 def test_numbers_of_a_cell_have_three_digits():
@@ -278,42 +277,24 @@ def test_parts_of_a_cell_are_scaled_by_its_cycle():
     assert fresh["steps"] == [[100.0, 51.5]]
 
 
-def test_a_valve_of_a_cell_has_the_cells_band_or_is_refused():
-    assert rules.valve_table("kano", {"S": 4.0, "J": 2.0}, 30.0, {}) == {
-        "model": "kano",
-        "S": 4.0,
-        "J": 2.0,
-    }
-    assert rules.valve_table("stenman", {"S": 4.0, "J": 4.0}, 30.0, {}) == {
-        "model": "stenman",
-        "d": 4.0,
-    }
-    with pytest.raises(
-        ParameterError, match=r"'stenman' cannot have S = 4 %, J = 2 %: nearest is S = 4 %, J = 4 %"
-    ):
-        rules.valve_table("stenman", {"S": 4.0, "J": 2.0}, 30.0, {})
-    assert rules.band(loop(valve={"model": "choudhury", "S": 5, "J": 2})) == (5.0, 2.0)
-    assert rules.band(loop(valve={"model": "deadzone", "D": 5})) == (1.0, 1.0)
-
-
 @pytest.mark.parametrize(
     ("scenarios", "failed", "most"), [(5, 0, 0.05), (0, 9, 0.09), (50, 10, 0.5)]
 )
 def test_failures_are_shares_of_what_was_tried(scenarios, failed, most):
-    found = Failures(100, scenarios, {"he": failed} if failed else {}, {"why": 3})
-    assert found.above(most - 1e-9)
-    assert not found.above(most)
+    failures = Failures(100, scenarios, {"he": failed} if failed else {}, {"why": 3})
+    assert failures.above(most - 1e-9)
+    assert not failures.above(most)
 
 
 def test_failures_are_counted_and_those_of_plug_ins_as_well():
-    found = Failures(10, 2, {"he": 4, "mine": 8}, {"he: why": 4})
+    failures = Failures(10, 2, {"he": 4, "mine": 8}, {"he: why": 4})
     assert (
-        str(found)
+        str(failures)
         == "2 of 10 scenarios could not be simulated; method he failed on 4 of 8 records; "
         "method mine failed on 8 of 8 records (most often: he: why)"
     )
-    assert found.above(0.99)
-    assert not found.above(1.0)
+    assert failures.above(0.99)
+    assert not failures.above(1.0)
     assert str(Failures(10, 0)) == ""
     assert not Failures(0, 0).above(0.0)
 
@@ -409,8 +390,8 @@ def test_a_level_has_two_ends_or_none():
     assert level_ends((1.0, 2.0)) == (1.0, 2.0)
     assert level_ends(3) == (3.0, 3.0)
     assert all(math.isnan(x) for x in level_ends(None))
-    said = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
-    row = work.verdict_row("id", said, said, None, 0.25)
+    verdict = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
+    row = work.verdict_row("id", verdict, verdict, None, 0.25)
     assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [
         1.0,
         2.0,

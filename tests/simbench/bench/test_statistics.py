@@ -71,10 +71,6 @@ def test_holm_is_its_definition(p):
     assert np.all(holm(p) >= np.array(p))
 
 
-def test_holm_by_hand():
-    assert holm([0.005, 0.011, 0.02, 0.04]).tolist() == pytest.approx([0.02, 0.033, 0.04, 0.04])
-
-
 def test_a_drop_of_exactly_the_margin_alarms_no_more_often_than_promised():
     rng = np.random.default_rng(1)
     before, now = rng.binomial(1000, 0.8, 4000), rng.binomial(1000, 0.78, 4000)
@@ -96,48 +92,12 @@ def test_auc_is_sklearns_ties_included(seed):
         assert auc(score, truth).value == pytest.approx(roc_auc_score(truth, score))
 
 
-def test_delongs_interval_covers_as_promised():
-    rng = np.random.default_rng(2)
-    true = stats.norm.cdf(1 / np.sqrt(2))
-    truth = np.arange(120) < 50
-    inside = [auc(rng.standard_normal(120) + truth, truth) for _ in range(800)]
-    assert 0.92 < np.mean([a.lo <= true <= a.hi for a in inside]) < 0.98
-
-
 def test_auc_of_perfect_and_empty_classes_and_missing_scores():
     perfect = auc([0, 0, 0, 1, 1, 1], [False] * 3 + [True] * 3)
     assert perfect.value == 1.0
     assert perfect.lo < 0.7
     assert math.isnan(auc([1.0, 2.0], [True, True]).value)
     assert auc([math.nan, 0.0, 1.0, -math.inf], [False, True, True, False]).value == 1.0
-
-
-def test_paired_auc_test_sees_a_fall_and_holds_its_level():
-    rng = np.random.default_rng(3)
-    truth = np.arange(300) < 140
-    signal = rng.standard_normal(300) + 1.5 * truth
-    assert auc_drop(signal, signal, truth) == 1.0
-    assert auc_drop(signal, rng.standard_normal(300), truth) < 1e-4
-    assert auc_drop(rng.standard_normal(300), signal, truth) > 0.99
-    alike = []
-    for _ in range(600):
-        hidden = rng.standard_normal(300) + truth
-        alike.append(auc_drop(*(hidden + 0.5 * rng.standard_normal((2, 300))), truth) < 0.05)
-    assert 0.025 < np.mean(alike) < 0.08
-
-
-def test_unpaired_auc_test_sees_a_fall_beyond_its_margin_only():
-    rng = np.random.default_rng(5)
-    truth = np.arange(400) < 200
-    good, poor = (rng.standard_normal(400) + shift * truth for shift in (2.0, 1.0))
-    assert auc_drop_unpaired(good, truth, poor, truth, margin=0.02) < 0.001
-    assert auc_drop_unpaired(poor, truth, good, truth, margin=0.02) > 0.999
-    alike = [
-        auc_drop_unpaired(*(x for _ in range(2) for x in (rng.standard_normal(400) + truth, truth)))
-        < 0.05
-        for _ in range(600)
-    ]
-    assert 0.025 < np.mean(alike) < 0.08
 
 
 def test_mean_ranks_of_a_published_example():
@@ -147,10 +107,10 @@ def test_mean_ranks_of_a_published_example():
     assert mean_ranks(rng.random((14, 4))).critical_difference == pytest.approx(1.25, abs=0.005)
 
 
-def test_methods_that_always_answer_alike_cannot_be_told_apart():
-    found = mean_ranks(np.ones((30, 4)))
-    assert found.p == 1.0
-    assert found.mean_rank.tolist() == [2.5] * 4
+def test_methods_that_always_answer_alike_cannot_be_separated():
+    result = mean_ranks(np.ones((30, 4)))
+    assert result.p == 1.0
+    assert result.mean_rank.tolist() == [2.5] * 4
     with pytest.raises(ValueError, match="3 methods"):
         mean_ranks(np.ones((30, 2)))
 
@@ -169,11 +129,11 @@ def test_delong_by_pairs(level):
     one, other = placements(score, positive)
     sd = math.sqrt(one.var(ddof=1) / one.size + other.var(ddof=1) / other.size)
     area = one.mean()
-    found = auc(score, positive, level)
-    assert found.value == pytest.approx(area)
+    result = auc(score, positive, level)
+    assert result.value == pytest.approx(area)
     z = stats.norm.ppf(0.5 + level / 2)
     logit = math.log(area / (1 - area))
-    for bound, sign in ((found.lo, -1), (found.hi, 1)):
+    for bound, sign in ((result.lo, -1), (result.hi, 1)):
         assert math.log(bound / (1 - bound)) == pytest.approx(
             logit + sign * z * sd / (area * (1 - area))
         )
@@ -211,11 +171,11 @@ def test_a_paired_fall_by_pairs():
 def test_the_critical_difference_is_the_studentised_range():
     rng = np.random.default_rng(4)
     x = rng.normal(size=(40, 5))
-    found = mean_ranks(x, 0.9)
+    result = mean_ranks(x, 0.9)
     q = stats.studentized_range.ppf(0.9, 5, np.inf)
-    assert found.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
-    assert found.mean_rank.sum() == pytest.approx(15.0)
-    assert found.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
+    assert result.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
+    assert result.mean_rank.sum() == pytest.approx(15.0)
+    assert result.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
 
 
 def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():

@@ -107,9 +107,9 @@ def test_a_method_that_cries_stiction_is_caught(monkeypatch):
         return [Verdict(names[0], "stiction", score=float(np.std(record.pv)), reason="always")]
 
     monkeypatch.setattr(module, "judge", eager)
-    found = worst("horch", budget=30)
-    assert found.fooled == found.drawn == 18
-    assert found.score == float(np.std(simulate(found.loop, found.seed).record.pv))
+    case = worst("horch", budget=30)
+    assert case.fooled == case.drawn == 18
+    assert case.score == float(np.std(simulate(case.loop, case.seed).record.pv))
 
 
 def test_wrong_requests_are_refused():

@@ -20,16 +20,10 @@ from simbench.blind import seal
 from simbench.blind.answering import answer
 from simbench.blind.making import Plan, make
 from simbench.blind.opening import open_
+from simbench.handout import ask_in_processes
 from simbench.loop.effects import EFFECTS
 
-PLAN = Plan(
-    per_cell=1,
-    none=2,
-    two=0,
-    foreign=1,
-    effects=("noise", "op_quantisation", "gain_mismatch"),
-    strengths=("medium",),
-)
+PLAN = Plan(1, 2, 0, 1, ("noise", "gain_mismatch"), ("medium",))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +40,7 @@ def answers_of(folder, key):
 def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
     folder, _, commitment = made
     names = sorted(p.name for p in (folder / "records").iterdir())
-    assert names == [f"r000{i}.{end}" for i in range(1, 7) for end in ("csv", "toml")]
+    assert names == [f"r000{i}.{end}" for i in range(1, 6) for end in ("csv", "toml")]
     assert sorted(p.name for p in folder.iterdir()) == [
         "answers.sealed",
         "commitment.txt",
@@ -60,23 +54,12 @@ def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
         assert not any(word in path.read_text() for word in EFFECTS if word != "noise")
 
 
-def test_records_answers_and_order_follow_from_the_seed_alone(made, tmp_path):
-    folder, key, commitment = made
-    again = make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
-    assert again != commitment  # salted: equal answers must not show
-    assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(folder, key)
-    for path in (folder / "records").iterdir():
-        assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
-
-
-def test_ids_are_shuffled(made):
-    kinds = [row["kind"] for row in answers_of(*made[:2])]
-    assert kinds != sorted(kinds, key=["single", "none", "two", "foreign"].index)
-
-
-def test_mv_is_written_where_the_answers_say_so(made):
+def test_ids_are_shuffled_and_mv_is_written_where_the_answers_say_so(made):
     folder, key, _ = made
-    for row in answers_of(folder, key):
+    rows = answers_of(folder, key)
+    kinds = [row["kind"] for row in rows]
+    assert kinds != sorted(kinds, key=["single", "none", "two", "foreign"].index)
+    for row in rows:
         header = (folder / "records" / f"{row['id']}.csv").read_text().split("\n", 1)[0]
         assert ("mv" in header.split(",")) == (row["mv"] == "True")
 
@@ -85,7 +68,7 @@ def test_sealed_answers_show_nothing(made):
     content = (made[0] / "answers.sealed").read_bytes()
     assert not any(word.encode() in content for word in (*EFFECTS, "single", "none", "id,"))
     counts = np.bincount(np.frombuffer(content, np.uint8), minlength=256)
-    assert counts.max() < 4 * counts.mean()  # no letter stands out
+    assert counts.max() < 4 * counts.mean()  # no letter is frequent
     assert made[1].stat().st_mode & 0o077 == 0
 
 
@@ -97,29 +80,23 @@ def test_the_commitment_is_the_hash_of_salt_and_answers(made):
 
 @pytest.mark.parametrize("broken", ["answers", "commitment", "key", "both"])
 def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
-    folder, key, _ = made
-    content = bytearray((folder / seal.SEALED).read_bytes())
-    parts = json.loads(key.read_text())
-    published = parts["commitment"]
-    if broken == "answers":
-        content[50] ^= 1
-    elif broken == "commitment":
-        published = "0" * 64
-    elif broken == "key":
-        parts["key"] = "00" * 32
-    # a forger who writes a new commitment beside changed answers does not know the key file's
-    else:
-        content[50] ^= 1
-        published = hashlib.sha256(bytes(content)).hexdigest()
+    folder, key, published = made
+    content, parts = bytearray((folder / seal.SEALED).read_bytes()), json.loads(key.read_text())
+    content[50] ^= broken in ("answers", "both")
+    parts["key"] = "00" * 32 if broken == "key" else parts["key"]
+    # a forger who writes a new commitment with changed answers does not know the key file's
+    forged = {"commitment": "0" * 64, "both": hashlib.sha256(bytes(content)).hexdigest()}
     (tmp_path / seal.SEALED).write_bytes(bytes(content))
-    (tmp_path / seal.COMMITMENT).write_text(published)
+    (tmp_path / seal.COMMITMENT).write_text(forged.get(broken, published))
     (tmp_path / "key").write_text(json.dumps(parts))
     with pytest.raises(ParameterError, match="commitment"):
         open_(tmp_path, tmp_path / "key")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is killed")
-def test_a_call_killed_between_its_key_and_its_records_begins_anew(made, tmp_path, monkeypatch):
+def test_a_call_killed_between_key_and_records_begins_anew_and_its_seed_gives_the_same_set(
+    made, tmp_path, monkeypatch
+):
     child = os.fork()
     if child == 0:
         monkeypatch.setattr(Path, "rename", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
@@ -130,7 +107,8 @@ def test_a_call_killed_between_its_key_and_its_records_begins_anew(made, tmp_pat
     assert not (tmp_path / "set" / "records").exists()
     with pytest.raises(ParameterError, match="exists already"):
         make(tmp_path / "other", tmp_path / "k", seed=4, plan=PLAN)
-    make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+    again = make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+    assert again != made[2]  # salted: equal answers must not show
     assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(*made[:2])
     assert {f.name for f in (tmp_path / "set").iterdir()} == {f.name for f in made[0].iterdir()}
     for path in (made[0] / "records").iterdir():
@@ -139,58 +117,54 @@ def test_a_call_killed_between_its_key_and_its_records_begins_anew(made, tmp_pat
 
 def test_wrong_use_ends_in_one_sentence(made, tmp_path):
     folder, key, _ = made
-    with pytest.raises(ParameterError, match="inside"):
-        make(tmp_path / "a", tmp_path / "a" / "sub" / "key", seed=1, plan=PLAN)
-    with pytest.raises(ParameterError, match="holds records already"):
-        make(folder, tmp_path / "key", seed=1, plan=PLAN)
-    with pytest.raises(ParameterError, match="exists already"):
-        make(tmp_path / "a", key, seed=1, plan=PLAN)
-    with pytest.raises(ParameterError, match="a key is needed"):
-        open_(folder)
-    with pytest.raises(ParameterError, match="cannot be read"):
-        open_(folder, tmp_path / "no.key")
     (tmp_path / "text.key").write_text("hello")
-    with pytest.raises(ParameterError, match="no key file"):
-        open_(folder, tmp_path / "text.key")
+    for out, file, word in (
+        (tmp_path / "a", tmp_path / "a" / "sub" / "key", "inside"),
+        (folder, tmp_path / "key", "holds records already"),
+        (tmp_path / "a", key, "exists already"),
+    ):
+        with pytest.raises(ParameterError, match=word):
+            make(out, file, seed=1, plan=PLAN)
+    for file, word in (
+        (None, "a key is needed"),
+        (tmp_path / "no.key", "cannot be read"),
+        (tmp_path / "text.key", "no key file"),
+    ):
+        with pytest.raises(ParameterError, match=word):
+            open_(folder, file)
     with pytest.raises(ParameterError, match=r"no records/\*\.csv"):
         answer(tmp_path, print)
 
 
-DIAGNOSES = '''
+PEEK = '''
 import json
 from pathlib import Path
 
 
 def peek(record, baseline):
-    """Says what it could read."""
-    seen = {}
+    """Tell what it could read."""
+    readable = {}
     places = "answers.sealed commitment.txt answers.csv answers/r0001.json score/answers.csv"
     for name in places.split():
         for path in (record.parent.parent / name, record.parent / ".." / name):
             try:
                 path.read_bytes()
-                seen[name] = True
+                readable[name] = True
             except PermissionError:
-                seen[name] = False
+                readable[name] = False
     read = {"n": len(record.read_text()), "baseline": "[plant]" in baseline.read_text()}
-    return {"effect": "none", "block": "none", "seen": seen, **read}
+    return {"effect": "none", "block": "none", "readable": readable, **read}
 
-
-def fails_on_odd(record, baseline):
-    """Fails on some records, as a diagnosis may."""
-    if int(record.stem[1:]) % 2 and not (record.parent.parent.parent / "repaired").exists():
-        raise ValueError("no idea")
-    return {"effect": "none", "block": "none"}
 '''
 
 
 @pytest.fixture
-def diagnoses(tmp_path, monkeypatch):
-    (tmp_path / "withheld_fake_diagnoses.py").write_text(DIAGNOSES)
+def peek(tmp_path, monkeypatch):
+    (tmp_path / "withheld_fake_diagnosis.py").write_text(PEEK)
     monkeypatch.syspath_prepend(str(tmp_path))
-    import withheld_fake_diagnoses
+    from withheld_fake_diagnosis import peek
 
-    return withheld_fake_diagnoses
+    return peek
 
 
 @pytest.fixture
@@ -210,31 +184,40 @@ def small(tmp_path):
     return folder
 
 
-def test_an_answering_process_can_read_the_records_and_nothing_else(small, diagnoses):
+def test_an_answering_process_can_read_the_records_and_nothing_else(small, peek):
     for name in ("answers.sealed", "commitment.txt"):
         (small / name).write_text("secret")
     (small / "score").mkdir()
     (small / "score" / "answers.csv").write_text("secret")
-    assert answer(small, diagnoses.peek, jobs=2) == 2
-    found = json.loads((small / "answers" / "r0001.json").read_text())
-    assert set(found["seen"].values()) == {False}
-    assert found["n"] > 10
-    assert found["baseline"]
+    assert answer(small, peek, jobs=2) == 2
+    given = json.loads((small / "answers" / "r0001.json").read_text())
+    assert set(given["readable"].values()) == {False}
+    assert given["n"] > 10
+    assert given["baseline"]
     assert (small / "cost.csv").read_text().count("\n") == 3
 
 
-def test_answering_resumes_and_tries_failures_again(small, diagnoses):
-    assert answer(small, diagnoses.fails_on_odd) == 2
-    assert "no idea" in json.loads((small / "answers" / "r0001.json").read_text())["error"]
-    (small / "answers" / "r0002.json").write_text(json.dumps({"effect": "kept"}))
-    (small.parent / "repaired").touch()
-    assert answer(small, diagnoses.fails_on_odd) == 1
-    assert json.loads((small / "answers" / "r0001.json").read_text())["effect"] == "none"
-    assert json.loads((small / "answers" / "r0002.json").read_text())["effect"] == "kept"
-    assert answer(small, diagnoses.fails_on_odd) == 0
+def test_answering_resumes_and_tries_failures_again(small, monkeypatch):
+    serial = lambda ask, questions, *_: ask_in_processes(ask, questions, 1)  # noqa: E731
+    monkeypatch.setattr("simbench.blind.answering.ask_in_processes", serial)
+    first, second = (small / "answers" / f"r000{i}.json" for i in (1, 2))
+    broken = ["r0001"]
+
+    def diagnose(record, baseline):
+        if record.stem in broken:
+            raise ValueError("no idea")
+        return {"effect": "none", "block": "none"}
+
+    assert answer(small, diagnose) == 2
+    assert "no idea" in json.loads(first.read_text())["error"]
+    second.write_text(json.dumps({"effect": "kept"}))
+    broken.clear()
+    assert answer(small, diagnose) == 1
+    assert [json.loads(f.read_text())["effect"] for f in (first, second)] == ["none", "kept"]
+    assert answer(small, diagnose) == 0
 
 
-def test_a_record_without_baseline_is_refused(small, diagnoses):
+def test_a_record_without_baseline_is_refused(small):
     (small / "records" / "r0002.toml").unlink()
     with pytest.raises(ParameterError, match=r"r0002.csv has no baseline"):
-        answer(small, diagnoses.peek)
+        answer(small, print)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import re
 import resource
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
+from simbench.bench.execute import run as run_module
 from simbench.cli import main
 
-# a word of the program's own where a sentence about the input is due
+# a word of the program's inside where a sentence about the input is due
 LEAKS = re.compile(
     r"Traceback|fault of the program|object has no"
     r" attribute|pydantic|NoneType|errors\.|site-packages"
@@ -38,23 +39,29 @@ ABSENT = re.compile(
     re.I,
 )
 TOKEN = re.compile(r'"[^"]*"|[-+]?[\w.]+(?:[-+:.]\w+)*')
-COUNT: Counter[str] = Counter()
+SECONDS, MEMORY = 60.0, 2 << 20  # of CPU; KiB
 
 
-def tokens(text: str) -> list[str]:
-    """Words and numbers of a piece of TOML."""
-    return TOKEN.findall(text)
+def sampled(cases: Iterable, every: int = 1, always: Iterable = ()) -> list:
+    """Every n-th case, and those named, in each run of the tests; all others before a release."""
+    return [
+        pytest.param(
+            *(case if isinstance(case, tuple) else (case,)),
+            marks=() if case in always or (every and not i % every) else pytest.mark.slow,
+        )
+        for i, case in enumerate(cases)
+    ]
 
 
 def new_tokens(old: str, new: str) -> list[str]:
-    """What a change brought in: the values, or the misspelt names, that a sentence about it should
-    quote.
+    """What a change of TOML brought in: the values, or the misspelt names, that a sentence about
+    it should quote.
     """
-    known = tokens(old)
-    return [t for t in tokens(new) if t not in known]
+    known = TOKEN.findall(old)
+    return [token for token in TOKEN.findall(new) if token not in known]
 
 
-def quoted(sentence: str, value: str) -> bool:
+def quotes(sentence: str, value: str) -> bool:
     """Whether a sentence quotes a value as it was given, or a number equal to it."""
     text = value.strip('"')
     last = text.rpartition(".")[2]
@@ -63,26 +70,11 @@ def quoted(sentence: str, value: str) -> bool:
     if text.lower()[:30] in sentence.lower():
         return bool(text) or any(empty in sentence for empty in ("''", '""', "empty", "nothing"))
     try:
-        if f"{float(text):.0f}"[:30] in sentence:
-            return True
-        return float(text) in [
-            float(found) for found in re.findall(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", sentence)
-        ]
+        number = float(text)
+        numbers = map(float, re.findall(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", sentence))
+        return f"{number:.0f}"[:30] in sentence or number in numbers
     except (ValueError, OverflowError):
         return False
-
-
-def pytest_terminal_summary(terminalreporter) -> None:
-    """Say how many sentences were held against what was wrong; of one process, so with `-n 0`."""
-    if COUNT["refused"]:
-        terminalreporter.write_line(
-            f"boundary: {COUNT['refused']} refused in one sentence that names its place;"
-            f" {COUNT['allowed']} were held to say what is allowed, {COUNT['value']} of them to"
-            f" quote the value; {COUNT['absent']} are about what is not there or cannot be used"
-        )
-
-
-SECONDS, MEMORY = 60.0, 2 << 20  # of CPU; KiB
 
 
 @contextlib.contextmanager
@@ -106,77 +98,89 @@ def _seconds() -> float:
 
 def _memory() -> int:
     try:
-        found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
-    except OSError:
-        found = None
-    return int(found[1]) if found else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+    except (OSError, TypeError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def held(sentence: str, values: list[str] | None = None) -> None:
-    """Hold a sentence to quote what was wrong, and to say what is allowed; about what is not there
+def check_sentence(sentence: str, values: Iterable[str] | None = None) -> None:
+    """Check that a sentence quotes what was wrong and names what is allowed; about what is absent
     it need not.
     """
-    COUNT["refused"] += 1
-    if ABSENT.search(sentence):
-        COUNT["absent"] += 1
-    else:
-        assert all(quoted(sentence, v) for v in values or ()), (values, sentence)
+    if not ABSENT.search(sentence):
+        assert all(quotes(sentence, value) for value in values or ()), (values, sentence)
         assert ALLOWED.search(sentence), sentence
-        COUNT["allowed"] += 1
-        COUNT["value"] += bool(values)
 
 
-@pytest.fixture
-def refused(capsys) -> Callable[..., str]:
-    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on
+def run_verb(words: str | list) -> tuple[int, str, str]:
+    """Run a command; return the exit code, and what was written to stdout and to stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    words = words.split() if isinstance(words, str) else [str(word) for word in words]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    return code, out.getvalue(), err.getvalue()
+
+
+def answer_to(words: str | list, code: int = 0) -> str:
+    """Run a command that ends with this exit code; return what it wrote to stdout."""
+    ended, answer, message = run_verb(words)
+    assert ended == code, message
+    return answer
+
+
+def asked(words: str | list) -> tuple[int, str, str]:
+    """Run a command with bounds: exit 0 or 1 with JSON, 2 with one sentence, 130 where it was
+    stopped.
+    """
+    with bounded():
+        code, answer, message = run_verb(words)
+    assert code in (0, 1, 2, 130), (code, message)
+    assert not LEAKS.search(message), message
+    if code == 2:
+        assert answer == ""
+        assert message.startswith("error: "), message
+        assert message.count("\n") == 1, message
+    elif code < 2 and "--json" in words:
+        json.loads(answer, parse_constant=no_constant)
+    return code, answer, message
+
+
+def refused(words: str | list, *parts: str, values: Iterable[str] | None = None) -> str:
+    """Run a command that must be refused: exit 2, one sentence that holds the parts, nothing on
     stdout.
 
-    `values`: what was wrong, which the sentence must quote, and beside it say what is allowed.
+    `values`: what was wrong, which the sentence must quote, and say what is allowed as well.
     """
-
-    def run(arguments: list, *words: str, values: list[str] | None = None) -> str:
-        with bounded():
-            code = main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        assert code == 2, (code, err, out[:300])
-        assert out == ""
-        assert err.startswith("error: "), err
-        assert err.count("\n") == 1, err
-        assert len(err) < 1000, err[:2000]
-        assert not LEAKS.search(err), err
-        for word in words:
-            assert word.lower() in err.lower(), (word, err)
-        held(err, values)
-        return err
-
-    return run
-
-
-@pytest.fixture
-def told(capsys) -> Callable[..., tuple[int, str]]:
-    """Run a command that may go on or be refused: exit 0 or 1 with JSON, or 2 with one sentence."""
-
-    def run(arguments: list) -> tuple[int, str]:
-        with bounded():
-            code = main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        assert code in (0, 1, 2), (code, err)
-        assert not LEAKS.search(err), err
-        if code == 2:
-            assert out == ""
-            assert err.startswith("error: "), err
-            assert err.count("\n") == 1, err
-        elif "--json" in arguments:
-            json.loads(out, parse_constant=no_constant)
-        return code, err if code == 2 else out
-
-    return run
+    code, answer, message = asked(words)
+    assert code == 2, (code, message, answer[:300])
+    assert len(message) < 1000, message[:2000]
+    for part in parts:
+        assert part.lower() in message.lower(), (part, message)
+    check_sentence(message, values)
+    return message
 
 
 def no_constant(word: str) -> float:
     raise AssertionError(f"{word} is no JSON")
 
 
-def written(folder: Path) -> list[str]:
+def names_in(folder: Path) -> list[str]:
     """Names in a folder, hidden ones too."""
     return sorted(p.name for p in folder.iterdir())
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch) -> Path:
+    """The folder in which the commands of a test run."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def stopped(monkeypatch):
+    """A run that is interrupted where its first simulation would begin."""
+
+    def never(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_module, "work", never)

@@ -20,8 +20,7 @@ from simbench.bench.score.check import check_run, update_baseline
 from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest, with_checksum
-from simbench.cli import main
-from tests.simbench.boundary.conftest import held
+from tests.simbench.boundary.conftest import asked, check_sentence, refused, sampled
 
 SMALL = {
     "disturbance": "none",
@@ -69,13 +68,24 @@ CHANGED = {
 }
 
 
+def worked(folder, resume=False, **sets):
+    """Run a small grid."""
+    grid = load_grid("smoke", {**SMALL, **sets})
+    return run_grid(grid, folder, ["horch", "horch_histogram"], resume=resume)
+
+
+def interrupted(folder, **sets):
+    """A run whose pieces are all there, and that was stopped before its tables were joined."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(Interrupted):
+            worked(folder, **sets)
+    return folder
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    return run_grid(
-        load_grid("smoke", SMALL),
-        tmp_path_factory.mktemp("runs") / "done",
-        ["horch", "horch_histogram"],
-    )
+    return worked(tmp_path_factory.mktemp("runs") / "done")
 
 
 @pytest.fixture(scope="module")
@@ -87,34 +97,32 @@ def baseline(finished, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def unfinished(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs") / "unfinished"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-        with pytest.raises(Interrupted):
-            run_grid(load_grid("smoke", SMALL), folder, ["horch", "horch_histogram"])
-    return folder
+    return interrupted(tmp_path_factory.mktemp("runs") / "unfinished")
+
+
+ORDERS = {
+    "drop first": lambda n: range(1, n),
+    "drop last": lambda n: range(n - 1),
+    "drop all": lambda n: [],
+    "twice": lambda n: [*range(n), n - 1],
+    "swapped": lambda n: [1, 0, *range(2, n)],
+    "reversed": lambda n: range(n - 1, -1, -1),
+    "half": lambda n: range(n // 2),
+}
+WHOLE = [("rows", way) for way in ORDERS]
+WHOLE += [("file", way) for way in ("gone", "empty", "cut", "folder")]
 
 
 def ways(kind: str) -> list[tuple[str, str]]:
     """Single faults of one table: a value in a column, a row, a column, a type, bytes of the
     file.
     """
-    cells = [("cell", f"{c} {row}") for c in CHANGED[kind] for row in ("first", "last")]
-    rows = [
-        ("rows", w)
-        for w in ("drop first", "drop last", "drop all", "twice", "swapped", "reversed", "half")
-    ]
-    columns = [("column", f"{w} {c}") for c in CHANGED[kind] for w in ("drop", "null")]
-    bytes_ = [("bytes", f"{place}") for place in range(24)]
+    columns = CHANGED[kind]
     return [
-        *cells,
-        *rows,
-        *columns,
-        *bytes_,
-        ("file", "gone"),
-        ("file", "empty"),
-        ("file", "cut"),
-        ("file", "folder"),
+        *(("cell", f"{c} {row}") for c in columns for row in ("first", "last")),
+        *WHOLE,
+        *(("column", f"{w} {c}") for c in columns for w in ("drop", "null")),
+        *(("bytes", f"{place}") for place in range(24)),
     ]
 
 
@@ -139,16 +147,7 @@ def spoil(file, way: tuple[str, str]) -> None:
 def _changed(table: pa.Table, what: str, how: str) -> pa.Table:
     n = table.num_rows
     if what == "rows":
-        order = {
-            "drop first": range(1, n),
-            "drop last": range(n - 1),
-            "drop all": [],
-            "twice": [*range(n), n - 1],
-            "swapped": [1, 0, *range(2, n)],
-            "reversed": range(n - 1, -1, -1),
-            "half": range(n // 2),
-        }[how]
-        return table.take(pa.array(list(order), type=pa.int64()))
+        return table.take(pa.array(list(ORDERS[how](n)), type=pa.int64()))
     name = how.split(" ")[1 if what == "column" else 0]
     at = table.schema.get_field_index(name)
     field = table.schema.field(at)
@@ -181,51 +180,20 @@ def copied(folder, tmp_path):
     return shutil.copytree(folder, tmp_path / "copy")
 
 
-def noticed(capsys, *arguments) -> None:
-    code = main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    assert code in (1, 2), out[:300]
-    assert "Traceback" not in err
-    assert "fault of the program" not in err
+def noticed(words: str) -> None:
+    """Run a verb that must refuse the copied folder, or pass no judgement on it."""
+    code, answer, message = asked(words)
+    assert code in (1, 2), answer[:300]
     if code == 2:
-        assert err.count("\n") == 1
-        assert "copy" in err
-        held(err)
+        assert "copy" in message
+        check_sentence(message)
 
 
-def asked(kind: str, number: int, way: tuple[str, str]):
-    """A fault in a table: of cells, columns and bytes every third is asked always."""
-    return pytest.param(
-        kind, way, marks=pytest.mark.slow if number % 3 and way[0] not in ("file", "rows") else ()
-    )
-
-
-@pytest.mark.parametrize(
-    ("kind", "way"), [asked(k, *each) for k in TABLES for each in enumerate(ways(k))], ids=str
-)
-def test_one_fault_in_a_table_of_a_run_or_a_baseline(
-    finished, baseline, tmp_path, capsys, kind, way
-):
-    run = copied(finished, tmp_path)
-    file = file_of(run, kind)
-    before = file.read_bytes()
-    spoil(file, way)
-    if file.is_file() and file.read_bytes() == before:
-        pytest.fail("nothing was changed")
-    if way[0] in ("file", "rows"):  # the verbs themselves; else the functions they call
-        noticed(capsys, "score", run)
-        noticed(capsys, "check", run, "--against", baseline)
-    for reads in (lambda: score_run(run), lambda: check_run(run, baseline), lambda: compare(run)):
-        with pytest.raises(RunError, match="copy") as said:
-            reads()
-        held(str(said.value), marks(file))
-    shutil.rmtree(run)
-    base = copied(baseline, tmp_path)
-    file = file_of(base, kind)
-    spoil(file, way)
-    with pytest.raises(RunError, match="copy") as said:
-        check_run(finished, base)
-    held(str(said.value), marks(file))
+def refuses(read, values=None) -> None:
+    """Check that a function names the copied folder in the sentence of its error."""
+    with pytest.raises(RunError, match="copy") as error:
+        read()
+    check_sentence(str(error.value), values)
 
 
 def marks(file) -> list[str]:
@@ -233,62 +201,86 @@ def marks(file) -> list[str]:
     return [digest(file.read_bytes())] if file.is_file() else []
 
 
-@pytest.mark.parametrize("kind", TABLES)
-@pytest.mark.parametrize("way", ["one more", "swapped", "twice", "renamed"])
-def test_partitions_that_do_not_belong_there(finished, baseline, tmp_path, capsys, kind, way):
-    run = copied(finished, tmp_path)
+@pytest.mark.parametrize(("kind", "way"), sampled([(k, way) for k in TABLES for way in ways(k)], 9))
+def test_one_fault_in_a_table_of_a_run_or_a_baseline(finished, baseline, here, kind, way):
+    run = copied(finished, here)
+    file = file_of(run, kind)
+    before = file.read_bytes()
+    spoil(file, way)
+    assert not file.is_file() or file.read_bytes() != before
+    if way in WHOLE:  # the verbs themselves; else the functions they call
+        noticed("score copy")
+        noticed(f"check copy --against {baseline}")
+    for read in (lambda: score_run(run), lambda: check_run(run, baseline), lambda: compare(run)):
+        refuses(read, marks(file))
+    shutil.rmtree(run)
+    base = copied(baseline, here)
+    file = file_of(base, kind)
+    spoil(file, way)
+    refuses(lambda: check_run(finished, base), marks(file))
+
+
+@pytest.mark.parametrize(
+    ("kind", "way"),
+    sampled([(k, w) for k in TABLES for w in ("one more", "swapped", "twice", "renamed")], 3),
+)
+def test_partitions_that_do_not_belong_there(finished, baseline, here, kind, way):
+    run = copied(finished, here)
     one, two = sorted((run / f"{kind}.parquet").iterdir())[:2]
     if way == "one more":
         shutil.copy(one, one.with_name("00009999.parquet"))
-    elif way == "swapped":
+    elif way == "renamed":
+        one.rename(one.with_name("part.parquet"))
+    else:
         content = one.read_bytes()
         one.write_bytes(two.read_bytes())
-        two.write_bytes(content)
-    elif way == "twice":
-        one.write_bytes(two.read_bytes())
-    else:
-        one.rename(one.with_name("part.parquet"))
-    noticed(capsys, "score", run)
-    noticed(capsys, "check", run, "--against", baseline)
-    noticed(capsys, "simulate", "--from", run, "--id", "0" * 16, "-o", tmp_path / "r.csv")
+        if way == "swapped":
+            two.write_bytes(content)
+    noticed("score copy")
+    noticed(f"check copy --against {baseline}")
+    noticed(f"simulate --from copy --id {'0' * 16} -o r.csv")
 
 
 def places(content, path=()) -> list[tuple]:
-    found = []
+    """The path to every key of nested tables."""
+    paths = []
     for key, value in content.items():
-        found.append((*path, key))
+        paths.append((*path, key))
         if isinstance(value, dict):
-            found += places(value, (*path, key))
-    return found
+            paths += places(value, (*path, key))
+    return paths
 
 
-def test_one_fault_anywhere_in_a_manifest(finished, baseline, tmp_path):
-    tried = 0
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 17])
+def test_one_fault_anywhere_in_a_manifest(finished, baseline, here, every):
     for folder in (finished, baseline):
-        whole = json.loads((folder / "manifest.json").read_text())
-        run = copied(folder, tmp_path)
-        for *path, last in places(whole):
-            for value in ("gone", None, "other", 0, [], {}):
-                content = json.loads((folder / "manifest.json").read_text())
-                at = content
-                for step in path:
-                    at = at[step]
-                if value == "gone":
-                    del at[last]
-                elif at[last] == value and type(at[last]) is type(value):
-                    continue
-                else:
-                    at[last] = value
-                (run / "manifest.json").write_text(json.dumps(content))
-                with pytest.raises(RunError, match="copy") as said:
-                    score_run(run) if folder is finished else check_run(finished, run)
-                held(
-                    str(said.value),
-                    [str(value)[:60]] if last == "format" and value != "gone" else None,
-                )
-                tried += 1
+        text = (folder / "manifest.json").read_text()
+        run = copied(folder, here)
+        faults = [
+            (path, value)
+            for path in places(json.loads(text))
+            for value in ("gone", None, "other", 0, [], {})
+        ]
+        assert len(faults) > 100
+        for (*path, last), value in faults[::every]:
+            content = table = json.loads(text)
+            for step in path:
+                table = table[step]
+            if value == "gone":
+                del table[last]
+            elif table[last] == value and type(table[last]) is type(value):
+                continue
+            else:
+                table[last] = value
+            (run / "manifest.json").write_text(json.dumps(content))
+            values = [str(value)[:60]] if last == "format" and value != "gone" else None
+            refuses(
+                lambda run=run, is_run=folder is finished: (
+                    score_run(run) if is_run else check_run(finished, run)
+                ),
+                values,
+            )
         shutil.rmtree(run)
-    assert tried > 300
 
 
 NO_MANIFEST = [
@@ -302,55 +294,48 @@ NO_MANIFEST = [
     "\0",
     f'{{"format": {"1" * 5000}}}',
 ]
+READERS = [
+    "score copy",
+    "check copy --against FINISHED",
+    "check FINISHED --against copy",
+    "simulate --from copy --id 0000000000000000 -o r.csv",
+    "run smoke -o copy --resume",
+    "score copy --report r.html",
+    "score FINISHED --compare copy --paired",
+]
 
 
-@pytest.mark.parametrize("text", NO_MANIFEST, ids=lambda t: f"{t[:12]} {len(t)}")
 @pytest.mark.parametrize(
-    "verb", ["score", "check", "against", "from", "resume", "report", "compare"]
+    ("words", "text"), sampled([(words, text) for text in NO_MANIFEST for words in READERS], 6)
 )
-def test_a_manifest_that_is_none(finished, tmp_path, refused, verb, text):
-    run = copied(finished, tmp_path)
-    (run / "manifest.json").write_text(text)
-    refused(
-        {
-            "score": ["score", run],
-            "check": ["check", run, "--against", finished],
-            "against": ["check", finished, "--against", run],
-            "from": ["simulate", "--from", run, "--id", "0" * 16, "-o", tmp_path / "r.csv"],
-            "resume": ["run", "smoke", "-o", run, "--resume"],
-            "report": ["score", run, "--report", tmp_path / "r.html"],
-            "compare": ["score", finished, "--compare", run, "--paired"],
-        }[verb],
-        "copy",
-    )
+def test_a_manifest_that_is_none(finished, here, words, text):
+    (copied(finished, here) / "manifest.json").write_text(text)
+    refused(words.replace("FINISHED", str(finished)), "copy")
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_simulate_from_a_changed_run(finished, tmp_path, refused, kind):
-    ident = pq.read_table(finished / "scenarios.parquet").column("scenario_id")[0].as_py()
-    run = copied(finished, tmp_path)
-    spoil(file_of(run, kind), ("cell", "scenario_id last"))
-    refused(["simulate", "--from", run, "--id", ident, "-o", tmp_path / "r.csv"], "copy")
-    refused(
-        ["simulate", "--from", finished, "--id", "nothing", "-o", tmp_path / "r.csv"], "nothing"
-    )
+def test_simulate_from_a_changed_run(finished, here, kind):
+    scenario = pq.read_table(finished / "scenarios.parquet").column("scenario_id")[0].as_py()
+    spoil(file_of(copied(finished, here), kind), ("cell", "scenario_id last"))
+    refused(f"simulate --from copy --id {scenario} -o r.csv", "copy")
+    refused(f"simulate --from {finished} --id nothing -o r.csv", "nothing")
 
 
-def test_an_empty_baseline_never_passes(finished, baseline, tmp_path, refused):
+def test_an_empty_baseline_never_passes(finished, baseline, here):
     """Emptied with all its checksums right."""
-    base = copied(baseline, tmp_path)
+    base = copied(baseline, here)
     manifest = json.loads((base / "manifest.json").read_text())
     for kind in TABLES:
         spoil(base / f"{kind}.parquet", ("rows", "drop all"))
         manifest["tables"][kind] = digest((base / f"{kind}.parquet").read_bytes())
     (base / "manifest.json").write_text(json.dumps(with_checksum(manifest)))
-    refused(["check", finished, "--against", base], "copy")
+    refused(f"check {finished} --against copy", "copy")
 
 
-def resumed(folder) -> dict[str, list]:
-    run_grid(load_grid("smoke", SMALL), folder, ["horch", "horch_histogram"], resume=True)
+def contents(folder) -> str:
+    """All of both tables but the times."""
     tables = [pq.read_table(folder / f"{kind}.parquet").to_pydict() for kind in TABLES]
-    return {k: v for table in tables for k, v in table.items() if k != "runtime_s"}
+    return json.dumps([t | {"runtime_s": None} for t in tables])
 
 
 FAULTS = ("bytes", "gone", "empty", "cut", "other piece", "other run", "cell", "rows")
@@ -359,9 +344,9 @@ PARTS = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "way"), PARTS, ids=str)
-def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, kind, way):
-    run = copied(unfinished, tmp_path)
+@pytest.mark.parametrize(("kind", "way"), sampled(PARTS, 5))
+def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, here, kind, way):
+    run = copied(unfinished, here)
     numbers = sorted(int(f.stem) for f in (run / "receipts").glob("*.json"))
     file, other = (
         run / (pieces.receipt_file(n) if kind == "receipt" else pieces.partition_file(kind, n))
@@ -369,45 +354,34 @@ def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, ki
     )
     if way == "other piece":
         shutil.copy(other, file)
-    elif way == "other run":
-        # all three files of a piece from a run with another seed
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-            with pytest.raises(Interrupted):
-                run_grid(
-                    load_grid("smoke", {**SMALL, "seed": 7}),
-                    tmp_path / "alien",
-                    ["horch", "horch_histogram"],
-                )
-        for alien in (tmp_path / "alien").glob(f"*/{numbers[0]:08d}.*"):
-            shutil.copy(alien, run / alien.relative_to(tmp_path / "alien"))
+    elif way == "other run":  # all three files of a piece from a run with another seed
+        interrupted(here / "alien", seed=7)
+        for alien in (here / "alien").glob(f"*/{numbers[0]:08d}.*"):
+            shutil.copy(alien, run / alien.relative_to(here / "alien"))
     elif kind == "receipt" and way in ("cell", "rows"):
         content = json.loads(file.read_text())
         content["run" if way == "cell" else "piece"] = 3
         file.write_text(json.dumps(content))
     else:
-        what = {
+        changes = {
             "bytes": ("bytes", "3"),
             "cell": ("cell", "scenario_id first"),
             "rows": ("rows", "drop last"),
         }
-        spoil(file, what.get(way, ("file", way)))
-    whole = [pq.read_table(finished / f"{k}.parquet").to_pydict() for k in TABLES]
-    expected = {k: v for table in whole for k, v in table.items() if k != "runtime_s"}
-    assert json.dumps(resumed(run)) == json.dumps(expected)
+        spoil(file, changes.get(way, ("file", way)))
+    assert contents(worked(run, resume=True)) == contents(finished)
 
 
-def test_what_a_killed_process_left_behind_blocks_nothing(tmp_path):
-    run = tmp_path / "run"
-    run.mkdir()
-    left = run / f".manifest.json.{2**22 + 5}"
+def test_what_a_killed_process_left_blocks_nothing(here):
+    (here / "run").mkdir()
+    left = here / "run" / f".manifest.json.{2**22 + 5}"
     left.write_text('{"for')
     os.utime(left, (0, 0))
-    assert resumed(run)
+    run = worked(here / "run", resume=True)
     assert not [f for f in run.iterdir() if f.name.startswith(".")]
 
 
-def test_a_disk_that_loses_what_is_written_is_named(tmp_path, monkeypatch):
+def test_a_disk_that_loses_what_is_written_is_named(here, monkeypatch):
     monkeypatch.setattr(pieces, "find_receipt", lambda *_: None)
     with pytest.raises(RunError, match="reads back otherwise"):
-        run_grid(load_grid("smoke", SMALL), tmp_path / "run", ["horch"])
+        worked(here / "run")

@@ -1,5 +1,5 @@
-"""Loop files, grids and records at random: never a traceback, a hang or a sentence that says
-nothing.
+"""Loop files, grids and records at random: never a traceback, a hang or a sentence without
+content.
 
 `FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without
 it they stay the same.
@@ -7,25 +7,20 @@ it they stay the same.
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import os
 
 import numpy as np
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from simbench.bench.execute import run as run_module
-from simbench.cli import main
-from tests.simbench.boundary.conftest import LEAKS, bounded, no_constant
+from tests.simbench.boundary.conftest import asked
 from tests.simbench.boundary.test_grids import HEAD as GRID
 from tests.simbench.boundary.test_loops import text as loop_text
 from tests.simbench.boundary.test_records import csv
 
 MANY = settings(
-    max_examples=int(os.environ.get("FUZZ", "40")),
+    max_examples=int(os.environ.get("FUZZ", "12")),
     derandomize="FUZZ" not in os.environ,
     deadline=None,
     database=None,
@@ -41,10 +36,10 @@ WORDS = st.sampled_from(
         "sine",
         "input",
         "K",
-        "",
         "nan",
         "é",
         "a.b",
+        "",
     ]
 )
 NUMBERS = st.one_of(
@@ -70,25 +65,6 @@ CUTS = st.lists(
     min_size=1,
     max_size=4,
 )
-
-
-def asked(arguments: list) -> tuple[int, str]:
-    """Run a command: exit 0 or 1 with JSON, 2 with one sentence, 130 where it was stopped; return
-    code and sentence.
-    """
-    out, err = io.StringIO(), io.StringIO()
-    with bounded(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main([str(a) for a in arguments])
-    said = err.getvalue()
-    assert code in (0, 1, 2, 130), (code, said)
-    assert not LEAKS.search(said), said
-    if code == 2:
-        assert out.getvalue() == ""
-        assert said.startswith("error: "), said
-        assert said.count("\n") == 1, said
-    elif code < 2 and "--json" in arguments:
-        json.loads(out.getvalue(), parse_constant=no_constant)
-    return code, said
 
 
 def cut(text: str, cuts: list[tuple[float, int, str]]) -> str:
@@ -123,51 +99,40 @@ def changed(text: str, line: float, value) -> str:
 LINES = st.lists(st.tuples(st.floats(0, 1), VALUES), min_size=1, max_size=3)
 
 
-def loop_of(lines, cuts) -> str:
-    text = loop_text()
+def spoilt(text: str, lines, cuts) -> str:
+    """The text with other values in some lines, and with cuts."""
     for line, value in lines:
         text = changed(text, line, value)
-    # long records are the business of other tests
-    return cut(text, cuts).replace("n = 200", "n = 60")
+    return cut(text, cuts)
 
 
 @MANY
 @given(lines=LINES, cuts=st.one_of(st.just([]), CUTS))
 def test_loop_files(tmp_path, lines, cuts):
     file, out = tmp_path / "loop.toml", tmp_path / "out.csv"
-    file.write_text(loop_of(lines, cuts), encoding="utf-8", errors="surrogatepass")
+    # long records are the business of other tests
+    text = spoilt(loop_text(), lines, cuts).replace("n = 200", "n = 60")
+    file.write_text(text, encoding="utf-8", errors="surrogatepass")
     out.unlink(missing_ok=True)
-    code, said = asked(["simulate", file, "-o", out])
-    assert out.exists() is (code == 0), said
+    code, _, message = asked(["simulate", file, "-o", out])
+    assert out.exists() is (code == 0), message
     if code == 2:
-        assert "loop.toml" in said
+        assert "loop.toml" in message
     else:
         assert np.isfinite(np.genfromtxt(out, delimiter=",", skip_header=1)).all()
-
-
-@pytest.fixture
-def stopped(monkeypatch):
-    """A run that is interrupted where its first simulation would begin."""
-
-    def never(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(run_module, "work", never)
 
 
 @MANY
 @given(lines=LINES, cuts=st.one_of(st.just([]), CUTS))
 def test_grids(tmp_path, stopped, lines, cuts):
-    file, text = tmp_path / "grid.toml", GRID
-    for line, value in lines:
-        text = changed(text, line, value)
-    file.write_text(cut(text, cuts), encoding="utf-8", errors="surrogatepass")
-    code, said = asked(
+    file = tmp_path / "grid.toml"
+    file.write_text(spoilt(GRID, lines, cuts), encoding="utf-8", errors="surrogatepass")
+    code, _, message = asked(
         ["run", file, "-o", tmp_path / "run", "--method", "horch_histogram", "-j", "1"]
     )
-    assert code in (2, 130), said
+    assert code in (2, 130), message
     if code == 2:
-        assert "grid" in said
+        assert "grid" in message
 
 
 @MANY
@@ -177,9 +142,8 @@ def test_records(tmp_path, cuts, raw, place):
     at = int(place * len(content))
     file = tmp_path / "rec.csv"
     file.write_bytes(content[:at] + raw + content[at:])
-    code, said = asked(["detect", file, "--method", "horch_histogram", "--json"])
-    if code == 2:
-        assert "rec.csv" in said
+    code, _, message = asked(["detect", file, "--method", "horch_histogram", "--json"])
+    assert code != 2 or "rec.csv" in message
 
 
 @MANY
@@ -192,6 +156,6 @@ def test_bytes(tmp_path, content):
     cuts = ["run", "smoke", "-o", tmp_path / "run", "--thresholds"]
     for name, words in (("x.csv", ["detect"]), ("x.toml", ["predict"]), ("x.json", cuts)):
         (tmp_path / name).write_bytes(content)
-        code, said = asked([*words, tmp_path / name])
+        code, _, message = asked([*words, tmp_path / name])
         assert code == 2
-        assert name in said or not content
+        assert name in message or not content

@@ -10,18 +10,18 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from detectors.errors import ParameterError
 from detectors.plugins import host
-from simbench.cli import main
 from simbench.loop import hosted as parts
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 from simbench.loop.valves import deadband
-from tests.simbench.boundary.test_loops import put
+from tests.simbench.boundary.conftest import answer_to, refused, run_verb, sampled
 from tests.simbench.boundary.test_loops import text as loop
 
 IMPORTS = "import os, sys, time\nimport numpy as np\nfrom simbench.loop"
@@ -45,15 +45,17 @@ REST, STEP, BAND = (
     "    return p.S, 0.0",
 )
 HEAD, APPLY = "SOURCE = ", "    setup.pv_add += "
-# where it stands, what is done there, and a word of the sentence
+FINE = (HEAD, "pass")
+MEMORY = "x = [np.ones(10_000_000) for _ in range(1000)]"
+# the line before which something is done, or which is replaced; what; a word of the sentence
 VALVE = {
     "raises": (REST, 'raise ValueError("on purpose")', "on purpose"),
-    "raises its own": (REST, "class E(BaseException): pass\n    raise E('mine')", "mine"),
+    "raises a class": (REST, "class E(BaseException): pass\n    raise E('mine')", "mine"),
     "exits": (REST, "sys.exit(0)", "SystemExit"),
     "exits hard": (REST, "os._exit(7)", "exit status 7"),
     "kills itself": (REST, "os.kill(os.getpid(), 9)", "signal 9"),
     "never ends": (REST, "while True: pass", "longer than"),
-    "takes all memory": (REST, "x = [np.ones(10_000_000) for _ in range(1000)]", "memory"),
+    "takes all memory": (REST, MEMORY, "memory"),
     "starts with a word": (REST, 'return ("closed",)', "float"),
     "starts nowhere": (REST, "return 3", "int"),
     "numpy without arrays": (REST, "np.empty = 3", "not callable"),
@@ -73,11 +75,11 @@ VALVE = {
     "friction is a word": ("FRICTION = True", 'FRICTION = "yes"', "FRICTION"),
 }
 EFFECT = {
-    "raises": (APPLY, 'raise ValueError("on purpose")', "on purpose"),
-    "exits": (APPLY, "sys.exit(0)", "SystemExit"),
-    "exits hard": (APPLY, "os._exit(7)", "exit status 7"),
-    "never ends": (APPLY, "while True: pass", "longer than"),
-    "takes all memory": (APPLY, "x = [np.ones(10_000_000) for _ in range(1000)]", "memory"),
+    "raises": (APPLY, *VALVE["raises"][1:]),
+    "exits": (APPLY, *VALVE["exits"][1:]),
+    "exits hard": (APPLY, *VALVE["exits hard"][1:]),
+    "never ends": (APPLY, *VALVE["never ends"][1:]),
+    "takes all memory": (APPLY, MEMORY, "memory"),
     "no numbers": (APPLY, "setup.pv_add[:] = np.nan", "finite"),
     "signals of another length": (APPLY, "setup.sp = np.zeros(3)", "mine"),
     "a word as signal": (APPLY, "setup.Td = 'loud'", "mine"),
@@ -85,32 +87,42 @@ EFFECT = {
     "acts nowhere": ('ACTS = "loop"', "ACTS = 3", "ACTS"),
     "import raises": (HEAD, "1 / 0", "ZeroDivisionError"),
 }
+SIMULATE = "simulate loop.toml -o r.csv --valve-plugin mine.py"
+COLUMN = "valve op.csv --model mine --param S=5 -o mv.csv --valve-plugin mine.py"
+EFFECTIVE = "simulate loop.toml -o r.csv --effect-plugin mine.py"
+ALWAYS = [
+    (SIMULATE, "exits hard"),
+    (SIMULATE, "lacks a step"),
+    (COLUMN, "raises"),
+    (COLUMN, "never ends"),
+    (EFFECTIVE, "raises"),
+    (EFFECTIVE, "block unknown"),
+]
+CASES = [(SIMULATE, name) for name in VALVE] + [(EFFECTIVE, name) for name in EFFECT]
+CASES += [(COLUMN, name) for name in ("raises", "exits hard", "never ends", "steps to no number")]
 
 
-def hostile(tmp_path: Path, source: str, place: str, deed: str, name: str = "mine") -> Path:
+def hostile(folder: Path, source: str, place: str, deed: str, name: str = "mine") -> Path:
+    """Write a plug-in of which one line is replaced, or preceded by something hostile."""
     assert place in source
-    file = tmp_path / f"{name}.py"
+    file = folder / f"{name}.py"
     whole = deed if place.split()[0] in deed else f"{deed}\n{place}"
-    if place.startswith("    "):
-        whole = f"    {deed}\n{place}"
-    file.write_text(source.replace(place, whole, 1))
+    file.write_text(
+        source.replace(place, f"    {deed}\n{place}" if place.startswith("    ") else whole, 1)
+    )
     return file
 
 
-def loop_file(tmp_path: Path, valve: str = "deadband", effect: str = "noise") -> Path:
+def loop_file(valve: str = "deadband", effect: str = "noise") -> None:
+    """Write loop.toml with a valve and an effect."""
     text = loop().replace('model = "choudhury"', f'model = "{valve}"').replace("J = 2.0\n", "")
-    return put(
-        tmp_path,
-        (
-            text
-            if effect == "noise"
-            else text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"')
-        ),
-    )
+    if effect != "noise":
+        text = text.replace('name = "noise"\nstd = 0.1', f'name = "{effect}"')
+    Path("loop.toml").write_text(text)
 
 
 @pytest.fixture(autouse=True)
-def nothing_remains():
+def nothing_remains(here):
     before = VALVES.names(), EFFECTS.names()
     yield
     assert (VALVES.names(), EFFECTS.names()) == before
@@ -119,149 +131,90 @@ def nothing_remains():
     assert not EFFECTS._hosts
 
 
-@pytest.fixture
-def short(monkeypatch, request):
+@pytest.mark.parametrize(("words", "name"), sampled(CASES, 0, ALWAYS))
+def test_a_hostile_part_is_refused_in_one_sentence_that_names_it(here, monkeypatch, words, name):
     monkeypatch.setattr(host, "BYTES", 1 << 30)
-    monkeypatch.setattr(host, "START", 60.0 if "never" not in request.node.callspec.id else 10.0)
+    monkeypatch.setattr(host, "START", 10.0 if "never" in name else 60.0)
+    source, cases = (HUM, EFFECT) if words == EFFECTIVE else (PLAY, VALVE)
+    place, deed, part = cases[name]
+    hostile(here, source, place, deed)
+    (here / "op.csv").write_text("op\n50\n52\n54\n56\n")
+    loop_file(**{"effect" if words == EFFECTIVE else "valve": "mine"})
+    limit = {"never ends": 1, "never steps": 20}.get(name, 60)
+    refused(f"{words} --time-limit {limit}", "mine", part)
+    assert not [*here.glob("r.csv"), *here.glob("mv.csv")]
 
 
-@pytest.mark.parametrize("name", VALVE)
-def test_a_hostile_valve_is_one_sentence_that_names_it(refused, tmp_path, short, name):
-    place, deed, word = VALVE[name]
-    file = hostile(tmp_path, PLAY, place, deed)
-    limit = {"never ends": 3, "never steps": 20}.get(name, 60)
-    refused(
-        [
-            "simulate",
-            loop_file(tmp_path, "mine"),
-            "-o",
-            tmp_path / "r.csv",
-            "--valve-plugin",
-            file,
-            "--time-limit",
-            limit,
-        ],
-        "mine",
-        word,
+def test_what_a_valve_changes_changes_nothing_outside_it(here, capfd):
+    environment = dict(os.environ)
+    hostile(
+        here,
+        PLAY,
+        REST,
+        "np.random.seed(1); np.pi = 3.0; os.nice(1); sys.setrecursionlimit(300);"
+        " os.chdir('/'); os.environ.clear(); VALVES = None; import gc; gc.disable();"
+        " print('noise'); os.write(1, b'noise'); os.write(2, b'noise')",
     )
-    assert not (tmp_path / "r.csv").exists()
-
-
-@pytest.mark.parametrize("name", EFFECT)
-def test_a_hostile_effect_is_one_sentence_that_names_it(refused, tmp_path, short, name):
-    place, deed, word = EFFECT[name]
-    file, limit = hostile(tmp_path, HUM, place, deed), 3 if name == "never ends" else 60
-    words = [
-        "simulate",
-        loop_file(tmp_path, effect="mine"),
-        "-o",
-        tmp_path / "r.csv",
-        "--effect-plugin",
-        file,
-    ]
-    refused([*words, "--time-limit", limit], "mine", word)
-    assert not (tmp_path / "r.csv").exists()
-
-
-@pytest.mark.parametrize("name", ["raises", "exits hard", "never ends", "steps to no number"])
-def test_a_hostile_valve_refuses_a_column_in_one_sentence(refused, tmp_path, short, name):
-    place, deed, word = VALVE[name]
-    (tmp_path / "op.csv").write_text("op\n50\n52\n54\n56\n")
-    file = hostile(tmp_path, PLAY, place, deed)
-    limit = 3 if name == "never ends" else 60
-    words = [
-        "valve",
-        tmp_path / "op.csv",
-        "--model",
-        "mine",
-        "--param",
-        "S=5",
-        "-o",
-        tmp_path / "mv.csv",
-    ]
-    refused([*words, "--valve-plugin", file, "--time-limit", limit], "mine", word)
-    assert not (tmp_path / "mv.csv").exists()
-
-
-@pytest.mark.parametrize(
-    "deed",
-    [
-        "np.random.seed(1); np.pi = 3.0; os.nice(1); sys.setrecursionlimit(300)",
-        "os.chdir('/'); os.environ.clear()",
-        "print('noise'); os.write(1, b'noise'); os.write(2, b'noise')",
-        "VALVES = None; import gc; gc.disable()",
-    ],
-)
-def test_what_a_valve_changes_changes_nothing_outside_it(tmp_path, capfd, deed):
-    import numpy as np
-
-    here, words = os.getcwd(), dict(os.environ)
-    file = hostile(tmp_path, PLAY, REST, deed)
-    assert main(["simulate", str(loop_file(tmp_path)), "-o", str(tmp_path / "a.csv")]) == 0
-    said = [
-        "simulate",
-        str(loop_file(tmp_path, "mine")),
-        "-o",
-        str(tmp_path / "b.csv"),
-        "--valve-plugin",
-        str(file),
-    ]
-    assert main(said) == 0
-    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
-    assert (os.getcwd(), dict(os.environ)) == (here, words)
+    loop_file()
+    answer_to("simulate loop.toml -o a.csv")
+    loop_file("mine")
+    answer_to("simulate loop.toml -o b.csv --valve-plugin mine.py")
+    assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
+    assert (os.getcwd(), dict(os.environ)) == (str(here), environment)
     assert np.pi > 3.1
     assert "noise" not in "".join(capfd.readouterr())
 
 
 @pytest.mark.parametrize(
-    ("option", "name"),
+    ("option", "source", "names"),
     [
-        ("--valve-plugin", "deadband"),
-        ("--valve-plugin", "Mine"),
-        ("--valve-plugin", "a b"),
-        ("--valve-plugin", "absent"),
-        ("--effect-plugin", "noise"),
-        ("--effect-plugin", "none"),
-        ("--effect-plugin", "unknown"),
-        ("--effect-plugin", "my-file"),
+        ("--valve-plugin", PLAY, ("deadband", "Mine", "a b", "absent")),
+        ("--effect-plugin", HUM, ("noise", "none", "unknown", "my-file")),
     ],
 )
-def test_a_name_that_means_something_already_is_refused(refused, tmp_path, option, name):
-    file = tmp_path / f"{name}.py"
-    if name != "absent":
-        file.write_text(PLAY if option == "--valve-plugin" else HUM)
-    refused(["simulate", loop_file(tmp_path), "-o", tmp_path / "r.csv", option, file], f"{name}.py")
-    assert not (tmp_path / "r.csv").exists()
+def test_a_name_that_means_something_already_is_refused(here, option, source, names):
+    loop_file()
+    for name in names:
+        file = here / f"{name}.py"
+        if name != "absent":
+            file.write_text(source)
+        refused(["simulate", "loop.toml", "-o", "r.csv", option, file], file.name)
+    assert not (here / "r.csv").exists()
 
 
-def test_two_files_of_one_name_are_refused_and_nothing_is_known_afterwards(tmp_path):
-    (tmp_path / "b").mkdir()
-    first, second = (
-        hostile(tmp_path, PLAY, HEAD, "pass"),
-        hostile(tmp_path / "b", PLAY, HEAD, "pass"),
-    )
-    with pytest.raises(ParameterError, match="taken"), parts.hosted_parts([first, second]):
+def test_two_files_of_one_name_are_refused_and_nothing_is_known_afterwards(here):
+    (here / "b").mkdir()
+    files = [hostile(folder, PLAY, *FINE) for folder in (here, here / "b")]
+    with pytest.raises(ParameterError, match="taken"), parts.hosted_parts(files):
         pass
 
 
-def test_a_valve_and_an_effect_of_a_loop_share_one_process_and_give_what_the_house_gives(tmp_path):
-    valve, effect = (
-        hostile(tmp_path, PLAY, HEAD, "pass"),
-        hostile(tmp_path, HUM, HEAD, "pass", "hum"),
-    )
-    mine = loop_file(tmp_path, "mine", "hum")
-    plugins = ["--valve-plugin", str(valve), "--effect-plugin", str(effect)]
-    assert main(["simulate", str(mine), "-o", str(tmp_path / "own.csv"), *plugins]) == 0
+def test_a_valve_and_an_effect_of_a_loop_share_one_process_and_give_what_the_built_in_ones_give(
+    here,
+):
+    """The process ends with the command."""
+    number = f"open({str(here / 'pid')!r}, 'a').write(str(os.getpid()) + ' ')"
+    valve = hostile(here, PLAY, REST, number)
+    effect = hostile(here, HUM, APPLY, number, "hum")
+    loop_file("mine", "hum")
+    plugins = "--valve-plugin mine.py --effect-plugin hum.py"
+    answer_to(f"simulate loop.toml -o apart.csv {plugins}")
+    [process], until = set((here / "pid").read_text().split()), time.monotonic() + 10.0
+    while Path(f"/proc/{process}").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not Path(f"/proc/{process}").exists()
+    for file, source in ((valve, PLAY), (effect, HUM)):
+        file.write_text(source)
     try:
         VALVES.add_file(valve), EFFECTS.add_file(effect)
-        assert main(["simulate", str(mine), "-o", str(tmp_path / "here.csv")]) == 0
+        answer_to("simulate loop.toml -o here.csv")
     finally:
         VALVES.forget("mine"), EFFECTS.forget("hum")
-    assert (tmp_path / "own.csv").read_bytes() == (tmp_path / "here.csv").read_bytes()
+    assert (here / "apart.csv").read_bytes() == (here / "here.csv").read_bytes()
 
 
 GRID = """
-title = "strangers among the house's own"
+title = "plug-ins among built-in valves"
 source = "own"
 seed = 1
 repeats = 1
@@ -282,172 +235,102 @@ S_over_2J = [inf]
 noise_ratio = [0.1]
 disturbance = ["none"]
 """
-MEMBER = '[[block.member]]\nname = "{0}"\nvalve = "{0}"\n'
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_run_keeps_every_row_of_the_house_and_names_the_offender(tmp_path, capsys, jobs):
+def grid_file(name: str, *members: str) -> None:
+    """Write a grid with one scenario for each valve."""
+    tables = (f'[[block.member]]\nname = "{m}"\nvalve = "{m}"\n' for m in members)
+    Path(name).write_text(GRID + "".join(tables))
+
+
+LOUD, GONE = (REST, "raise ValueError('on purpose')"), (REST, "os._exit(3)")
+VANDAL = (REST, "np.mean = np.std = None; os.environ.clear()")
+
+
+@pytest.mark.parametrize(
+    ("jobs", "deeds"),
+    [
+        (1, {"loud": LOUD, "vandal": VANDAL}),
+        pytest.param(
+            2,
+            {"loud": LOUD, "gone": GONE, "fine": FINE, "vandal": VANDAL},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_run_keeps_every_row_of_the_built_in_valves_and_names_the_offender(here, jobs, deeds):
     """The siblings of a hostile valve, from the same cell, have the bits they have without it; a
     fine one has its twin's.
     """
-    deeds = {
-        "loud": (REST, "raise ValueError('on purpose')"),
-        "gone": (REST, "os._exit(3)"),
-        "fine": (HEAD, "pass"),
-    }
-    deeds["vandal"] = (REST, "np.mean = np.std = None; os.environ.clear()")
-    files = [hostile(tmp_path, PLAY, *deed, name) for name, deed in deeds.items()]
-    for name, members in (
-        ("without", ["deadband", "ideal"]),
-        ("with", ["deadband", *deeds, "ideal"]),
-    ):
-        (tmp_path / f"{name}.toml").write_text(GRID + "".join(MEMBER.format(m) for m in members))
-    words = ["--method", "horch,rossi_scali,oracle", "-j", jobs, "--json"]
-    assert main(["run", str(tmp_path / "without.toml"), "-o", str(tmp_path / "a"), *words]) == 0
-    capsys.readouterr()
-    plugins = [w for f in files for w in ("--valve-plugin", str(f))]
-    assert (
-        main(["run", str(tmp_path / "with.toml"), "-o", str(tmp_path / "b"), *words, *plugins]) == 1
-    )
-    failed = json.loads(capsys.readouterr().out)["failed"]
-    assert failed["scenarios"] >= 2
-    assert any(
-        "valve plug-in 'loud': ValueError: on purpose" in reason for reason in failed["reasons"]
-    )
-    assert any(
-        "valve plug-in 'gone': ended its process (exit status 3)" in reason
-        for reason in failed["reasons"]
-    )
-
-    found = {}
+    files = [hostile(here, PLAY, *deed, name) for name, deed in deeds.items()]
+    grid_file("without.toml", "deadband", "ideal")
+    grid_file("with.toml", "deadband", *deeds, "ideal")
+    options = f"--method horch,rossi_scali,oracle -j {jobs} --json "
+    answer_to(f"run without.toml -o a {options}")
+    plugins = " ".join(f"--valve-plugin {file.name}" for file in files)
+    failed = json.loads(answer_to(f"run with.toml -o b {options}{plugins}", 1))["failed"]
+    reasons = " ".join(failed["reasons"])
+    assert "valve plug-in 'loud': ValueError: on purpose" in reasons
+    assert "gone" not in deeds or "'gone': ended its process (exit status 3)" in reasons
+    rows, verdicts = {}, {}
     for run in ("a", "b"):
-        rows = pd.read_parquet(tmp_path / run / "scenarios.parquet").set_index("scenario_id")
-        said = pd.read_parquet(tmp_path / run / "verdicts.parquet").drop(columns="runtime_s")
-        said["member"] = said.scenario_id.map(rows.member)
-        found[run] = (
-            rows.set_index("member"),
-            said.set_index(["member", "method"]).drop(columns="scenario_id"),
-        )
-    for part in ("deadband", "ideal"):
-        assert found["a"][0].record_hash[part] == found["b"][0].record_hash[part]
+        table = pd.read_parquet(here / run / "scenarios.parquet").set_index("scenario_id")
+        answers = pd.read_parquet(here / run / "verdicts.parquet").drop(columns="runtime_s")
+        answers["member"] = answers.scenario_id.map(table.member)
+        rows[run] = table.set_index("member")
+        verdicts[run] = answers.set_index(["member", "method"]).drop(columns="scenario_id")
+    for member in ("deadband", "ideal"):
+        assert rows["a"].record_hash[member] == rows["b"].record_hash[member]
         pd.testing.assert_frame_equal(
-            found["a"][1].loc[part], found["b"][1].loc[part], check_exact=True
+            verdicts["a"].loc[member], verdicts["b"].loc[member], check_exact=True
         )
-    same = ["record_hash", "cycled", "cycle_period", "predicted", "theory_period", "sticky"]
-    assert found["b"][0].loc["fine", same].equals(found["b"][0].loc["deadband", same])
-    pd.testing.assert_frame_equal(
-        found["b"][1].loc["fine"], found["b"][1].loc["deadband"], check_exact=True
-    )
-
-
-def test_a_scenario_of_a_run_is_repeated_with_its_valve(tmp_path, capsys):
-    file = hostile(tmp_path, PLAY, HEAD, "pass")
-    (tmp_path / "g.toml").write_text(GRID + MEMBER.format("mine"))
-    plugin = ["--valve-plugin", str(file)]
-    assert (
-        main(
-            [
-                "run",
-                str(tmp_path / "g.toml"),
-                "-o",
-                str(tmp_path / "run"),
-                "--method",
-                "horch",
-                *plugin,
-            ]
+    if "fine" in deeds:
+        same = ["record_hash", "cycled", "cycle_period", "predicted", "theory_period", "sticky"]
+        assert rows["b"].loc["fine", same].equals(rows["b"].loc["deadband", same])
+        pd.testing.assert_frame_equal(
+            verdicts["b"].loc["fine"], verdicts["b"].loc["deadband"], check_exact=True
         )
-        == 0
-    )
-    ident = pd.read_parquet(tmp_path / "run" / "scenarios.parquet").scenario_id[0]
-    assert main(["score", str(tmp_path / "run"), "--report", str(tmp_path / "one.html")]) == 0
-    words = [
-        "simulate",
-        "--from",
-        str(tmp_path / "run"),
-        "--id",
-        ident,
-        "-o",
-        str(tmp_path / "r.csv"),
-    ]
-    assert main([*words, *plugin]) == 0
-    capsys.readouterr()
-    assert main(words) == 2
-    assert "'mine'" in capsys.readouterr().err
 
 
-def test_a_run_in_which_nothing_can_be_simulated_says_so(tmp_path, capsys):
-    file = hostile(tmp_path, PLAY, *VALVE["raises"][:2])
-    (tmp_path / "g.toml").write_text(GRID + MEMBER.format("mine"))
-    words = [
-        "run",
-        str(tmp_path / "g.toml"),
-        "-o",
-        str(tmp_path / "run"),
-        "--method",
-        "horch,oracle",
-    ]
-    assert main([*words, "--valve-plugin", str(file)]) == 1
-    assert "valve plug-in 'mine': ValueError: on purpose" in capsys.readouterr().err
-    assert (
-        main(
-            [
-                "score",
-                "--allow-failed",
-                "1",
-                str(tmp_path / "run"),
-                "--report",
-                str(tmp_path / "none.html"),
-            ]
-        )
-        == 0
-    )
+@pytest.mark.slow
+def test_a_scenario_of_a_run_is_repeated_with_its_valve(here):
+    hostile(here, PLAY, *FINE)
+    grid_file("g.toml", "mine")
+    answer_to("run g.toml -o run --method horch --valve-plugin mine.py")
+    scenario = pd.read_parquet(here / "run" / "scenarios.parquet").scenario_id[0]
+    answer_to("score run --report one.html")
+    words = f"simulate --from run --id {scenario} -o r.csv"
+    answer_to(f"{words} --valve-plugin mine.py")
+    refused(words, "'mine'")
 
 
-def test_the_process_of_a_part_ends_with_the_question(tmp_path):
-    file = hostile(
-        tmp_path, PLAY, REST, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))"
-    )
-    assert (
-        main(
-            [
-                "simulate",
-                str(loop_file(tmp_path, "mine")),
-                "-o",
-                str(tmp_path / "r.csv"),
-                "--valve-plugin",
-                str(file),
-            ]
-        )
-        == 0
-    )
-    child, until = int((tmp_path / "pid").read_text()), time.monotonic() + 10.0
-    while Path(f"/proc/{child}").exists() and time.monotonic() < until:
-        time.sleep(0.1)
-    assert not Path(f"/proc/{child}").exists()
+def test_a_run_in_which_nothing_can_be_simulated_says_so(here):
+    hostile(here, PLAY, *LOUD)
+    grid_file("g.toml", "mine")
+    code, _, message = run_verb("run g.toml -o run --method oracle --valve-plugin mine.py")
+    assert code == 1
+    assert "valve plug-in 'mine': ValueError: on purpose" in message
+    answer_to("score --allow-failed 1 run --report none.html")
 
 
 @pytest.fixture
-def published(tmp_path, monkeypatch):
+def published(here, monkeypatch):
     """Publish valves and effects as another distribution does, for every process."""
 
-    def publish(**what: tuple[str, str]) -> None:
-        about = tmp_path / "strangers-1.0.dist-info"
+    def publish(**plugins: tuple[str, tuple[str, str]]) -> None:
+        about = here / "strangers-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers\nVersion: 1.0\n")
-        groups = {
-            g: [n for n, (s, _) in what.items() if s is source]
-            for g, source in (("valves", PLAY), ("effects", HUM))
-        }
-        text = "".join(
-            f"[simbench.{g}]\n" + "".join(f"{n} = theirs.{n}\n" for n in names)
-            for g, names in groups.items()
+        entries = {"valves": "", "effects": ""}
+        (here / "theirs").mkdir()
+        for name, (source, deed) in plugins.items():
+            entries["valves" if source is PLAY else "effects"] += f"{name} = theirs.{name}\n"
+            hostile(here / "theirs", source, *deed, name)
+        (about / "entry_points.txt").write_text(
+            "".join(f"[simbench.{group}]\n{names}" for group, names in entries.items())
         )
-        (about / "entry_points.txt").write_text(text)
-        (tmp_path / "theirs").mkdir()
-        for name, (source, (place, deed)) in what.items():
-            hostile(tmp_path / "theirs", source, place, deed, name)
-        monkeypatch.syspath_prepend(tmp_path)
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        monkeypatch.syspath_prepend(here)
+        monkeypatch.setenv("PYTHONPATH", str(here))
         forget()
 
     def forget() -> None:
@@ -460,64 +343,29 @@ def published(tmp_path, monkeypatch):
     forget()
 
 
-def test_installed_parts_live_in_processes_of_their_own_too(published, tmp_path, refused, capsys):
-    published(
-        mine=(PLAY, (HEAD, "pass")), gone=(PLAY, (REST, "os._exit(3)")), hum=(HUM, (HEAD, "pass")),
-        loud=(HUM, (APPLY, "sys.exit(3)")),
-    )  # fmt: skip
-    out = tmp_path / "r.csv"
-    assert main(["simulate", str(loop_file(tmp_path, "mine", "hum")), "-o", str(out)]) == 0
-    assert not [m for m in sys.modules if m.startswith("theirs")]
-    assert (
-        main(["simulate", str(loop_file(tmp_path, "deadband")), "-o", str(tmp_path / "house.csv")])
-        == 0
-    )
-    out.unlink(), capsys.readouterr()
-    refused(
-        ["simulate", loop_file(tmp_path, "gone"), "-o", out],
-        "valve plug-in 'gone'",
-        "exit status 3",
-    )
-    refused(
-        ["simulate", loop_file(tmp_path, effect="loud"), "-o", out],
-        "effect plug-in 'loud'",
-        "SystemExit",
-    )
-    assert not out.exists()
+def test_installed_parts_run_in_processes_of_their_own_too(published, here):
+    published(gone=(PLAY, GONE), loud=(HUM, (APPLY, "sys.exit(3)")))
+    loop_file("gone")
+    refused("simulate loop.toml -o r.csv", "valve plug-in 'gone'", "exit status 3")
+    loop_file(effect="loud")
+    refused("simulate loop.toml -o r.csv", "effect plug-in 'loud'", "SystemExit")
+    assert not [module for module in sys.modules if module.startswith("theirs")]
 
 
-def test_a_run_names_the_installed_valve_that_fails_and_keeps_the_rest(published, tmp_path, capsys):
-    published(fine=(PLAY, (HEAD, "pass")), gone=(PLAY, (REST, "os._exit(3)")))
-    (tmp_path / "g.toml").write_text(
-        GRID + "".join(MEMBER.format(m) for m in ("deadband", "fine", "gone"))
-    )
-    words = [
-        "run",
-        str(tmp_path / "g.toml"),
-        "-o",
-        str(tmp_path / "run"),
-        "--method",
-        "horch,oracle",
-        "-j",
-        "2",
-        "--json",
-    ]
-    assert main(words) == 1
-    reasons = json.loads(capsys.readouterr().out)["failed"]["reasons"]
-    assert any(
-        "valve plug-in 'gone': ended its process (exit status 3)" in reason for reason in reasons
-    )
-    rows = pd.read_parquet(tmp_path / "run" / "scenarios.parquet").set_index("member")
+@pytest.mark.slow
+def test_a_run_names_the_installed_valve_that_fails_and_keeps_the_rest(published, here):
+    published(fine=(PLAY, FINE), gone=(PLAY, GONE), hum=(HUM, FINE))
+    loop_file("fine", "hum")
+    answer_to("simulate loop.toml -o r.csv")
+    grid_file("g.toml", "deadband", "fine", "gone")
+    failed = json.loads(answer_to("run g.toml -o run --method oracle -j 2 --json", 1))["failed"]
+    assert "valve plug-in 'gone': ended its process (exit status 3)" in str(failed["reasons"])
+    rows = pd.read_parquet(here / "run" / "scenarios.parquet").set_index("member")
     assert rows.record_hash["fine"] == rows.record_hash["deadband"]
 
 
-@pytest.mark.parametrize("verb", ["simulate", "list"])
-def test_an_installed_part_that_cannot_be_imported_is_named_with_its_distribution(
-    published, tmp_path, refused, verb
-):
+def test_an_installed_part_that_cannot_be_imported_is_named_with_its_distribution(published, here):
     published(broken=(HUM, (HEAD, "raise OSError('no licence')")))
-    loop = loop_file(tmp_path, effect="broken")
-    words = (
-        ["simulate", loop, "-o", tmp_path / "r.csv"] if verb == "simulate" else ["list", "effects"]
-    )
-    refused(words, "broken", "strangers", "no licence")
+    loop_file(effect="broken")
+    for words in ("simulate loop.toml -o r.csv", "list effects"):
+        refused(words, "broken", "strangers", "no licence")

@@ -12,9 +12,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from detectors.records import tables
-from tests.simbench.boundary.conftest import held
+from tests.simbench.boundary.conftest import asked, check_sentence, refused, sampled
 
 N = 300
 TIME = np.arange(N)
@@ -68,7 +69,7 @@ WRONG_TEXTS = {
     "no time": b"op,pv\n0,1\n1,2\n2,3\n",
     "empty names": b",,\n0,1,2\n1,2,3\n2,3,4\n",
     "time back": b"t,op,pv\n0,1,2\n2,2,3\n1,3,4\n3,4,5\n",
-    "time stands": b"t,op,pv\n0,1,2\n0,2,3\n0,3,4\n",
+    "time repeats": b"t,op,pv\n0,1,2\n0,2,3\n0,3,4\n",
     "time empty": b"t,op,pv\n,1,2\n,2,3\n,3,4\n",
     "time infinite": b"t,op,pv\n0,1,2\n1,2,3\ninf,3,4\n",
     "time as words": b"t,op,pv\nmon,1,2\ntue,2,3\nwed,3,4\n",
@@ -90,42 +91,38 @@ WRONG_TEXTS = {
     "tiny op": csv(op=OP * 1e-250).encode(),
 }
 READERS = {
-    "detect": ["detect", None, "--method", QUICK, "--json"],
-    "diagnose": ["diagnose", None, "--json"],
-    "gap": ["gap", "diagnose", None, "--identify", "--json"],
-    "valve": ["valve", None, "--model", "deadband", "--param", "S=2", "-o", "/dev/null"],
+    "detect": f"detect {{0}} --method {QUICK} --json",
+    "diagnose": "diagnose {0} --json",
+    "gap": "gap diagnose {0} --identify --json",
+    "valve": "valve {0} --model deadband --param S=2 -o /dev/null",
 }
 
 
-def ask(verb: str, path) -> list:
-    return [path if a is None else a for a in READERS[verb]]
-
-
-def put(tmp_path, content: str | bytes, name: str = "rec.csv"):
-    path = tmp_path / name
+def put(folder, content: str | bytes, name: str = "rec.csv"):
+    """Write a record."""
+    path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
 
 
-@pytest.mark.parametrize("verb", ["detect", "diagnose", "gap"])
-@pytest.mark.parametrize("name", WRONG_TEXTS)
-def test_no_record_at_all(refused, tmp_path, verb, name):
-    refused(ask(verb, put(tmp_path, WRONG_TEXTS[name])), "rec.csv")
-
-
-@pytest.mark.parametrize("text", WRONG_CELLS, ids=lambda t: t[:10])
 @pytest.mark.parametrize(
-    ("verb", "column"),
-    [*product(["detect", "gap"], ["op", "pv", "t"]), ("valve", "op"), ("valve", "t")],
+    ("verb", "name"), sampled(product(["detect", "diagnose", "gap"], WRONG_TEXTS), 4)
 )
-def test_a_cell_that_is_no_number(refused, tmp_path, verb, column, text):
-    refused(
-        ask(verb, put(tmp_path, with_cell(column, text))),
-        "rec.csv",
-        "line 101",
-        column,
-        values=[text],
-    )
+def test_no_record_at_all(here, verb, name):
+    put(here, WRONG_TEXTS[name])
+    refused(READERS[verb].format("rec.csv"), "rec.csv")
+
+
+COLUMNS = [*product(["detect", "gap"], ["op", "pv", "t"]), ("valve", "op"), ("valve", "t")]
+
+
+@pytest.mark.parametrize(
+    ("verb", "column", "text"),
+    sampled([(*one, text) for one, text in product(COLUMNS, WRONG_CELLS)], 7),
+)
+def test_a_cell_that_is_no_number(here, verb, column, text):
+    put(here, with_cell(column, text))
+    refused(READERS[verb].format("rec.csv"), "rec.csv", "line 101", column, values=[text])
 
 
 def frame(**columns) -> pd.DataFrame:
@@ -133,77 +130,76 @@ def frame(**columns) -> pd.DataFrame:
 
 
 def binary(suffix: str) -> bytes:
+    """A good record in a binary format."""
     out = io.BytesIO()
     if suffix == ".parquet":
         frame().to_parquet(out)
     elif suffix == ".xlsx":
         frame().head(60).to_excel(out, index=False)
     else:
-        from scipy.io import savemat
-
-        savemat(
-            out, {"cdata": {"chemicals": {"loop1": {"PV": PV, "OP": OP, "SP": PV * 0, "Ts": 1.0}}}}
-        )
+        loop = {"PV": PV, "OP": OP, "SP": PV * 0, "Ts": 1.0}
+        savemat(out, {"cdata": {"chemicals": {"loop1": loop}}})
     return out.getvalue()
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".xlsx", ".mat"])
-@pytest.mark.parametrize("damage", ["cut", "half", "head", "zeros", "text", "empty", *range(12)])
-def test_a_damaged_binary_file(told, tmp_path, suffix, damage):
-    whole = bytearray(binary(suffix))
-    at = {"cut": len(whole) - 10, "half": len(whole) // 2, "head": 20}
-    if damage in at:
-        content = bytes(whole[: at[damage]])
-    elif isinstance(damage, str):
-        content = {"zeros": b"\0" * 2000, "text": b"t,op,pv\n0,1,2\n", "empty": b""}[damage]
-    else:
-        for place in np.random.default_rng(damage).integers(0, len(whole), 20):
-            whole[place] ^= 0xFF
-        content = bytes(whole)
-    code, said = told(ask("detect", put(tmp_path, content, f"rec{suffix}")))
-    if isinstance(damage, str):
-        assert code == 2, said
-    if code == 2:
-        assert f"rec{suffix}" in said
-        held(said)
+DAMAGES = {
+    "cut": lambda whole: whole[:-10],
+    "half": lambda whole: whole[: len(whole) // 2],
+    "head": lambda whole: whole[:20],
+    "zeros": lambda whole: b"\0" * 2000,
+    "text": lambda whole: b"t,op,pv\n0,1,2\n",
+    "empty": lambda whole: b"",
+}
 
 
 @pytest.mark.parametrize(
-    "values",
-    [["a"] * N, [None] * N, [[1, 2]] * N, [b"\0"] * N, [True] * N],
-    ids=lambda v: repr(v[0]),
+    ("suffix", "damage"), sampled(product([".parquet", ".xlsx", ".mat"], [*DAMAGES, *range(12)]), 5)
 )
+def test_a_damaged_binary_file(here, suffix, damage):
+    whole = binary(suffix)
+    if damage in DAMAGES:
+        content = DAMAGES[damage](whole)
+    else:
+        content = bytearray(whole)
+        for place in np.random.default_rng(damage).integers(0, len(whole), 20):
+            content[place] ^= 0xFF
+    put(here, bytes(content), f"rec{suffix}")
+    code, _, message = asked(READERS["detect"].format(f"rec{suffix}"))
+    assert code == 2 or damage not in DAMAGES, message
+    if code == 2:
+        assert f"rec{suffix}" in message
+        check_sentence(message)
+
+
 @pytest.mark.parametrize("column", ["op", "pv", "t"])
-def test_a_parquet_column_of_another_type(refused, tmp_path, column, values):
-    if values[0] is None and column == "t":
-        values = [None] * N
-    path = tmp_path / "rec.parquet"
-    frame(**{column: pd.Series(values, dtype=object)}).to_parquet(path)
-    refused(ask("detect", path), "rec.parquet")
+def test_a_parquet_column_of_another_type(here, column):
+    for value in ("a", None, [1, 2], b"\0", True):
+        frame(**{column: pd.Series([value] * N, dtype=object)}).to_parquet("rec.parquet")
+        refused(READERS["detect"].format("rec.parquet"), "rec.parquet")
 
 
-@pytest.mark.parametrize("limit", ["MOST_ROWS", "MOST_UNPACKED"])
+@pytest.mark.parametrize(
+    ("limit", "value", "part"), [("MOST_ROWS", 5000, "rows"), ("MOST_UNPACKED", 500_000, "unpacks")]
+)
 def test_a_small_sheet_that_unpacks_to_a_large_one_is_refused(
-    refused, tmp_path, monkeypatch, limit
+    here, monkeypatch, limit, value, part
 ):
-    monkeypatch.setattr(tables, limit, {"MOST_ROWS": 5000, "MOST_UNPACKED": 500_000}[limit])
-    path = tmp_path / "bomb.xlsx"
+    monkeypatch.setattr(tables, limit, value)
     with (
         zipfile.ZipFile(io.BytesIO(binary(".xlsx"))) as good,
-        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bad,
+        zipfile.ZipFile("bomb.xlsx", "w", zipfile.ZIP_DEFLATED) as bad,
     ):
         for item in good.namelist():
             if item != "xl/worksheets/sheet1.xml":
                 bad.writestr(item, good.read(item))
-        with bad.open("xl/worksheets/sheet1.xml", "w") as sheet:
-            sheet.write(
-                b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
-            )
-            sheet.write(b"<row><c><v>1</v></c><c><v>1</v></c><c><v>1</v></c></row>" * 10_000)
-            sheet.write(b"</sheetData></worksheet>")
-    refused(
-        ask("detect", path), "bomb.xlsx", {"MOST_ROWS": "rows", "MOST_UNPACKED": "unpacks"}[limit]
-    )
+        bad.writestr(
+            "xl/worksheets/sheet1.xml",
+            '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">'
+            + "<sheetData>"
+            + "<row><c><v>1</v></c><c><v>1</v></c><c><v>1</v></c></row>" * 10_000
+            + "</sheetData></worksheet>",
+        )
+    refused(READERS["detect"].format("bomb.xlsx"), "bomb.xlsx", part)
 
 
 SHAPES = {
@@ -232,11 +228,16 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("verb", ["detect", "diagnose", "gap"])
-@pytest.mark.parametrize("name", SHAPES)
-def test_a_record_of_a_strange_shape_gets_json_or_a_sentence(told, tmp_path, verb, name):
-    path = put(tmp_path, csv(**{"sp": 0 * PV + 50, **SHAPES[name]}))
-    code, said = told(["detect", path, "--raw", "--json"] if verb == "detect" else ask(verb, path))
+@pytest.mark.parametrize(
+    ("verb", "name"),
+    sampled(product(["detect", "diagnose"], SHAPES), 7)
+    + sampled(product(["gap"], SHAPES), 0, [("gap", "constant pv")]),
+)
+def test_a_record_of_a_strange_shape_gets_json_or_a_sentence(here, verb, name):
+    put(here, csv(**{"sp": 0 * PV + 50, **SHAPES[name]}))
+    words = "detect rec.csv --raw --json" if verb == "detect" else READERS[verb].format("rec.csv")
+    code, answer, _ = asked(words)
     if verb == "detect" and code == 0:
-        assert all(v["reason"] for v in json.loads(said))
-        assert not any("failed" in v["reason"] for v in json.loads(said)), said
+        reasons = [verdict["reason"] for verdict in json.loads(answer)]
+        assert all(reasons)
+        assert not any("failed" in reason for reason in reasons), reasons

@@ -6,14 +6,17 @@ import json
 import os
 import pickle
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from simbench.cli import main
-from tests.simbench.boundary.test_fuzz import asked
+from simbench.bench.execute import pieces
+from tests.simbench.boundary.conftest import answer_to, asked, run_verb
 from tests.simbench.boundary.test_hostile import write
 from tests.simbench.boundary.test_loops import text as loop_text
+
+RUN = "run smoke --method horch_histogram --set disturbance=none"
 
 
 class Trap:
@@ -27,18 +30,8 @@ def home(tmp_path_factory):
     (home / "loop.toml").write_text(loop_text())
     write(home / "rec.csv", np.arange(900))
     (home / "cuts.json").write_text("{}")
-    run = [
-        "run",
-        "smoke",
-        "-o",
-        str(home / "run"),
-        "--method",
-        "horch_histogram",
-        "--set",
-        "disturbance=none",
-    ]
-    assert main(run) == 0
-    assert main(["check", str(home / "run"), "--against", str(home / "baseline"), "--update"]) == 0
+    answer_to(f"{RUN} -o {home}/run")
+    answer_to(f"check {home}/run --against {home}/baseline --update")
     return home
 
 
@@ -60,46 +53,25 @@ READ = {
 }
 
 
-@pytest.mark.parametrize("file", READ)
-def test_a_trap_is_refused_and_not_sprung(home, tmp_path, monkeypatch, file):
-    shutil.copytree(home, tmp_path / "home")
-    monkeypatch.chdir(tmp_path / "home")
-    monkeypatch.setenv("CAUGHT", str(tmp_path / "caught"))
-    (tmp_path / "home" / file).write_bytes(pickle.dumps(Trap()))
-    code, said = asked(READ[file].split())
-    assert code == 2, said
-    assert not (tmp_path / "caught").exists()
+def test_a_trap_is_refused_and_not_sprung(home, here, monkeypatch):
+    monkeypatch.setenv("CAUGHT", str(here / "caught"))
+    for file, words in READ.items():
+        with monkeypatch.context() as patch:
+            patch.chdir(shutil.copytree(home, here / file.replace("/", "-")))
+            Path(file).write_bytes(pickle.dumps(Trap()))
+            assert asked(words)[0] == 2, words
+    assert not (here / "caught").exists()
 
 
-def test_a_receipt_that_is_a_trap_is_worked_again(home, tmp_path, monkeypatch, capsys):
-    from simbench.bench.execute import run as run_module
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CAUGHT", str(tmp_path / "caught"))
-    words = [
-        "run",
-        "smoke",
-        "-o",
-        "run",
-        "--method",
-        "horch_histogram",
-        "--set",
-        "disturbance=none",
-        "--resume",
-        "--json",
-    ]
-    finish = run_module.pieces.finish
+def test_a_receipt_that_is_a_trap_is_worked_again(here, monkeypatch):
+    monkeypatch.setenv("CAUGHT", str(here / "caught"))
+    words = f"{RUN} -o run --resume --json"
     with monkeypatch.context() as patch:
-        patch.setattr(
-            run_module.pieces, "finish", lambda *given: (_ for _ in ()).throw(KeyboardInterrupt)
-        )
-        assert main(words) == 130
-    receipts = list((tmp_path / "run" / "receipts").iterdir())
+        patch.setattr(pieces, "finish", lambda *given: (_ for _ in ()).throw(KeyboardInterrupt))
+        assert run_verb(words)[0] == 130
+    receipts = list((here / "run" / "receipts").iterdir())
     assert receipts
     for receipt in receipts:
         receipt.write_bytes(pickle.dumps(Trap()))
-    capsys.readouterr()
-    assert run_module.pieces.finish is finish
-    assert main(words) == 0
-    assert json.loads(capsys.readouterr().out)["run"] == "run"
-    assert not (tmp_path / "caught").exists()
+    assert json.loads(answer_to(words))["run"] == "run"
+    assert not (here / "caught").exists()

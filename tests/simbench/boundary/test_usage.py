@@ -5,6 +5,7 @@ cannot be.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -16,8 +17,9 @@ import typer
 
 from detectors import usage
 from detectors.usage import exit_code
-from simbench.cli import app, main
-from tests.simbench.boundary.test_loops import put, text
+from simbench.cli import app
+from tests.simbench.boundary.conftest import answer_to, refused, sampled
+from tests.simbench.boundary.test_loops import text
 
 RECORD = "t,sp,op,pv\n" + "".join(f"{k},50,{50 + k % 7},{50 + k % 5}\n" for k in range(300))
 # words with LOOP, REC, OUT, DIR for a good loop file, a good record, a file to write and an empty
@@ -446,83 +448,56 @@ WRONG = [
 ]
 
 
-FILES = {"LABELS": "csv", "SLOW": "toml", "SHARE": "csv", "TAGS": "csv", "FAST": "toml"}
-
-
-@pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
-def test_a_wrong_command(refused, tmp_path, line, word):
-    loop, record, empty, records = (
-        put(tmp_path, text()),
-        tmp_path / "rec.csv",
-        tmp_path / "empty",
-        tmp_path / "records",
-    )
-    record.write_text(RECORD)
-    empty.mkdir()
-    records.mkdir()
-    (records / "one.csv").write_text(RECORD)
-    (tmp_path / "labels.csv").write_text("id,label\none,stictoin\n")
-    (tmp_path / "slow.toml").write_text(text("plant", "Td", "1e6"))
-    (tmp_path / "fast.toml").write_text(text("sampling", "Ts", "1e-6"))
-    share = "t,op,pv\n" + "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
-    (tmp_path / "share.csv").write_text(share)
-    (tmp_path / "tags.csv").write_text(RECORD.replace("sp,op,pv", "LIC7.SP,LIC7.OP,LIC7.PV", 1))
-    before = loop.read_bytes()
-    places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
-    places |= {name: tmp_path / f"{name.lower()}.{kind}" for name, kind in FILES.items()}
-    inside = {
-        "PAGE": tmp_path / "rec.html",
-        "RECS/one.html": records / "one.html",
-        "RECS/one.csv": records / "one.csv",
+@pytest.mark.parametrize(("line", "part"), sampled(WRONG, 6))
+def test_a_wrong_command(here, line, part):
+    share = "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
+    files = {
+        "LOOP": ("loop.toml", text()),
+        "REC": ("rec.csv", RECORD),
+        "LABELS": ("labels.csv", "id,label\none,stictoin\n"),
+        "SLOW": ("slow.toml", text("plant", "Td", "1e6")),
+        "FAST": ("fast.toml", text("sampling", "Ts", "1e-6")),
+        "SHARE": ("share.csv", f"t,op,pv\n{share}"),
+        "TAGS": ("tags.csv", RECORD.replace("sp,op,pv", "LIC7.SP,LIC7.OP,LIC7.PV", 1)),
+        "RECS/one.csv": ("records/one.csv", RECORD),
     }
-    inside |= {"OUT/key": tmp_path / "out" / "key"}
-    values = given(line.split(), {*places, *inside}, word)
-    refused(
-        [(places | inside).get(w, w) for w in line.split()],
-        "empty" if word == "DIR" else word,
-        values=values,
-    )
-    assert loop.read_bytes() == before
-    assert record.read_text() == (records / "one.csv").read_text() == RECORD
-    assert not (tmp_path / "out").exists()
-    assert not list(empty.iterdir())
+    for folder in ("empty", "records"):
+        (here / folder).mkdir()
+    for name, content in files.values():
+        (here / name).write_text(content)
+    places = {word: here / name for word, (name, _) in files.items()}
+    places |= {"OUT": here / "out", "DIR": here / "empty", "RECS": here / "records"}
+    places |= {"PAGE": here / "rec.html", "RECS/one.html": here / "records" / "one.html"}
+    places["OUT/key"] = here / "out" / "key"
+    values = wrong_values(line.split(), places, part)
+    words = [places.get(word, word) for word in line.split()]
+    refused(words, "empty" if part == "DIR" else part, values=values)
+    for name, content in files.values():
+        assert (here / name).read_text() == content
+    assert not (here / "out").exists()
+    assert not list((here / "empty").iterdir())
 
 
-def given(words: list[str], places: set[str], named: str) -> list[str]:
+RIGHT = "smoke all horch deadband fig-11-4 score-map detectors figures none 1 100"
+
+
+def wrong_values(words: list[str], places: dict, part: str) -> list[str]:
     """What is wrong on a command line, where it is a value: not what the sentence names anyway, no
     option, verb or file.
     """
-    known = {
-        *places,
-        *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split()),
-    }
-    right = {
-        "smoke",
-        "all",
-        "horch",
-        "deadband",
-        "fig-11-4",
-        "score-map",
-        "detectors",
-        "figures",
-        "none",
-        "1",
-        "100",
-    }
+    right = {*places, *RIGHT.split(), *" ".join(verbs(typer.main.get_command(app))).split()}
     pairs = [
         w.split(",")[-1].partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()
     ]
-    values = [key if key == named else value or key for key, _, value in pairs]
-    return [
-        v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))
-    ][-1:]
+    values = [key if key == part else value or key for key, _, value in pairs]
+    return [v for v in values if v not in right and not v.startswith(("none.", "/"))][-1:]
 
 
 def verbs(command, words: str = "") -> Iterator[str]:
     """Yield every verb below a command, with the words before it."""
     for name, sub in command.commands.items():
-        said = f"{words} {name}".strip()
-        yield from verbs(sub, said) if hasattr(sub, "commands") else [said]
+        verb = f"{words} {name}".strip()
+        yield from verbs(sub, verb) if hasattr(sub, "commands") else [verb]
 
 
 def test_no_verb_is_missing_here():
@@ -530,75 +505,61 @@ def test_no_verb_is_missing_here():
         assert sum(line.startswith(verb) for line, _ in WRONG) >= 10, verb
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "{",
-        "[]",
-        "null",
-        '{"horch": 1}',
-        '{"horch": {"dtau_low": "x"}}',
-        '{"horch": {"dtau_low": NaN}}',
-        '{"horch": {"dtau_low": true}}',
-        '{"horch": {"dtau_low": 7}}',
-        '{"horch": {"dtau": 0.1}}',
-        '{"horhc": {"dtau_low": 0.1}}',
-        '{"horch": {"no_stiction_below": 0.1}}',
-        "[" * 100_000,
-        '{"horch": {"dtau_low": ' + "1" * 5000 + "}}",
-        "\0",
-        '{"horch": {"dtau_low": [1]}}',
-        '{"horch": {"stiction_above": 1e400}}',
-    ],
-    ids=lambda t: f"{t[:40]} {len(t)}",
-)
-@pytest.mark.parametrize("verb", ["detect", "run"])
-def test_wrong_thresholds(refused, tmp_path, verb, content):
-    record, file = tmp_path / "rec.csv", tmp_path / "cuts.json"
-    record.write_text(RECORD)
-    file.write_text(content)
-    words = {"detect": ["detect", record], "run": ["run", "smoke", "-o", tmp_path / "run"]}[verb]
-    said = refused([*words, "--method", "horch", "--thresholds", file])
-    assert "cuts.json" in said or "horch" in said or "horhc" in said, said
-    assert not (tmp_path / "run").exists()
+THRESHOLDS = [
+    "",
+    "{",
+    "[]",
+    "null",
+    '{"horch": 1}',
+    '{"horch": {"dtau_low": "x"}}',
+    '{"horch": {"dtau_low": NaN}}',
+    '{"horch": {"dtau_low": true}}',
+    '{"horch": {"dtau_low": 7}}',
+    '{"horch": {"dtau": 0.1}}',
+    '{"horhc": {"dtau_low": 0.1}}',
+    '{"horch": {"no_stiction_below": 0.1}}',
+    "[" * 100_000,
+    '{"horch": {"dtau_low": ' + "1" * 5000 + "}}",
+    "\0",
+    '{"horch": {"dtau_low": [1]}}',
+    '{"horch": {"stiction_above": 1e400}}',
+]
 
 
-def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys, monkeypatch):
-    monkeypatch.delenv(usage.RAISED)
-
-    def fault():
-        raise ZeroDivisionError("nobody\nthought of this")
-
-    assert exit_code(fault) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "nobody thought of this" in said
-    log = said.rstrip().rpartition(" ")[2]
-    with open(log) as f:
-        assert "Traceback" in f.read()
+@pytest.mark.parametrize("verb", ["detect rec.csv", "run smoke -o run"])
+def test_wrong_thresholds(here, verb):
+    (here / "rec.csv").write_text(RECORD)
+    for content in THRESHOLDS:
+        (here / "cuts.json").write_text(content)
+        message = refused(f"{verb} --method horch --thresholds cuts.json")
+        assert re.search("cuts.json|horch|horhc", message), message
+        assert not (here / "run").exists()
 
 
-def test_logs_of_faults_do_not_pile_up(capsys, tmp_path, monkeypatch):
+def test_faults_of_the_program_are_one_sentence_that_names_its_log_and_logs_do_not_pile_up(
+    capsys, tmp_path, monkeypatch
+):
     monkeypatch.delenv(usage.RAISED)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     (tmp_path / "simbench-report.log").write_text("not ours")
     for number in range(usage.LOGS + 5):
 
         def fault(number=number):
-            raise ZeroDivisionError(number)
+            raise ZeroDivisionError(f"nobody\nthought of {number}")
 
         assert exit_code(fault) == 2
-    last = capsys.readouterr().err.rstrip().rpartition(" ")[2]
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert f"nobody thought of {usage.LOGS + 4}" in message
     assert len(list(tmp_path.glob(f"{usage.LOG}*"))) == usage.LOGS
-    assert f"ZeroDivisionError: {usage.LOGS + 4}" in Path(last).read_text()
+    log = Path(message.rpartition(" ")[2]).read_text()
+    assert "Traceback" in log
+    assert f"thought of {usage.LOGS + 4}" in log
     assert (tmp_path / "simbench-report.log").exists()
 
 
-@pytest.mark.parametrize("what", ["detectors", "grids", "effects", "valves", "figures"])
-def test_json_with_exit_0_is_json(capsys, what):
-    assert main(["list", what, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)
+def test_json_with_exit_0_is_json():
+    for kind in ("detectors", "grids", "effects", "valves", "figures"):
+        assert json.loads(answer_to(f"list {kind} --json"))
 
 
 def test_a_reader_that_goes_away_is_no_fault():

@@ -29,9 +29,7 @@ def test_a_rig_left_alone_is_the_compiled_loop_bit_for_bit(loop, case):
     asked = loop(**case)
     [trace] = run_rig([resolve_loop(asked, 3)])
     record = simulate(asked, 3).record
-    assert np.array_equal(trace.op, record.op)
-    assert np.array_equal(trace.mv, record.mv)
-    assert np.array_equal(trace.pv, record.pv)
+    assert all(np.array_equal(getattr(trace, x), getattr(record, x)) for x in ("op", "mv", "pv"))
 
 
 def test_changing_the_gain_from_the_start_is_another_loop(loop):
@@ -48,13 +46,11 @@ def test_changing_the_gain_of_pi_does_not_bump_op(loop):
 
 
 def test_influence_is_a_load_by_the_other_loop(loop):
-    still = loop(valve={"model": "ideal"})
-    moved = loop(valve={"model": "ideal"}, setpoint={"value": 50, "steps": [[10, 54]]})
-    alone = run_rig([resolve_loop(still, 0), resolve_loop(moved, 0)])
+    steps = ([], [[10, 54]])
+    pair = [loop(valve={"model": "ideal"}, setpoint={"value": 50, "steps": s}) for s in steps]
+    alone = run_rig([resolve_loop(x, 0) for x in pair])
     assert np.ptp(alone[0].pv) == 0
-    one_way = run_rig(
-        [resolve_loop(still, 0), resolve_loop(moved, 0)], influence=np.array([[0, 0.5], [0, 0]])
-    )
+    one_way = run_rig([resolve_loop(x, 0) for x in pair], influence=np.array([[0, 0.5], [0, 0]]))
     assert np.ptp(one_way[0].pv) > 0.5
     assert np.array_equal(one_way[1].pv, alone[1].pv)
 

@@ -72,19 +72,13 @@ def test_every_valve_keeps_its_contract_and_its_label_is_measured(name):
 
 
 def test_a_strangers_play_keeps_it(contract_of):
-    found = contract_of(PLAY)
-    assert (found.kind, found.name, found.broken) == ("valve", "own", ())
+    contract = contract_of(PLAY)
+    assert (contract.kind, contract.name, contract.broken) == ("valve", "mine", ())
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    BROKEN,
-    ids=[f"{new.strip()[:30]} {words[:20]}" for _, new, words in BROKEN],
-)
-def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
-    assert old in PLAY
-    found = contract_of(PLAY.replace(old, new))
-    assert any(words in sentence for sentence in found.broken), found.broken
+@pytest.mark.parametrize(("old", "new", "words"), BROKEN)
+def test_each_way_of_breaking_it_is_one_sentence(broken_by, old, new, words):
+    broken_by(PLAY, old, new, words)
 
 
 @pytest.mark.parametrize(("S", "J"), [(2.0, 2.0), (6.0, 3.0), (12.0, 1.0), (3.0, 5.0)])
@@ -93,5 +87,5 @@ def test_the_band_measured_is_the_band_that_was_set(model, S, J):
     module = VALVES.load(model)
     if model == "he" and J > S:
         pytest.skip("fd < 0: every slip overshoots")
-    found = measured_band([(module, valve_parameters(module, {"S": S, "J": J}, 1.0))], 20.0)
-    assert found == pytest.approx((S, J), rel=0.06, abs=0.05)
+    band = measured_band([(module, valve_parameters(module, {"S": S, "J": J}, 1.0))], 20.0)
+    assert band == pytest.approx((S, J), rel=0.06, abs=0.05)

@@ -1,4 +1,4 @@
-"""The picture of ranks says what the comparison says."""
+"""The picture of ranks shows the numbers of the comparison."""
 
 import numpy as np
 import pytest
@@ -17,11 +17,11 @@ def run(tmp_path_factory):
 
 
 def test_the_numbers_are_the_comparisons(run):
-    numbers, found = data(run), compare(run)
+    numbers, comparison = data(run), compare(run)
     # a nonlinearity test, one that sees MV, one made for self-regulating processes
     assert not {"bicoherence", "yamashita", "horch"} & set(numbers["method"])
     assert numbers["mean_rank"].is_monotonic_increasing
-    assert np.allclose(2 * numbers["half_width"], found.critical_difference)
+    assert np.allclose(2 * numbers["half_width"], comparison.critical_difference)
     assert numbers["mean_rank"].sum() == pytest.approx(1 + 2 + 3)
 
 

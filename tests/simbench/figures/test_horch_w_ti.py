@@ -37,10 +37,10 @@ def test_the_verdict_switches_where_the_bounds_say(horch):
         x = part.w_Ti.to_numpy()
         cuts = np.sqrt(x[1:] * x[:-1])
         for verdict, (_, expected) in BOUNDS.items():
-            said = (part.verdict == verdict).to_numpy()
+            answered = (part.verdict == verdict).to_numpy()
             # where a cut separates the verdict from the rest with the fewest exceptions
             wrong = np.array(
-                [(((x < c) if verdict == "stiction" else (x > c)) != said).sum() for c in cuts]
+                [(((x < c) if verdict == "stiction" else (x > c)) != answered).sum() for c in cuts]
             )
             assert abs(np.log(cuts[wrong == wrong.min()].mean() / expected)) < 0.15
 
@@ -51,12 +51,12 @@ def test_both_valves_are_in_one_picture(horch):
 
 
 def test_sections_are_scored_by_the_method_they_are_named_after(run):
-    found = sections(run)
-    assert set(found.section) == {"he", "he, integrating", "horch"}
-    assert (found.method == found.section.str.split(",").str[0]).all()
-    assert set(found.bar.dropna()) == set(BARS.values())
-    whole = found[found.noise_ratio == "all"].set_index("section")
-    parts = found[found.noise_ratio != "all"].groupby("section").n.sum()
+    scores = sections(run)
+    assert set(scores.section) == {"he", "he, integrating", "horch"}
+    assert (scores.method == scores.section.str.split(",").str[0]).all()
+    assert set(scores.bar.dropna()) == set(BARS.values())
+    whole = scores[scores.noise_ratio == "all"].set_index("section")
+    parts = scores[scores.noise_ratio != "all"].groupby("section").n.sum()
     assert (whole.n == parts).all()
 
 

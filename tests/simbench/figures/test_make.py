@@ -34,7 +34,12 @@ def needs(name: str) -> list[str]:
     return list(inspect.signature(FIGURES.load(name).data).parameters)
 
 
-FREE = [name for name in NAMES if not needs(name)]
+DEAR = ("surrogate_index", "valve_signatures", "fig_11_9_integrating")
+FREE = [
+    pytest.param(name, marks=pytest.mark.slow if name in DEAR else ())
+    for name in NAMES
+    if not needs(name)
+]
 OF_REAL_LOOPS = [name for name in NAMES if needs(name) == ["isdb"]]
 
 
@@ -107,9 +112,9 @@ def _check_texts(figure) -> None:
             f"cut off above or below: {text.get_text()!r}"
         )
         boxes.append((box.padded(-1.5), text.get_text()))
-    for i, (a, said) in enumerate(boxes):
+    for i, (a, one) in enumerate(boxes):
         for b, other in boxes[i + 1 :]:
-            assert not a.overlaps(b), f"{said!r} covers {other!r}"
+            assert not a.overlaps(b), f"{one!r} covers {other!r}"
 
 
 def test_each_figure_is_written_as_svg_png_and_csv(tmp_path):

@@ -1,4 +1,4 @@
-"""Real loops are found by the chapter's names in a folder and in an ISDB file alike."""
+"""Real loops are read by the chapter's names in a folder and in an ISDB file alike."""
 
 import numpy as np
 import pytest

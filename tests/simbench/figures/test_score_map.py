@@ -38,12 +38,12 @@ def test_every_cell_holds_the_share_of_right_answers(run):
 
 def test_a_continuous_axis_is_put_into_few_levels_and_healthy_and_dead_band_keep_theirs():
     drawn = np.r_[np.zeros(50), np.random.default_rng(1).uniform(0.3, 9, 400), np.full(50, np.inf)]
-    found = levels(drawn)
-    assert np.unique(found).size <= 8
-    assert (found[:50] == 0).all()
-    assert np.isinf(found[-50:]).all()
+    grouped = levels(drawn)
+    assert np.unique(grouped).size <= 8
+    assert (grouped[:50] == 0).all()
+    assert np.isinf(grouped[-50:]).all()
     order = np.argsort(drawn[50:450])
-    assert (np.diff(found[50:450][order]) >= 0).all()
+    assert (np.diff(grouped[50:450][order]) >= 0).all()
 
 
 def test_what_a_method_is_not_made_for_is_hatched_and_no_share(run):

@@ -1,4 +1,4 @@
-"""What the chapter says of its figures, checked on the numbers drawn."""
+"""The statements of the chapter about its figures, checked on the numbers drawn."""
 
 from __future__ import annotations
 
@@ -132,9 +132,9 @@ def test_indices_read_off_the_drawn_correlation_are_the_detectors(drawn, name):
     else:
         parts = [d]
     for part in parts:
-        found = marks(part)
-        assert found.dtau == pytest.approx(part["dtau (-)"].iloc[0], abs=1e-6)
-        assert found.drho == pytest.approx(part["drho (-)"].iloc[0], abs=1e-6)
+        points = marks(part)
+        assert points.dtau == pytest.approx(part["dtau (-)"].iloc[0], abs=1e-6)
+        assert points.drho == pytest.approx(part["drho (-)"].iloc[0], abs=1e-6)
 
 
 def test_even_correlation_without_and_odd_correlation_with_stiction(drawn):
@@ -155,9 +155,9 @@ def test_even_correlation_without_and_odd_correlation_with_stiction(drawn):
 def test_marked_intersections_are_what_predict_says(drawn, panel, J):
     figure, d = FIGURES.load("fig_11_8"), drawn("fig_11_8")
     marked = d[(d.panel == panel) & (d.curve == "intersection") & (d["J (%)"] == J)]
-    said = predict(figure.loop(panel, J))["describing_function"]
-    assert len(marked) == len(said)
-    for mark, one in zip(marked.to_dict("records"), said):
+    balances = predict(figure.loop(panel, J))["describing_function"]
+    assert len(marked) == len(balances)
+    for mark, one in zip(marked.to_dict("records"), balances):
         assert mark["period (s)"] == pytest.approx(one["period"], rel=1e-6)
         assert mark["A (%)"] == pytest.approx(one["amplitude"], rel=1e-6)
 
@@ -308,7 +308,7 @@ def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
 
 def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
     figure = FIGURES.load("fig_11_17")
-    record = simulate(figure.Loop.from_table(figure.LOOP), seed=1).record
+    record = simulate(figure.LOOP, seed=1).record
     assert judge(record, ["he"])[0].verdict == "stiction"
 
 
@@ -331,11 +331,11 @@ def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
     from simbench.figures import draw_path
 
     figure = FIGURES.load("fig_11_17")
-    found = diagnose(simulate(figure.Loop.from_table(figure.LOOP), seed=1).record)
-    draw_path(found, tmp_path / "path.svg")
+    diagnosis = diagnose(simulate(figure.LOOP, seed=1).record)
+    draw_path(diagnosis, tmp_path / "path.svg")
     assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
-        draw_path(found, tmp_path / "path.docx")
+        draw_path(diagnosis, tmp_path / "path.docx")
 
 
 def test_a_lower_gain_slows_a_stiction_cycle_and_keeps_its_amplitude(drawn):
@@ -362,7 +362,7 @@ def test_periods_told_beside_the_gain_change_are_those_drawn(drawn, name):
 
 def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
     d = drawn("fig_11_26")
-    valve = FIGURES.load("fig_11_26").LOOP["valve"]
+    valve = FIGURES.load("fig_11_26").LOOP.valve.parameters
     assert valve["J"] <= d["J measured (%)"].iloc[0] <= valve["J"] + 0.2
     assert valve["S"] <= d["S measured (%)"].iloc[0] + 1e-9 <= valve["S"] + 0.2
     # the sums are those of the drawn steps
@@ -402,13 +402,14 @@ def test_horchs_verdict_switches_at_the_same_w_Ti_with_and_without_stiction(draw
     arrives = max(crossing("dtau (-)", 1 / 3), crossing("drho (-)", 0.0718))
     assert leaves == pytest.approx(1 / np.sqrt(3), rel=near)
     assert arrives == pytest.approx(np.sqrt(3), rel=near)
-    said = d.verdict.to_numpy()
-    assert (said[d["w_Ti (-)"] < leaves] == "stiction").all()
-    assert (said[d["w_Ti (-)"] > arrives] == "no_stiction").all()
+    verdicts = d.verdict.to_numpy()
+    assert (verdicts[d["w_Ti (-)"] < leaves] == "stiction").all()
+    assert (verdicts[d["w_Ti (-)"] > arrives] == "no_stiction").all()
     law = 2 / np.pi * np.arctan(1 / d["w_Ti (-)"])
     assert np.abs(d["dtau (-)"] - law).max() < 0.03
 
 
+@pytest.mark.slow
 def test_no_bound_on_the_surrogate_index_finds_sticky_valves_alone(drawn):
     d = drawn("surrogate_index")
     npi = {kind: part["npi (-)"].to_numpy() for kind, part in d.groupby("kind")}

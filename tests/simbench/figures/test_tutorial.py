@@ -1,4 +1,4 @@
-"""The tutorial does what it says, block by block."""
+"""The tutorial holds what it promises, block by block."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from detectors.judge import judge
 from detectors.signal.half_cycles import split
 
+pytestmark = pytest.mark.slow  # as the site is
 PAGE = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "chapter_figure.md"
 BLOCKS = re.findall(
     r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S
@@ -19,7 +20,7 @@ BLOCKS = re.findall(
 
 @pytest.fixture(scope="module")
 def after(tmp_path_factory):
-    """Run every block in one namespace, in a folder of its own."""
+    """Run every block in one namespace, in a new folder."""
     folder = tmp_path_factory.mktemp("tutorial")
     space: dict = {}
     with pytest.MonkeyPatch.context() as patch:

@@ -16,14 +16,13 @@ from simbench.gap import candidates
 from simbench.gap.candidates import (
     LAST,
     alike,
-    beside_the_load,
-    beside_the_plant,
     fit_candidates,
     possible_effects,
     proven,
     smallest_detectable,
+    with_higher_order,
+    with_ordinary_load,
 )
-from simbench.gap.decide.assess import assess
 from simbench.gap.effects import left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
@@ -32,6 +31,7 @@ from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
 
+SHORT = {"sampling": {"Ts": 1.0, "n": 900}}
 VESSEL = FLOW | {
     "plant": {"type": "integrating", "K": 0.05, "Td": 3.5},
     "controller": {"type": "PI", "Kc": 1.2, "Ti": 60},
@@ -39,7 +39,7 @@ VESSEL = FLOW | {
 
 
 def situation(base=FLOW, mv=False, **changes):
-    r = recorded(base | {"disturbance": LOADED["disturbance"]}, **changes)
+    r = recorded(base | {"disturbance": LOADED["disturbance"]} | SHORT, **changes)
     return check(r if mv else replace(r, mv=None), Loop.from_table(base))
 
 
@@ -110,10 +110,10 @@ def test_what_cannot_be_is_not_fitted(plain):
 
 def test_the_controllers_proofs_come_first():
     both = [{"name": "quantisation", "step": 0.4}, {"name": "saturation", "lo": 48.5}]
-    found = situation(effect=both).proven
-    assert list(found) == ["saturation", "quantisation"]
-    assert found["saturation"]["lo"] == pytest.approx(48.5)
-    assert found["quantisation"] == {"step": pytest.approx(0.4), "at": "loop"}
+    fitted = situation(effect=both).proven
+    assert list(fitted) == ["saturation", "quantisation"]
+    assert fitted["saturation"]["lo"] == pytest.approx(48.5)
+    assert fitted["quantisation"] == {"step": pytest.approx(0.4), "at": "loop"}
     assert proven(situation()) == {}
 
 
@@ -138,15 +138,17 @@ def sizes(plain):
         ),
     ],
 )
-def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(
+def test_well_above_the_smallest_detectable_size_an_effect_shows_and_well_below_it_does_not(
     sizes, effect, name
 ):
     size = sizes[effect][0]
     gains = []
     for times in (0.25, 4.0):
         value = 1.0 + times * (size - 1.0) if name == "factor" else times * size
-        found = assess(situation(effect=[{"name": effect, name: value}]))
-        gains.append(found.log_likelihood_gains[effect])
+        s = situation(effect=[{"name": effect, name: value}])
+        engine = Engine(s.data, load_memory(s))
+        fitted = fit_candidates(engine, engine.base(), [effect])
+        gains.append(fitted[effect].log_likelihood_gain)
     assert gains[0] < 9.0 < gains[1]
 
 
@@ -158,6 +160,9 @@ def test_more_noise_hides_larger_effects(sizes):
         assert hidden[effect][0] > sizes[effect][0], effect
 
 
+JUMPING = ("load_steps", "valve_lag", "extra_lag", "sensor_lag", "gain_mismatch", "deadband")
+
+
 def jump(amplitude, start):
     """Return a load step: a ramp of one sample."""
     return {"type": "ramp", "amplitude": amplitude, "period": 1.0, "start": start}
@@ -165,31 +170,33 @@ def jump(amplitude, start):
 
 @pytest.mark.parametrize("lagging", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other_effect(lagging):
-    steps = {"disturbance": [jump(4.0, 200), jump(7.0, 520), jump(6.0, 1100)]}
+    steps = {"disturbance": [jump(4.0, 150), jump(7.0, 360), jump(6.0, 600)]}
     s = situation(**steps, effect=[{"name": "valve_lag", "tau": 8.0}] if lagging else [])
     engine = Engine(s.data, load_memory(s))
     bare = engine.base()
-    first = fit_candidates(engine, bare, possible_effects(s))
+    first = fit_candidates(engine, bare, JUMPING)
     assert first["load_steps"].log_likelihood_gain > 40
-    base, found = beside_the_load(engine, bare, first)
+    base, fitted = with_ordinary_load(engine, bare, first)
     assert base.loglik > bare.loglik + 40
-    assert found["load_steps"].log_likelihood_gain == 0.0
-    best = max(found, key=lambda e: found[e].log_likelihood_gain)
+    assert fitted["load_steps"].log_likelihood_gain == 0.0
+    best = max(fitted, key=lambda e: fitted[e].log_likelihood_gain)
     if lagging:
         assert best in {"valve_lag", "extra_lag", "sensor_lag"}
-        assert found[best].log_likelihood_gain > 20
+        assert fitted[best].log_likelihood_gain > 20
     else:
-        assert found[best].log_likelihood_gain < 6
+        assert fitted[best].log_likelihood_gain < 6
 
 
-def test_jumps_beside_a_load_that_wanders_are_an_event_and_named_last():
+def test_jumps_of_a_load_that_wanders_are_an_event_and_named_last():
     s = situation(
-        disturbance=[*LOADED["disturbance"], jump(3.0, 200), jump(4.0, 520), jump(3.5, 1100)]
+        disturbance=[*LOADED["disturbance"], jump(3.0, 150), jump(4.0, 360), jump(3.5, 600)]
     )
     engine = Engine(s.data, load_memory(s))
     bare = engine.base()
-    _, found = beside_the_load(engine, bare, fit_candidates(engine, bare, possible_effects(s)))
-    assert found["load_steps"].log_likelihood_gain == LAST
+    _, fitted = with_ordinary_load(
+        engine, bare, fit_candidates(engine, bare, ["load_steps", "noise"])
+    )
+    assert fitted["load_steps"].log_likelihood_gain == LAST
 
 
 SLOW = FLOW | {"plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 12.0}, "noise": {"std": 0.02}}
@@ -201,15 +208,16 @@ def lagged(Td, tau):
     """
     quiet = [{"type": "coloured", "amplitude": 0.15, "period": 30.0}]
     plant = SLOW["plant"] | {"Td": Td}
-    s = situation(SLOW, plant=plant, disturbance=quiet, effect=[{"name": "extra_lag", "tau": tau}])
+    lag = [{"name": "extra_lag", "tau": tau}]
+    s = situation(SLOW, plant=plant, disturbance=quiet, effect=lag, sampling=FLOW["sampling"])
     engine = Engine(s.data, load_memory(s))
-    base, found = (
+    base, fitted = (
         engine.base(),
         fit_candidates(engine, engine.base(), ["extra_lag", "dead_time_mismatch"]),
     )
-    assert found["extra_lag"].log_likelihood_gain > 20.0
-    other, beside = beside_the_plant(engine, base, found)
-    return other, {e for e, c in beside.items() if c.log_likelihood_gain > 5.0}
+    assert fitted["extra_lag"].log_likelihood_gain > 20.0
+    other, allowed = with_higher_order(engine, base, fitted)
+    return other, {e for e, c in allowed.items() if c.log_likelihood_gain > 5.0}
 
 
 def test_a_lag_in_place_of_some_dead_time_is_a_plant_of_higher_order_and_no_effect():
@@ -226,8 +234,8 @@ def test_a_lag_on_top_of_the_dead_time_is_an_effect():
 def test_a_plant_is_of_the_baselines_order_where_nothing_asks_for_more(plain):
     engine = Engine(plain.data, load_memory(plain))
     base = engine.base()
-    found = fit_candidates(engine, base, ["gain_mismatch"])
-    assert beside_the_plant(engine, base, found) == (base, found)
+    fitted = fit_candidates(engine, base, ["gain_mismatch"])
+    assert with_higher_order(engine, base, fitted) == (base, fitted)
     assert engine.of_higher_order(base) is base
 
 

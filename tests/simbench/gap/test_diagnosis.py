@@ -62,7 +62,7 @@ def situation(
     )
 
 
-def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
+def assessed(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
     return SimpleNamespace(
         chosen=list(chosen),
         parameters=NUMBERS if parameters is None else parameters,
@@ -119,7 +119,7 @@ class Loops:
     ],
 )
 def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, named):
-    assert named_by(weighed(**p), found(*chosen)) == named
+    assert named_by(weighed(**p), assessed(*chosen)) == named
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, nam
     ],
 )
 def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkage, shown, refuted):
-    weights = closing(weighed(), found("stiction", shown=shown), Loops(shrinkage))
+    weights = closing(weighed(), assessed("stiction", shown=shown), Loops(shrinkage))
     assert weights.probability["stiction"] == (0.0 if refuted else 0.5)
     assert weights.probability["unknown"] == pytest.approx(0.55 if refuted else 0.05)
     assert weights.block("unknown") == ("valve" if refuted else "process")
@@ -145,15 +145,15 @@ def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkag
 def test_nothing_named_is_nothing_refuted():
     loops = Loops(gap(after=9.0, resolvable=False))
     same = weighed(none=0.9, stiction=0.1)
-    assert closing(same, found("stiction"), loops) is same
+    assert closing(same, assessed("stiction"), loops) is same
     assert loops.shrunk == [[]]
 
 
 @pytest.mark.parametrize(
     ("floor", "left", "unknown"), [(2.8, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)]
 )
-def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
-    wide = found(s=situation(trusted=False), tests={"memory": left})
+def test_none_is_answered_with_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
+    wide = assessed(s=situation(trusted=False), tests={"memory": left})
     weights = closing(weighed(none=0.9, stiction=0.1), wide, Loops(replace(gap(), floor=floor)))
     assert (weights.probability["unknown"] > 0.8) == unknown
     assert weights.block("unknown") == ("disturbance" if unknown else "process")
@@ -161,11 +161,13 @@ def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, l
 
 @pytest.mark.parametrize(("least", "unknown"), [(1.4, False), (1.6, True)])
 @pytest.mark.parametrize("trusted", [True, False])
-def test_none_is_not_said_beside_a_gap_that_stays_along_the_record(trusted, least, unknown):
+def test_none_is_not_answered_with_a_gap_that_stays_along_the_record(trusted, least, unknown):
     loops = Loops(
         gap(), lacking=Lacking(least, (("OP stands still more often", 9.0, "controller"),))
     )
-    weights = closing(weighed(none=0.9, stiction=0.1), found(s=situation(trusted=trusted)), loops)
+    weights = closing(
+        weighed(none=0.9, stiction=0.1), assessed(s=situation(trusted=trusted)), loops
+    )
     assert (weights.probability["unknown"] > 0.8) == unknown
     assert weights.block("unknown") == ("controller" if unknown else "process")
 
@@ -180,7 +182,7 @@ def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_loa
 ):
     loops = Loops(gap(), lacking=Lacking(1.6, (("stands still more often", 9.0, block),)))
     weights = closing(
-        weighed(none=0.9, stiction=0.1), found(tests={"memory": left}, tested=tested), loops
+        weighed(none=0.9, stiction=0.1), assessed(tests={"memory": left}, tested=tested), loops
     )
     assert (weights.probability["unknown"] > 0.8) == unknown
 
@@ -189,7 +191,7 @@ def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_loa
 def stubs(monkeypatch):
     seen = {}
 
-    def plan(found, probability, loops, **more):
+    def plan(assessed, probability, loops, **more):
         seen.update(probability=probability, loops=loops, **more)
         tests = [SimpleNamespace(trial=SimpleNamespace(id="bump"), p_right=0.8)]
         return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="", tests=tests)
@@ -205,7 +207,7 @@ def stubs(monkeypatch):
 
 def test_the_answer_is_put_together(stubs):
     rivals = {("gain_mismatch",): gap(after=2.0), ("quantisation",): None}
-    answer = report(found("stiction"), weighed(), Loops(rivals=rivals), ["two records"])
+    answer = report(assessed("stiction"), weighed(), Loops(rivals=rivals), ["two records"])
     assert (answer.effect, answer.block, answer.group) == (
         "stiction",
         "valve",
@@ -249,27 +251,15 @@ def test_the_answer_is_put_together(stubs):
 
 
 def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
-    s = report(found("stiction"), weighed(), Loops(gap(lo=0.6, hi=0.93))).shrinkage
+    s = report(assessed("stiction"), weighed(), Loops(gap(lo=0.6, hi=0.93))).shrinkage
     assert (s["lo"], s["hi"]) == (0.6, 0.93)
-    assert report(found(), weighed(none=1.0), Loops()).shrinkage is None
-    unresolved = report(found("stiction"), weighed(), Loops(gap(value=None, resolvable=False)))
+    assert report(assessed(), weighed(none=1.0), Loops()).shrinkage is None
+    unresolved = report(assessed("stiction"), weighed(), Loops(gap(value=None, resolvable=False)))
     assert unresolved.shrinkage is None
     assert (
         unresolved.notes[-1]
         == "the gap (4.00) does not stand out of its floor (0.80): no shrinkage is claimed"
     )
-
-
-def test_of_two_effects_the_loop_with_both_is_compared_and_each_stands_as_a_rival(stubs):
-    loops = Loops(rivals={("stiction",): gap(after=1.5), ("quantisation",): gap(after=3.5)})
-    answer = report(found("stiction", "quantisation"), weighed(), loops)
-    assert loops.shrunk == [["stiction", "quantisation"]]
-    assert [e["effect"] for e in answer.effects] == ["stiction", "quantisation"]
-    assert {r.effect: r.gap_after for r in answer.ranking[:3]} == {
-        "stiction": 1.5,
-        "gain_mismatch": None,
-        "quantisation": 3.5,
-    }
 
 
 @pytest.mark.parametrize(
@@ -278,20 +268,12 @@ def test_of_two_effects_the_loop_with_both_is_compared_and_each_stands_as_a_riva
 def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(
     stubs, known, faithful, raw
 ):
-    said, why, after = _advice(
-        found("stiction", s=situation(known=known, faithful=faithful)), weighed(), Loops()
+    advice, why, after = _advice(
+        assessed("stiction", s=situation(known=known, faithful=faithful)), weighed(), Loops()
     )
-    assert said is not None
-    assert said["test"] == ("raw" if raw else "bump")
+    assert advice is not None
+    assert advice["test"] == ("raw" if raw else "bump")
     assert (why, after) == ("", {} if raw else {"bump": 0.8})
-
-
-def test_a_reason_is_noted_where_no_test_would_tell(stubs, monkeypatch):
-    nothing = SimpleNamespace(next_test=None, why="no test would tell", tests=[])
-    monkeypatch.setattr(diagnosis, "plan", lambda *a, **k: nothing)
-    answer = report(found("stiction"), weighed(), Loops())
-    assert answer.next_test is None
-    assert "next test: none, no test would tell" in answer.notes
 
 
 def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
@@ -320,17 +302,17 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
         900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1"
     )
     more = assessment(700, {"drift": 890.0}, chosen=["drift"])
-    found, behind, said = together(monkeypatch, short, long, more)
-    assert found.situation is long.situation
-    gains = found.log_likelihood_gains
+    joined, loops, notes = together(monkeypatch, short, long, more)
+    assert joined.situation is long.situation
+    gains = joined.log_likelihood_gains
     assert (gains["stiction"], gains["noise"], gains["quantisation"]) == (13.0, -2.0, 1000.0)
     # no likelihood outranks what single samples prove
     assert gains["drift"] == 900.0
-    assert found.parameters == {"noise": {"factor": 3.0}, "stiction": {"S": 2.0}}
-    assert found.chosen == ["noise", "stiction"]
-    assert [f.situation.record.n for f in found.beside] == [500, 700]
-    assert said == ["3 records judged together; gap and parameters are those of FIC1"]
-    assert found.stiction == behind.probability == pytest.approx(probability(pooled([1.0] * 3)))
+    assert joined.parameters == {"noise": {"factor": 3.0}, "stiction": {"S": 2.0}}
+    assert joined.chosen == ["noise", "stiction"]
+    assert [f.situation.record.n for f in joined.other_records] == [500, 700]
+    assert notes == ["3 records judged together; gap and parameters are those of FIC1"]
+    assert joined.stiction == loops.probability == pytest.approx(probability(pooled([1.0] * 3)))
     assert together(monkeypatch, short)[2] == []
     assert "those of the longest" in together(monkeypatch, short, more)[2][0]
 

@@ -21,12 +21,12 @@ TABLE = {
     "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[300, 54], [800, 49]]},
 }
-TOLD = Loop.from_table(TABLE)
+STATED = Loop.from_table(TABLE)
 
 
 def situation(effect=None, **numbers):
     effects = [] if effect is None else [{"name": effect, **numbers}]
-    return check(simulate(Loop.from_table({**TABLE, "effect": effects}), 3).record, TOLD)
+    return check(simulate(Loop.from_table({**TABLE, "effect": effects}), 3).record, STATED)
 
 
 def test_a_sound_loop_shows_no_law():
@@ -42,9 +42,11 @@ def test_a_sound_loop_shows_no_law():
 ])  # fmt: skip
 def test_a_term_of_the_controller_is_shown_with_its_numbers(effect, numbers, form):
     s = situation(effect, **numbers)
-    found = shown(s, form)
-    assert found is not None
-    assert found[next(iter(numbers))] == pytest.approx(next(iter(numbers.values())), rel=0.35)
+    shown_numbers = shown(s, form)
+    assert shown_numbers is not None
+    assert shown_numbers[next(iter(numbers))] == pytest.approx(
+        next(iter(numbers.values())), rel=0.35
+    )
     assert effect in s.proven
 
 
@@ -78,7 +80,7 @@ def test_one_long_run_needs_no_second_one_in_the_other_part():
 
 def test_another_tuning_is_fitted_to_the_first_part_and_pays_on_the_rest():
     retuned = Loop.from_table(TABLE).with_("controller.Kc", 1.6).with_("controller.Ti", 30.0)
-    law = controller_law(check(simulate(retuned, 3).record, TOLD), 780)
+    law = controller_law(check(simulate(retuned, 3).record, STATED), 780)
     assert law.form == "tuning"
     assert law.numbers == pytest.approx({"gain": 1.6, "integral": 1.5}, rel=1e-3)
     assert law.nats > 100.0
@@ -100,7 +102,7 @@ def test_a_speed_limit_is_fitted_where_op_strays_from_a_law_that_holds_elsewhere
         record = simulate(
             Loop.from_table({**TABLE, "effect": [{"name": name, "down": 10.0}]}), 3
         ).record
-    s = check(record, TOLD)
+    s = check(record, STATED)
     assert s.unexplained_law
     law = controller_law(s, 780)
     assert law.form == "ramps"

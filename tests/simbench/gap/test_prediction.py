@@ -9,9 +9,9 @@ import json
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop, load_loop
+from scenarios.spec import Loop
 from simbench.cli import main
-from simbench.files import write_record
+from simbench.gap import command
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.prediction import _interval, _moved, measure, predict, read_settings
 from simbench.loop.simulate import simulate
@@ -41,36 +41,37 @@ def fresh(loop, count=8):
 
 
 def test_half_the_gain_is_predicted_as_the_true_loop_does_it(report):
-    found = predict(report, {"controller.Kc": 0.75})
+    prediction = predict(report, {"controller.Kc": 0.75})
     true = fresh(TRUE.with_("controller.Kc", 0.75))
-    assert found.valid, found.reason
+    assert prediction.valid, prediction.reason
     for name in ("pv_std", "op_std", "op_travel_per_hour"):
         mean = np.mean([getattr(m, name) for m in true])
-        assert getattr(found, name).value == pytest.approx(mean, rel=0.1)
-        assert getattr(found, name).lo < mean < getattr(found, name).hi
+        assert getattr(prediction, name).value == pytest.approx(mean, rel=0.1)
+        assert getattr(prediction, name).lo < mean < getattr(prediction, name).hi
     # the model as it was is off by more, or the correction would not be tested
     assert (
         abs(
             np.mean([m.op_std for m in fresh(MODEL.with_("controller.Kc", 0.75))])
-            / found.op_std.value
+            / prediction.op_std.value
             - 1.0
         )
         > 0.1
     )
 
 
+@pytest.mark.slow
 def test_a_cycle_of_friction_keeps_its_predicted_period():
-    found = predict(
+    prediction = predict(
         diagnose(simulate(STICKY, seed=3, kick=6.0).record, MODEL), {"controller.Kc": 2.0}
     )
     true = np.nanmedian([m.period_s for m in fresh(STICKY.with_("controller.Kc", 2.0))])
-    assert found.oscillates > 0.5
-    assert found.period_s.value == pytest.approx(true, rel=0.1)
+    assert prediction.oscillates > 0.5
+    assert prediction.period_s.value == pytest.approx(true, rel=0.1)
 
 
 def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
-    found = predict(report, {"controller.Kc": 0.75}).as_json()
-    assert list(found) == [
+    prediction = predict(report, {"controller.Kc": 0.75}).as_json()
+    assert list(prediction) == [
         "pv_std",
         "op_std",
         "period_s",
@@ -80,28 +81,21 @@ def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
         "reason",
     ]
     for name in ("pv_std", "op_std", "op_travel_per_hour"):
-        assert list(found[name]) == ["value", "lo", "hi"]
-        assert found[name]["lo"] <= found[name]["value"] <= found[name]["hi"]
-    assert found["period_s"] is None
-    assert 0.0 <= found["oscillates"] < 0.5
-
-
-def test_the_same_report_and_seed_give_the_same_numbers(report):
-    assert (
-        predict(report, {"controller.Kc": 0.75}).as_json()
-        == predict(report, {"controller.Kc": 0.75}).as_json()
-    )
+        assert list(prediction[name]) == ["value", "lo", "hi"]
+        assert prediction[name]["lo"] <= prediction[name]["value"] <= prediction[name]["hi"]
+    assert prediction["period_s"] is None
+    assert 0.0 <= prediction["oscillates"] < 0.5
 
 
 @pytest.mark.parametrize(("settings", "word"), [
-    ({"controller.Kc": 4.5}, "stability limit"), ({"controller.Kc": 1000.0}, "stability limit"),
+    ({"controller.Kc": 4.5}, "stability limit"),
     ({"setpoint.value": 80.0}, "outside the record's"),
 ])  # fmt: skip
-def test_outside_its_range_a_prediction_says_so(report, settings, word):
-    found = predict(report, settings)
-    assert not found.valid
-    assert word in found.reason
-    assert found.sentence().startswith("No valid prediction: ")
+def test_outside_its_range_a_prediction_is_not_valid(report, settings, word):
+    prediction = predict(report, settings)
+    assert not prediction.valid
+    assert word in prediction.reason
+    assert prediction.sentence().startswith("No valid prediction: ")
 
 
 def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
@@ -114,14 +108,14 @@ def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
 
 
 def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
-    found = _interval(np.zeros(50))
-    assert found.value == 1.0
-    assert 1.0 < found.hi < 1.1
-    assert found.lo == pytest.approx(1.0 / found.hi)
+    prediction = _interval(np.zeros(50))
+    assert prediction.value == 1.0
+    assert 1.0 < prediction.hi < 1.1
+    assert prediction.lo == pytest.approx(1.0 / prediction.hi)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ({}, "--set"),
         ({"plant.K": "2"}, "plant.K is not a setting"),
@@ -132,22 +126,21 @@ def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
         ({"controller.direction": '"direct"'}, "positive feedback"),
     ],
 )
-def test_bad_settings_are_refused_in_one_sentence(words, said):
-    with pytest.raises(Exception, match=said) as error:
+def test_bad_settings_are_refused_in_one_sentence(words, message):
+    with pytest.raises(Exception, match=message) as error:
         read_settings(words, MODEL)
     assert "\n" not in str(error.value)
 
 
-def test_the_verb_answers_first_and_prints_json_alone(tmp_path, capsys):
-    write_record(simulate(TRUE, seed=3).record, tmp_path / "rec.csv")
+def test_the_verb_answers_first_and_prints_json_alone(report, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "diagnose_files", lambda *files, **about: report)
     (tmp_path / "loop.toml").write_text(MODEL.to_toml())
-    assert load_loop(tmp_path / "loop.toml") == MODEL
-    record, loop = str(tmp_path / "rec.csv"), str(tmp_path / "loop.toml")
-    words = ["gap", "predict", record, "--baseline", loop, "--set", "controller.Kc=0.75"]
+    loop = str(tmp_path / "loop.toml")
+    words = ["gap", "predict", "rec.csv", "--baseline", loop, "--set", "controller.Kc=0.75"]
     assert main(words) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("PV standard deviation ")
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 100
     assert main([*words, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["valid"] is True
+    assert json.loads(capsys.readouterr().out) == predict(report, {"controller.Kc": 0.75}).as_json()

@@ -49,8 +49,8 @@ def test_the_outer_pv_is_what_the_valve_makes_of_both_plants_in_series():
         control.ss(control.tf([1.2], [3, 1]) * control.tf([0.8], [30, 1])), 0.5, "zoh"
     )
     late = np.concatenate([np.zeros(10), run.mv - 50.0])[: run.mv.size]  # Td = 1 + 4 s
-    told = control.forced_response(both, np.arange(run.mv.size) * 0.5, late).outputs
-    assert np.abs(run.outer.pv - 70.0 - told).max() < 1e-9
+    expected = control.forced_response(both, np.arange(run.mv.size) * 0.5, late).outputs
+    assert np.abs(run.outer.pv - 70.0 - expected).max() < 1e-9
 
 
 def test_the_span_of_set_points_scales_the_outer_op():
@@ -64,11 +64,11 @@ def test_a_cascade_is_a_file_a_batch_and_a_verb(tmp_path):
     loop = sb.Loop(**TABLE)
     assert Loop.from_table(loop.to_table()) == Loop.from_table(TABLE)
     (tmp_path / "pair.toml").write_text(loop.to_toml())
-    said = CliRunner().invoke(
+    result = CliRunner().invoke(
         app,
         ["simulate", str(tmp_path / "pair.toml"), "-o", str(tmp_path / "FIC.csv"), "--seed", "1"],
     )
-    assert said.exit_code == 0
+    assert result.exit_code == 0
     inner, outer = (pd.read_csv(tmp_path / name) for name in ("FIC.csv", "FIC_outer.csv"))
     assert np.array_equal(inner.sp, outer.op)
     run = simulate_batch([loop], [1])[0]
@@ -76,9 +76,9 @@ def test_a_cascade_is_a_file_a_batch_and_a_verb(tmp_path):
 
 
 def test_theory_says_that_it_cannot_tell():
-    found = sb.predict(Loop.from_table(TABLE))
-    assert found["table_11_3"] is None
-    assert "cascade" in found["reason"]
+    prediction = sb.predict(Loop.from_table(TABLE))
+    assert prediction["table_11_3"] is None
+    assert "cascade" in prediction["reason"]
 
 
 @pytest.mark.parametrize(

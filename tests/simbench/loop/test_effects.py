@@ -1,5 +1,5 @@
 """Every effect: the vocabulary's words, nothing at strength zero, something at strength one, where
-it says it acts.
+it claims to act.
 """
 
 import subprocess
@@ -89,7 +89,7 @@ def test_the_vocabulary_is_data_and_loads_no_model():
         .stdout.strip()
         .split(",")
     )
-    own = {
+    imported = {
         name
         for name in loaded
         if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")
@@ -98,7 +98,7 @@ def test_the_vocabulary_is_data_and_loads_no_model():
     # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their
     # steps load when they act
     laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
-    assert own == {"simbench.lazy", "simbench.loop", "simbench.loop.parameters", *laws}
+    assert imported == {"simbench.lazy", "simbench.loop", "simbench.loop.parameters", *laws}
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 

@@ -1,4 +1,4 @@
-"""The loop: what the contract says of one sample, one run, and its random numbers."""
+"""The loop: the contract of one sample, one run, and its random numbers."""
 
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ def test_step_response_equals_python_control(num, den, Td):
 
 
 def test_a_users_transfer_function_takes_the_plants_place():
-    own = simulate(loop()).record
+    expected = simulate(loop()).record
     same = simulate(loop(), plant=control.tf([1.0], [10.0, 1.0])).record
-    np.testing.assert_array_equal(own.pv, same.pv)
+    np.testing.assert_array_equal(expected.pv, same.pv)
     up = {"value": 50.0, "steps": [[0, 51.0]]}
     second = simulate(loop(sampling={"n": 300}, valve={"model": "ideal"}, setpoint=up),
                       plant=control.tf([1.0], [20.0, 12.0, 1.0])).record  # fmt: skip

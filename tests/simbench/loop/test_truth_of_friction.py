@@ -1,5 +1,5 @@
 """Whether a valve sticks is asked of what it maps on, whatever it and its numbers are called and
-wherever it stands.
+wherever it acts.
 """
 
 import pytest

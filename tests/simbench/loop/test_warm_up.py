@@ -59,9 +59,9 @@ def test_the_tail_and_the_quiet_sample_count_from_the_record():
 
 def test_labels_do_not_hang_on_where_the_record_begins():
     given = loop(disturbance=[])
-    (_, found), (_, again) = simulate_with_truth(given, 3), simulate_with_truth(whole(given), 3)
-    assert found.answer == again.answer == "yes"
-    assert found.period == pytest.approx(again.period, rel=0.02)
+    (_, truth), (_, again) = simulate_with_truth(given, 3), simulate_with_truth(whole(given), 3)
+    assert truth.answer == again.answer == "yes"
+    assert truth.period == pytest.approx(again.period, rel=0.02)
 
 
 def test_a_batch_gives_the_same_bits():

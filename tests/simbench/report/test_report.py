@@ -100,13 +100,13 @@ def test_sections_come_summary_first_and_provenance_last(report):
 def test_commit_grid_hash_and_the_way_back_are_told(run, report):
     text = report.read_text(encoding="utf-8")
     manifest = RunData.read(run).book.manifest
-    for told in (
+    for expected in (
         manifest["grid_hash"],
         manifest["records_hash"],
         str(manifest["commit"]),
         "simbench run smoke",
     ):
-        assert told in text
+        assert expected in text
 
 
 def test_no_text_of_a_detector_becomes_markup(report):
@@ -166,7 +166,7 @@ def test_missing_values_are_empty_cells():
     assert table["rows"][1][0]["value"] == ""
 
 
-WIDE = 704  # px: a wide picture scrolls in its own frame on a phone
+WIDE = 704  # px: a wide picture scrolls in a frame on a phone
 
 VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
   const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
@@ -272,7 +272,7 @@ def test_reasons_that_differ_in_their_numbers_count_together():
 
 
 def test_a_run_says_how_to_run_it_again():
-    told = reproduce(
+    expected = reproduce(
         {
             "grid": "smoke",
             "commit": "0123",
@@ -281,8 +281,8 @@ def test_a_run_says_how_to_run_it_again():
             "overrides": {"noise.std": 1.0},
         }
     )
-    assert told[0] == "git checkout 0123"
-    assert told[1:] == [
+    assert expected[0] == "git checkout 0123"
+    assert expected[1:] == [
         "simbench run smoke -o again --set seed=3 --set noise.std=1.0 --method he",
         "simbench score again",
     ]

@@ -200,12 +200,12 @@ def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
 
 
 @pytest.mark.parametrize(
-    ("settings", "says"),
+    ("settings", "words"),
     [
         ({"J": 0}, "no limit cycle"),
         ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "no effect"),
     ],
 )
-def test_cycle_start_says_why_it_cannot(loop, settings, says):
-    with pytest.raises(ParameterError, match=says):
+def test_cycle_start_explains_why_it_cannot(loop, settings, words):
+    with pytest.raises(ParameterError, match=words):
         cycle_start(loop(Ts=0.5, **settings))

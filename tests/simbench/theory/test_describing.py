@@ -34,20 +34,6 @@ def test_stiction_equals_the_published_equation(S, ratio, above):
     assert abs(stiction(S, ratio * S).N(A) - printed(A, S, ratio * S)) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("A", "S", "J", "re", "im"),
-    [
-        (2.525, 5, 0, 0.001667525926306042, -0.012481516956525478),
-        (3.75, 5, 1, 0.45184763977441456, -0.3395305452627101),
-        (5.0, 5, 2.5, 0.8183098861837907, -0.3183098861837907),
-        (12.5, 5, 5, 1.061339837224979, -0.05092958178940651),
-        (50.0, 5, 7.5, 1.022931382063903, 0.025464790894703253),
-    ],
-)
-def test_stiction_gives_the_golden_numbers(A, S, J, re, im):
-    assert stiction(S, J).N(A) == pytest.approx(re + 1j * im, abs=1e-12)
-
-
 @given(D=sizes, above=st.floats(1.01, 30))
 def test_deadzone_equals_its_fourier_integral(D, above):
     A = above * D / 2
@@ -99,9 +85,9 @@ def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minu
 )
 def test_intersections_give_the_golden_cycles(loop, settings, expected):
     sampled = sampled_loop(loop(**settings, Ts=0.5))
-    found = intersections(sampled, stiction(sampled.S, sampled.J))
-    assert [f.stable for f in found] == [True] * len(expected)
-    for f, (period, amplitude) in zip(found, expected, strict=True):
+    balances = intersections(sampled, stiction(sampled.S, sampled.J))
+    assert [f.stable for f in balances] == [True] * len(expected)
+    for f, (period, amplitude) in zip(balances, expected, strict=True):
         assert f.period == pytest.approx(period, rel=2e-4)
         assert f.amplitude == pytest.approx(amplitude, abs=1e-3)
 
@@ -109,9 +95,9 @@ def test_intersections_give_the_golden_cycles(loop, settings, expected):
 def test_every_intersection_solves_the_harmonic_balance(loop):
     sampled = sampled_loop(loop(kind="integrating", K=0.1, Td=2, Kc=2, Ti=15, J=0.5, Ts=0.5))
     valve = stiction(5.0, 0.5)
-    found = intersections(sampled, valve)
-    assert found
-    for f in found:
+    balances = intersections(sampled, valve)
+    assert balances
+    for f in balances:
         assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(
             -1, abs=1e-6
         )
@@ -120,8 +106,8 @@ def test_every_intersection_solves_the_harmonic_balance(loop):
 def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
     # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so
     # the cycle repels
-    [found] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
-    assert not found.stable
+    [balances] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
+    assert not balances.stable
     assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []
 
 

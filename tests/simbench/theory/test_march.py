@@ -1,4 +1,4 @@
-"""The compiled march against an obvious loop of the project's own valve and plant, and against the
+"""The compiled march against an obvious loop of the project's valve and plant, and against the
 simulator.
 """
 
@@ -14,7 +14,7 @@ from simbench.theory.sampled import sampled_loop
 
 
 def slow_march(sampled, kick, n, model=choudhury):
-    """OP and MV of the first n samples after a kick, every signal kept, the valve from its own file
+    """OP and MV of the first n samples after a kick, every signal kept, the valve from its file
     around 50 %.
     """
     p = valve_parameters(model, {"S": sampled.S, "J": sampled.J}, sampled.Ts)

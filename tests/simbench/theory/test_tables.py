@@ -141,11 +141,17 @@ def test_disturbances_and_noise_do_not_change_the_prediction(loop):
     ],
 )
 def test_prediction_has_the_contract_s_keys_and_is_json(loop, settings):
-    found = json.loads(json.dumps(predict(loop(**settings, Ts=0.2))))
-    assert list(found) == ["table_11_3", "refined", "describing_function", "exact", "reason"]
-    assert all(set(f) == {"period", "amplitude", "stable"} for f in found["describing_function"])
-    assert found["exact"] is None or set(found["exact"]) == {"period", "amplitude", "kick_min"}
-    text = as_text(found)
+    prediction = json.loads(json.dumps(predict(loop(**settings, Ts=0.2))))
+    assert list(prediction) == ["table_11_3", "refined", "describing_function", "exact", "reason"]
+    assert all(
+        set(f) == {"period", "amplitude", "stable"} for f in prediction["describing_function"]
+    )
+    assert prediction["exact"] is None or set(prediction["exact"]) == {
+        "period",
+        "amplitude",
+        "kick_min",
+    }
+    text = as_text(prediction)
     assert text.startswith("Table 11.3")
     assert "None" not in text
 

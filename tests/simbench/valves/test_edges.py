@@ -55,7 +55,7 @@ def test_the_first_move_from_rest_needs_half_of_S_plus_J(name, way):
 
 
 def test_either_way_of_an_asymmetric_valve_has_its_own_break_away_and_offset():
-    table = STICKY["asymmetric"]  # up: 3 to break away, then 1 behind; down: 2, then 1
+    table = STICKY["asymmetric"]  # up: 3 to break away, then 1 short; down: 2, then 1
     assert valve_response("asymmetric", [50, 53, 53.01], table).tolist() == pytest.approx(
         [50, 50, 52.01]
     )
@@ -72,8 +72,8 @@ def test_either_way_of_an_asymmetric_valve_has_its_own_break_away_and_offset():
 def test_a_spell_begins_at_its_delay_and_ends_after_its_length():
     table = {"S": 4.0, "J": 2.0, "period": 5.0, "on": 2.0, "delay": 1.0}
     op = 50.0 + np.arange(12) * 2.0  # 2 % per s: it sticks at t = 1, 2, 6, 7, 11
-    behind = op - valve_response("intermittent", op, table)
-    assert (behind > 0.0).tolist() == [t in (1, 2, 6, 7, 11) for t in range(12)]
+    lag = op - valve_response("intermittent", op, table)
+    assert (lag > 0.0).tolist() == [t in (1, 2, 6, 7, 11) for t in range(12)]
 
 
 def test_a_band_between_spells_is_kept():
@@ -87,8 +87,8 @@ def test_a_band_between_spells_is_kept():
 def test_friction_that_changes_in_time_is_halfway_there_at_half_time():
     table = {"S": 2.0, "J": 0.0, "S_end": 6.0, "J_end": 2.0, "t_begin": 2.0, "t_end": 6.0}
     op = 10.0 + 5.0 * np.arange(9)
-    behind = op - valve_response("time_varying", op, table)  # (S - J)/2 from the first move on
-    assert behind.tolist() == pytest.approx([0, 1, 1, 1.25, 1.5, 1.75, 2, 2, 2])
+    lag = op - valve_response("time_varying", op, table)  # (S - J)/2 from the first move on
+    assert lag.tolist() == pytest.approx([0, 1, 1, 1.25, 1.5, 1.75, 2, 2, 2])
     constant = {"S": 4.0, "J": 2.0, "t_end": 5.0}
     np.testing.assert_array_equal(
         valve_response("time_varying", op, constant),
@@ -134,11 +134,9 @@ def with_for_SJ():
 @pytest.mark.parametrize(("S", "J"), [(4.0, 1.5), (0.3, 0.3)])
 def test_a_valve_asked_for_a_band_has_it(name, S, J):
     module = VALVES.load(name)
-    found = module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 20.0), 1.0))
-    assert found[0] == pytest.approx(S)
-    assert found[1] == pytest.approx(
-        {"stenman": S, "hysteresis": 0.0, "deadband": 0.0}.get(name, J)
-    )
+    band = module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 20.0), 1.0))
+    assert band[0] == pytest.approx(S)
+    assert band[1] == pytest.approx({"stenman": S, "hysteresis": 0.0, "deadband": 0.0}.get(name, J))
 
 
 @pytest.mark.parametrize(

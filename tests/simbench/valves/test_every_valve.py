@@ -1,4 +1,4 @@
-"""What holds for every valve model and stage beyond its contract; a new file in valves/ is found
+"""What holds for every valve model and stage beyond its contract; a new file in valves/ is tested
 here by itself.
 """
 

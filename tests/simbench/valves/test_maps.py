@@ -169,7 +169,7 @@ def test_hysteresis_is_what_isa_measures_on_a_full_traverse(S, H):
     mv = valve_response("hysteresis", op, {"S": S, "H": H})
     rising, falling = mv[4002:6003], mv[6003:][::-1]
     assert np.max(falling - rising) - S == pytest.approx(H, abs=1e-9)
-    # dead-band: OP range after a reversal over which the position stands still
+    # dead-band: OP range after a reversal over which the position does not move
     assert ramp[np.argmax(rising > rising[0])] == pytest.approx(S, abs=0.06)
 
 

@@ -40,11 +40,11 @@ def test_the_rate_is_zero_for_the_first_time_at_the_stop(start, a):
         y = once @ y
         rate.append(y[1])
     turns = np.flatnonzero(np.diff(np.sign(rate)))
-    found = stop_time(*start, a, W2)
+    stop = stop_time(*start, a, W2)
     if turns.size:
-        assert (turns[0] + 1) * dt - 1e-9 <= found <= (turns[0] + 2) * dt + 1e-9
+        assert (turns[0] + 1) * dt - 1e-9 <= stop <= (turns[0] + 2) * dt + 1e-9
     else:
-        assert found > 0.99
+        assert stop > 0.99
 
 
 @pytest.mark.parametrize("a", DAMPING[1:])

@@ -57,11 +57,11 @@ def test_resolved_parameters_survive_a_trip_to_another_process():
 
 
 @pytest.mark.parametrize(
-    ("digits", "said"), [(400, "S = 1000000"), (5000, "S = a number of thousands of digits")]
+    ("digits", "message"), [(400, "S = 1000000"), (5000, "S = a number of thousands of digits")]
 )
-def test_a_whole_number_too_large_for_a_float_is_refused(digits, said):
+def test_a_whole_number_too_large_for_a_float_is_refused(digits, message):
     with pytest.raises(
-        ParameterError, match=rf"{said}.* is not finite, it must be within .* \(%\)"
+        ParameterError, match=rf"{message}.* is not finite, it must be within .* \(%\)"
     ):
         Number("%").read(10**digits, "S", "valve 'choudhury'")
 

@@ -154,7 +154,7 @@ def test_lugre_with_stiff_bristles_is_stribeck():
 def test_lugre_valve_gives_before_it_breaks_away():
     p = parameters("lugre", SJ, 0.01)
     op = 50.0 + np.minimum(0.5 * np.arange(0, 4, 0.01), 1.0)
-    # well below break-away the bristles are a second spring beside the actuator's
+    # well below break-away the bristles are a second spring in parallel to the actuator's
     assert valve_response("lugre", op, SJ, 0.01)[-1] - 50.0 == pytest.approx(
         p.k / (p.k + p.s0), rel=0.2
     )

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from results.studies.worlds.refinery import archive, baseline, loads
 from results.studies.worlds.refinery.setpoint import pattern
@@ -18,22 +16,11 @@ def series(n=2000, seed=0):
     return np.cumsum(rng.standard_normal(n)) * 0.3 + rng.standard_normal(n)
 
 
-@given(st.integers(0, 10_000), st.floats(0.05, 5.0), st.integers(3, 300))
-@settings(max_examples=60, deadline=None)
-def test_swinging_door_errs_by_at_most_its_band(seed, band, n):
-    x = series(n, seed)
-    assert np.abs(archive.swinging_door(x, band) - x).max() <= band * (1 + 1e-9)
-
-
-def test_swinging_door_leaves_a_straight_line_and_thins_noise():
-    ramp = np.linspace(0, 10, 50)
-    np.testing.assert_allclose(archive.swinging_door(ramp, 0.01), ramp, atol=1e-12)
+def test_swinging_door_errs_by_at_most_its_band_and_by_hand():
     x = series()
-    kinks = np.sum(np.abs(np.diff(archive.swinging_door(x, 2.0), 2)) > 1e-9)
-    assert kinks < 0.4 * x.size
-
-
-def test_swinging_door_by_hand():
+    for band in (0.05, 2.0):
+        assert np.abs(archive.swinging_door(x, band) - x).max() <= band * (1 + 1e-9)
+    assert np.mean(np.abs(np.diff(archive.swinging_door(x, 2.0), 2)) > 1e-9) < 0.4
     # from 0 the door of .5 lets 0, 1, 2 pass on one line; 5 does not, so that 2 is archived
     np.testing.assert_allclose(
         archive.swinging_door(np.array([0.0, 1.3, 2.0, 5.0]), 0.5), [0.0, 1.0, 2.0, 5.0]
@@ -47,47 +34,6 @@ def test_exception_reports_keep_jumps_sudden_and_small_moves_out():
     )
 
 
-def test_exception_reports_leave_a_coarse_lattice_alone():
-    x = np.round(series() / 2.0) * 2.0
-    np.testing.assert_allclose(archive.exceptions(x, 0.3), x, atol=1e-12)
-
-
-def test_printed_numbers_are_the_nearest_doubles():
-    x = series() * 100
-    assert all(float(f"{a:.5g}") == b for a, b in zip(x, archive.printed(x, "digits", 5)))
-    assert archive.printed(np.array([1.23456]), "decimals", 2)[0] == 1.23
-
-
-def test_places_print_finer_than_the_resolution_asked_for():
-    for centre, fine, style in (
-        (350.0, 0.03, "digits"),
-        (5.2, 0.004, "digits"),
-        (6000.0, 3.0, "decimals"),
-    ):
-        places = archive.places_for(fine, centre, style)
-        x = centre + np.arange(1000) * fine / 77
-        assert np.abs(archive.printed(x, style, places) - x).max() <= fine / 2 * 1.0001
-
-
-def test_unit_loads_have_mean_zero_and_variance_one():
-    rng = np.random.default_rng(1)
-    made = {
-        "ou": loads.ornstein_uhlenbeck(rng, 400_000, 0.1, 5.0),
-        "pink": loads.pink(rng, 400_000, 0.1, 0.3),
-        "steps": loads.jumps(rng, 400_000, 0.1, 0.1),
-        "telegraph": loads.telegraph(rng, 400_000, 0.1, 0.1),
-        "shot": loads.shot(rng, 400_000, 0.1, 0.2, 5.0),
-    }
-    for name, x in made.items():
-        assert abs(x.mean()) < 0.15, name
-        assert x.std() == pytest.approx(1.0, rel=0.1), name
-
-
-def test_load_steps_come_at_their_rate():
-    x = loads.jumps(np.random.default_rng(2), 1_000_000, 0.1, 0.02)
-    assert np.count_nonzero(np.diff(x)) == pytest.approx(2000, rel=0.1)
-
-
 @pytest.mark.parametrize("kind", loads.NOISES)
 def test_noise_has_variance_one(kind):
     x = loads.noise(np.random.default_rng(3), 100_000, {"kind": kind, "phi": 0.6})
@@ -98,32 +44,22 @@ def test_noise_has_variance_one(kind):
     assert np.abs(x).max() < 5.5
 
 
-def test_spikes_are_isolated_and_of_their_mean_height():
-    x = loads.spikes(np.random.default_rng(4), 100_000, 0.02, 3.0)
-    hit = x != 0
-    assert not np.any(hit[1:] & hit[:-1])
-    assert hit.mean() == pytest.approx(0.02, rel=0.1)
-    assert np.abs(x[hit]).mean() == pytest.approx(3.0, rel=0.03)
-
-
-def test_wander_is_zero_in_the_middle_and_climbs_at_its_rate():
-    x = loads.wander(np.random.default_rng(5), 1000, 2.0, 0.01, 0.0, 400)
-    assert x[400] == 0
-    assert x[900] == pytest.approx(0.01 * 2.0 * 500)
-    ends = [loads.wander(np.random.default_rng(i), 1001, 2.0, 0.0, 0.3, 0)[-1] for i in range(400)]
-    assert np.std(ends) == pytest.approx(0.3 * np.sqrt(2000), rel=0.12)
-
-
-def test_gate_covers_its_share():
-    on = loads.gate(np.random.default_rng(6), 100_000, 50.0, 0.3)
-    assert on.mean() == pytest.approx(0.3, abs=0.03)
-
-
-def test_sawtooth_rises_slowly_and_falls_at_once():
-    x = loads.sawtooth(np.random.default_rng(7), 10_000, 0.1, 20.0, 0.25)
-    d = np.diff(x)
-    assert np.mean(d > 0) > 0.98
-    assert np.count_nonzero(d < -0.3) == pytest.approx(50, abs=12)
+@pytest.mark.parametrize(
+    ("draw", "settings"),
+    [
+        (loads.ornstein_uhlenbeck, (5.0,)),
+        (loads.pink, (0.3,)),
+        (loads.jumps, (0.1,)),
+        (loads.telegraph, (0.1,)),
+        (loads.shot, (0.2, 5.0)),
+    ],
+)
+def test_unit_loads_have_mean_zero_and_variance_one(draw, settings):
+    x = draw(np.random.default_rng(1), 200_000, 0.1, *settings)
+    assert abs(x.mean()) < 0.2
+    assert x.std() == pytest.approx(1.0, rel=0.15)
+    if draw is loads.jumps:
+        assert np.mean(np.diff(x) != 0.0) == pytest.approx(0.01, rel=0.1)
 
 
 def test_set_point_patterns():
@@ -145,17 +81,6 @@ def test_set_point_patterns():
     x = pattern(wander, 0, 50_000, 1.0)
     assert x.std() == pytest.approx(2.0, rel=0.25)
     assert np.array_equal(x, pattern(wander, 0, 50_000, 1.0))
-
-
-def test_step_response_of_three_lags_solves_its_equation():
-    t = np.linspace(0, 60, 60_001)
-    y = baseline.step_response(t, 10.0, (2.0, 1.0))
-    d = [y]
-    for _ in range(3):
-        d.append(np.gradient(d[-1], t))
-    # (10 s + 1)(2 s + 1)(s + 1) y = 1
-    left = 20 * d[3] + 32 * d[2] + 13 * d[1] + y
-    np.testing.assert_allclose(left[10:-10], 1.0, atol=1e-3)
 
 
 def test_baseline_of_a_plant_with_small_lags_is_the_closest_first_order_response():

@@ -1,4 +1,4 @@
-"""Each effect of the refinery does what its definition says, on a record where that can be seen."""
+"""Each effect of the refinery follows its definition, on a record where that can be seen."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def test_detuning_shows_in_the_law(answer):
     """Regress OP's steps on the errors: Kc and Kc Ts/Ti come out as the tuning times its
     factors.
     """
-    own, sign = (
+    tuning, sign = (
         answer["case"]["controller"],
         1.0 if answer["case"]["controller"]["direction"] == "reverse" else -1.0,
     )
@@ -191,16 +191,16 @@ def test_detuning_shows_in_the_law(answer):
         r = record(answer, effect, Kc_factor=kf, Ti_factor=tf) if effect else record(answer)
         e = r["sp"] - r["pv"]
         a, b = np.linalg.lstsq(np.column_stack([e[1:], e[:-1]]), np.diff(r["op"]), rcond=None)[0]
-        Kc = own["Kc"] * kf
+        Kc = tuning["Kc"] * kf
         # whichever the integral rule, the sum of both coefficients is Kc Ts/Ti
         assert sign * (a + b) == pytest.approx(
-            Kc * answer["case"]["Ts"] / (own["Ti"] * tf), rel=1e-4
+            Kc * answer["case"]["Ts"] / (tuning["Ti"] * tf), rel=1e-4
         )
-        share = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}[own["rule"]]
+        share = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}[tuning["rule"]]
         assert -sign * b == pytest.approx(Kc - share * sign * (a + b), rel=1e-4)
 
 
-def test_plant_mismatches_change_their_own_number(answer):
+def test_plant_mismatches_change_one_number(answer):
     case = answer["case"]
     p = simulation.build(case).plant
     for effect, name, value, expected in (

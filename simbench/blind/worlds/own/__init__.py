@@ -1,4 +1,4 @@
-"""The first independent simulator of the blind check: its own valve physics, controllers,
+"""The first independent simulator of the blind check: with valve physics, controllers,
 historian, faults and oracle.
 """
 

@@ -1,5 +1,5 @@
-"""What each effect id, and each foreign kind that no fit knows, does to the generator's own
-loop.
+"""What each effect id, and each foreign kind that no fit knows, does to the loop of the
+generator.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def _missed_scans(s: Prepared, rng, p) -> None:
 
 
 def _feedforward(s: Prepared, rng, p) -> None:
-    """Another signal is added to OP behind the controller, as a feed-forward or a decoupler
+    """Another signal is added to OP after the controller, as a feed-forward or a decoupler
     does.
     """
     tau = max(2.0, s.case.speed / s.case.Ts)

@@ -61,7 +61,7 @@ def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
 
 
 def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
-    """Return the case as the named faults need it: no known dead-band beside another valve fault,
+    """Return the case as the named faults need it: no known dead-band with another valve fault,
     mismatches exact.
     """
     blocks = {
@@ -82,8 +82,8 @@ def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
 def _none(
     case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator
 ) -> DrawnRecord | None:
-    found = oracle.ratio(case, seed, (), oracle.reference(case, seed).cloud)
-    if found is None:
+    ratio = oracle.ratio(case, seed, (), oracle.reference(case, seed).cloud)
+    if ratio is None:
         return None
     answer = _answer(
         case,
@@ -92,7 +92,7 @@ def _none(
         block=NONE,
         effect=NONE,
         strength="none",
-        ratio=round(found.expected, 3),
+        ratio=round(ratio.expected, 3),
     )
     return DrawnRecord(case, loops.simulate(case, seed), answer)
 
@@ -102,12 +102,12 @@ def _one(
 ) -> DrawnRecord | None:
     name, foreign = entry["effect"], entry["kind"] == "foreign"
     case = _named(case, (name,))
-    found = _sized(
+    strength = _sized(
         case, seed, name, oracle.STRENGTHS[entry["strength"]], oracle.reference(case, seed), rng
     )
-    if found is None:
+    if strength is None:
         return None
-    parameters, ratio = found
+    parameters, ratio = strength
     acts = (faults.fault(name, parameters),)
     signals = loops.simulate(case, seed, acts)
     if foreign:
@@ -138,10 +138,10 @@ def _two(
         return None
     case = _named(case, names)
     true = oracle.reference(case, seed)
-    found = [_sized(case, seed, name, _TWO_BAND, true, rng) for name in names]
-    if found[0] is None or found[1] is None:
+    strengths = [_sized(case, seed, name, _TWO_BAND, true, rng) for name in names]
+    if strengths[0] is None or strengths[1] is None:
         return None
-    sizes = [found[0][0], found[1][0]]
+    sizes = [strengths[0][0], strengths[1][0]]
     acts = tuple(faults.fault(name, p) for name, p in zip(names, sizes, strict=True))
     both = oracle.ratio(case, seed, acts, true.cloud)
     if both is None or not all(_adds(case, seed, acts, left_out) for left_out in range(2)):
@@ -176,22 +176,22 @@ def _sized(
     rng: np.random.Generator,
 ) -> tuple[faults.Parameters, oracle.Ratio] | None:
     size = sizes.scale(name, case, true.habit, rng)
-    found = oracle.find_strength(
+    strength = oracle.find_strength(
         lambda x: oracle.ratio(case, seed, (faults.fault(name, size(x)),), true.cloud), band, rng
     )
-    return None if found is None else (size(found[0]), found[1])
+    return None if strength is None else (size(strength[0]), strength[1])
 
 
 def _adds(case: TrueLoop, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
-    """Whether a fault is still visible beside the other: one that the other drowns is no second
+    """Whether a fault is still visible with the other: one that the other drowns is no second
     effect.
     """
     kept = (acts[1 - left_out],)
     alone = cloud(
         [loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale
     )
-    found = oracle.ratio(case, seed, acts, alone)
-    return found is not None and found.expected >= RESOLVABLE
+    ratio = oracle.ratio(case, seed, acts, alone)
+    return ratio is not None and ratio.expected >= RESOLVABLE
 
 
 def _shrinkage(

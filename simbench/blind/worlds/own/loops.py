@@ -130,10 +130,11 @@ class Prepared:
 
 Fault = Callable[[Prepared, np.random.Generator], None]
 _NOISE, _LOAD, _FAULT, _LOG = range(4)
+_NOTHING = ("sensor", "skip", "hold", "asleep", "op_add", "valve_add")  # where nothing is wrong
 
 
 def _stream(seed: int, purpose: int) -> np.random.Generator:
-    """Return an own random stream per purpose, so that a fault's strength does not shift anybody
+    """Return a random stream per purpose, so that a fault's strength does not shift anybody
     else's numbers.
     """
     return np.random.default_rng([seed, purpose])
@@ -165,7 +166,6 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
         ]
     }
     physics = same | {"integrating": float(case.plant == "integrating"), "bias": case.op0}
-    zeros = np.zeros(n)
     return Prepared(
         case=case,
         physics=physics,
@@ -173,23 +173,22 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
         noise=case.noise_std * coloured(case.noise_colour, n, 2.0, _stream(seed, _NOISE)),
         load=case.load_std
         * coloured(case.load_colour, n, case.load_tau / case.Ts, _stream(seed, _LOAD)),
-        sensor=zeros.copy(),
-        skip=zeros.copy(),
-        hold=zeros.copy(),
-        asleep=zeros.copy(),
-        op_add=zeros.copy(),
-        valve_add=zeros.copy(),
+        **{name: np.zeros(n) for name in _NOTHING},
         gain=np.ones(n),
         hand=np.full(n, np.nan),
     )
 
 
-def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
-    """Run one loop and return what its historian would show."""
+def _faulty(case: TrueLoop, seed: int, faults: tuple[Fault, ...]) -> Prepared:
     setup = prepare(case, seed)
     for i, fault in enumerate(faults):
         fault(setup, _stream(seed, _FAULT + 10 * i))
-    return shown(setup, seed)[0]
+    return setup
+
+
+def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
+    """Run one loop and return what its historian would show."""
+    return shown(_faulty(case, seed, faults), seed)[0]
 
 
 def test(
@@ -199,9 +198,7 @@ def test(
     r = plan.faster
     if r > 1:
         case = replace(case, Ts=case.Ts / r, Ti=case.Ti / r)
-    setup = prepare(replace(case, n=plan.n, steps=()), seed)
-    for i, fault in enumerate(faults):
-        fault(setup, _stream(seed, _FAULT + 10 * i))
+    setup = _faulty(replace(case, n=plan.n, steps=()), seed, faults)
     setup.physics["Kc"] *= plan.Kc_ratio
     setup.sp[setup.start :] += plan.sp
     setup.hand[setup.start :] = plan.op

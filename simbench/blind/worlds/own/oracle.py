@@ -23,7 +23,7 @@ STRENGTHS: dict[str, tuple[float, float]] = {
 Strong has no upper end by definition; the generator stops at 12.
 """
 CLOUD, _REAL = 16, 4
-_OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
+_OFFSET = 1000  # seeds of the simulated cloud start here above the record's seed
 
 
 class Reference(NamedTuple):
@@ -37,7 +37,7 @@ class Ratio(NamedTuple):
     """Gap over floor: expected over realisations, and of the very record."""
 
     expected: float
-    own: float
+    of_record: float
 
 
 class _TrueShrinkage(NamedTuple):
@@ -81,7 +81,7 @@ def reference(case: TrueLoop, seed: int) -> Reference:
 def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Ratio | None:
     """Return gap / floor of the faulty loop against the true loop without the fault."""
     runs = [simulate(case, seed + i, faults) for i in range(_REAL)]
-    # a loop that swings from stop to stop says nothing about its fault
+    # a loop that swings from stop to stop shows nothing of its fault
     if any(np.mean((r.op < 1.0) | (r.op > 99.0)) >= 0.01 for r in runs):
         return None
     gaps = [true.distance(features(r, case.scale)[0]) / true.floor for r in runs]
@@ -101,31 +101,31 @@ def find_strength(
     least, most = rate(a), rate(b)
     if least is None or least.expected > hi or (most is not None and most.expected < lo):
         return None
-    for x, found in ((a, least), (b, most)):
-        if (
-            found is not None
-            and lo <= found.expected < hi
-            and abs(np.log(found.expected / target)) < 0.1
-        ):
-            return _if_own_fits(x, found, band)
+
+    def near(rated: Ratio | None, off: float) -> bool:
+        if rated is None or not lo <= rated.expected < hi:
+            return False
+        return bool(abs(np.log(rated.expected / target)) < off)
+
+    for x, rated in ((a, least), (b, most)):
+        if near(rated, 0.1):
+            return _if_record_fits(x, rated, band)
     for _ in range(tries):
         x = (a + b) / 2
-        found = rate(x)
-        if (
-            found is not None
-            and lo <= found.expected < hi
-            and abs(np.log(found.expected / target)) < 0.15
-        ):
-            return _if_own_fits(x, found, band)
-        if found is None or found.expected > target:
+        rated = rate(x)
+        if near(rated, 0.15):
+            return _if_record_fits(x, rated, band)
+        if rated is None or rated.expected > target:
             b = x
         else:
             a = x
     return None
 
 
-def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[float, Ratio] | None:
-    return (x, found) if 0.85 * band[0] <= found.own < 1.15 * band[1] else None
+def _if_record_fits(
+    x: float, rated: Ratio, band: tuple[float, float]
+) -> tuple[float, Ratio] | None:
+    return (x, rated) if 0.85 * band[0] <= rated.of_record < 1.15 * band[1] else None
 
 
 def shrinkage(

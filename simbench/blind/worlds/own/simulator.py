@@ -1,5 +1,5 @@
-"""The blind check's own loop simulator: sub-steps in every sample, valves with velocity, several PI
-forms.
+"""The loop simulator of the blind check: sub-steps in every sample, valves with velocity, several
+PI forms.
 """
 
 from __future__ import annotations

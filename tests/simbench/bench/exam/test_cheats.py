@@ -62,8 +62,10 @@ class Sitting:
     @cached_property
     def periods(self) -> np.ndarray:
         """Return each record's period in samples, shape (n,); half its length without a period."""
-        found = [prepare(record).oscillation.period_s / record.Ts for record in self.records]
-        return np.where(np.isfinite(found), found, [record.n / 2 for record in self.records])
+        periods_s = [prepare(record).oscillation.period_s / record.Ts for record in self.records]
+        return np.where(
+            np.isfinite(periods_s), periods_s, [record.n / 2 for record in self.records]
+        )
 
     @cached_property
     def levels(self) -> np.ndarray:

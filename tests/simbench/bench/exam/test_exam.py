@@ -2,6 +2,7 @@
 must be is refused.
 """
 
+import contextlib
 import csv
 import json
 import shutil
@@ -18,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.grid import load_grid
-from simbench.bench.exam import opening
+from simbench.bench.exam import answering, opening, simulating
 from simbench.bench.exam.answering import answer_exam
 from simbench.bench.exam.folder import read_exam
 from simbench.bench.exam.making import make_exam
@@ -65,6 +66,20 @@ def tiny(tmp_path_factory):
     return place
 
 
+def open_exam(place, *more, exam=None, key=None, answers=None):
+    """Return the exit code of `exam open` with the files of a place, or others."""
+    files = answers or [place / "answers.csv"]
+    words = [exam or place / "exam", "--key", key or place / "key", *files, *more]
+    return main(["exam", "open", *map(str, words)])
+
+
+def assert_refused(capsys, *parts):
+    """Check that one sentence was printed, which names these parts."""
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert all(part in printed.err for part in parts), printed.err
+
+
 def front(table):
     """Return the rows that an exam has too, without times."""
     rows = table[
@@ -88,17 +103,18 @@ def test_scores_and_answers_are_those_of_a_run_with_the_same_seeds_to_the_last_b
     names = {
         i: of["scenario"] for i, of in json.loads((place / "key").read_text())["records"].items()
     }
-    said = {(r["method"], names[r["record"]]): r for r in csv.DictReader(lines_of(place))}
+    given = {(r["method"], names[r["record"]]): r for r in csv.DictReader(lines_of(place))}
     verdicts = pd.read_parquet(run / "verdicts.parquet")
     for row in verdicts[verdicts.method != "oracle"].itertuples():
-        answer = said.pop((row.method, row.scenario_id))
+        answer = given.pop((row.method, row.scenario_id))
         assert answer["verdict"] == row.verdict
         assert np.array_equal(float(answer["score"] or "nan"), row.score, equal_nan=True)
         ends = [float(x) for x in answer["S"].split("..")] if answer["S"] else [np.nan]
         assert np.array_equal([ends[0], ends[-1]], [row.S_lo, row.S_hi], equal_nan=True)
-    assert not said
+    assert not given
 
 
+@pytest.mark.slow  # without processes: the next test
 def test_two_workers_write_the_same_files_as_one(place, tmp_path):
     make_exam("smoke", tmp_path / "exam", tmp_path / "key", jobs=2, seed=SEED)
     answer_exam(tmp_path / "exam", tmp_path / "answers.csv", METHODS, jobs=2)
@@ -108,6 +124,29 @@ def test_two_workers_write_the_same_files_as_one(place, tmp_path):
         *(f"exam/{file.name}" for file in (place / "exam").iterdir()),
     ):
         assert (tmp_path / name).read_bytes() == (place / name).read_bytes(), name
+
+
+def test_the_order_in_which_workers_end_changes_no_file(tmp_path, monkeypatch):
+    @contextlib.contextmanager
+    def last_first(jobs):
+        yield lambda task, pieces: (task(*piece) for piece in reversed(pieces))
+
+    def write(folder):
+        make_exam("smoke", folder / "exam", folder / "key", n=6, seed=SEED)
+        answer_exam(folder / "exam", folder / "answers.csv", ["he"])
+        return {f.name: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+    monkeypatch.setattr(simulating, "_PIECE", 1)
+    monkeypatch.setattr(answering, "_PIECE", 1)
+    expected = write(tmp_path / "one")
+    monkeypatch.setattr(simulating, "on_processes", last_first)
+    monkeypatch.setattr(
+        answering,
+        "ask_in_processes",
+        lambda ask, questions, jobs: ((k, ask(*q)) for k, q in reversed(questions.items())),
+    )
+    assert write(tmp_path / "other") == expected
+    assert len(expected) == 5
 
 
 def test_an_exam_holds_what_an_engineer_knows_and_nothing_else(place):
@@ -211,38 +250,28 @@ def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
         f"my-method,{ids[2]},stiction,NaN,4",
     ]
     (tmp_path / "mine.csv").write_text("\n".join(["method,record,verdict,score,S", *rows]) + "\n")
-    files = [str(tmp_path / "mine.csv"), str(tiny / "answers.csv")]
-    words = ["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), *files]
-    assert (
-        main(
-            [
-                *words,
-                "--labels",
-                str(tmp_path / "labels.csv"),
-                "--report",
-                str(tmp_path / "r.html"),
-                "--json",
-            ]
-        )
-        == 0
-    )
-    told = json.loads(capsys.readouterr().out)
-    assert told["missing"] == {"my-method": 1}
-    labels = pd.read_csv(tmp_path / "labels.csv", dtype={"record": str})
+    files, labels = [tmp_path / "mine.csv", tiny / "answers.csv"], tmp_path / "labels.csv"
+    more = ["--labels", labels, "--report", tmp_path / "r.html", "--json"]
+    assert open_exam(tiny, *more, answers=files) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["missing"] == {"my-method": 1}
+    labels = pd.read_csv(labels, dtype={"record": str})
     assert list(labels.columns[:5]) == ["record", "cycled", "sticky", "predicted", "oscillates"]
     assert list(labels.record) == ids
     clear = labels.cycled.isin(["yes", "no"])
-    said = np.array(["yes", "no", "yes", None])
+    given = np.array(["yes", "no", "yes", None])
     whole = ("my-method", "cycled", "all", "all")
     (mine,) = [
-        r for r in told["rows"] if (r["method"], r["truth"], r["process"], r["population"]) == whole
+        r
+        for r in printed["rows"]
+        if (r["method"], r["truth"], r["process"], r["population"]) == whole
     ]
     assert mine["n"] == clear.sum()
     assert mine["accuracy_applicable"] == pytest.approx(
-        (said == labels.cycled)[clear].mean(), abs=1e-6
+        (given == labels.cycled)[clear].mean(), abs=1e-6
     )
     assert "my-method" in (tmp_path / "r.html").read_text()
-    assert main(words) == 0
+    assert open_exam(tiny, answers=files) == 0
     assert capsys.readouterr().out.startswith(
         "my-method left out 1 records, which count as no decision\n"
     )
@@ -295,20 +324,14 @@ def spoilt(how, lines):
 def test_wrong_answers_are_refused_with_file_and_line(tiny, tmp_path, capsys, how, line, part):
     file = tmp_path / "wrong.csv"
     file.write_bytes(spoilt(how, lines_of(tiny)))
-    words = ["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), str(file)]
-    assert main([*words, "--labels", str(tmp_path / "l")]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert part in told.err
-    assert (f"{file}, line {line}:" if line else str(file)) in told.err
+    assert open_exam(tiny, "--labels", tmp_path / "l", answers=[file]) == 2
+    assert_refused(capsys, part, f"{file}, line {line}:" if line else str(file))
     assert not (tmp_path / "l").exists()
 
 
 def test_the_same_file_twice_is_every_record_twice(tiny, capsys):
-    file = str(tiny / "answers.csv")
-    assert main(["exam", "open", str(tiny / "exam"), "--key", str(tiny / "key"), file, file]) == 2
-    assert "once is allowed" in capsys.readouterr().err
+    assert open_exam(tiny, answers=[tiny / "answers.csv"] * 2) == 2
+    assert_refused(capsys, "once is allowed")
 
 
 def other_sample(exam):
@@ -347,23 +370,8 @@ def cut(name, size):
 def test_a_changed_exam_is_refused(tiny, tmp_path, capsys, change, part):
     shutil.copytree(tiny / "exam", tmp_path / "exam")
     change(tmp_path / "exam")
-    assert (
-        main(
-            [
-                "exam",
-                "open",
-                str(tmp_path / "exam"),
-                "--key",
-                str(tiny / "key"),
-                str(tiny / "answers.csv"),
-            ]
-        )
-        == 2
-    )
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert part in told.err
+    assert open_exam(tiny, exam=tmp_path / "exam") == 2
+    assert_refused(capsys, part)
 
 
 def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
@@ -371,50 +379,23 @@ def test_another_version_of_the_evaluator_is_named_before_anything_is_simulated(
 ):
     monkeypatch.setattr(opening, "evaluator_hash", lambda: "0" * 16)
     monkeypatch.setattr(opening, "simulate_picks", lambda *_: pytest.fail("it was simulated"))
-    assert (
-        main(
-            [
-                "exam",
-                "open",
-                str(tiny / "exam"),
-                "--key",
-                str(tiny / "key"),
-                str(tiny / "answers.csv"),
-            ]
-        )
-        == 2
+    assert open_exam(tiny) == 2
+    assert_refused(
+        capsys,
+        "was made by another version of simbench",
+        "open it with the version that made it",
     )
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1
-    assert "was made by another version of simbench" in told.err
-    assert "open it with the version that made it" in told.err
 
 
-def test_another_key_is_refused(tiny, tmp_path, capsys):
-    text = (tiny / "key").read_text()
-    for content, part in (
-        (text + " ", "commitment"),
-        ("hello", "no key file"),
-        (None, "cannot be read"),
-    ):
-        if content is not None:
-            (tmp_path / "key").write_text(content)
-        else:
-            (tmp_path / "key").unlink()
-        assert (
-            main(
-                [
-                    "exam",
-                    "open",
-                    str(tiny / "exam"),
-                    "--key",
-                    str(tmp_path / "key"),
-                    str(tiny / "answers.csv"),
-                ]
-            )
-            == 2
-        )
-        assert part in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [("{} ", "commitment"), ("hello", "no key file"), (None, "cannot be read")],
+)
+def test_another_key_is_refused(tiny, tmp_path, capsys, content, part):
+    if content is not None:
+        (tmp_path / "key").write_text(content.format((tiny / "key").read_text()))
+    assert open_exam(tiny, key=tmp_path / "key") == 2
+    assert_refused(capsys, part)
 
 
 @pytest.mark.parametrize(
@@ -439,7 +420,5 @@ def test_wrong_use_ends_in_one_sentence_and_writes_nothing(
         str(Path(known.get(w.split("/")[0], w.split("/")[0]), *w.split("/")[1:])) for w in words
     ]
     assert main(["exam", *words]) == 2
-    told = capsys.readouterr()
-    assert (told.out, told.err.count("\n")) == ("", 1)
-    assert part in told.err
+    assert_refused(capsys, part)
     assert not list(tmp_path.iterdir())

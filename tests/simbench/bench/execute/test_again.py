@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from bench_fixtures import SMALL
 
 from detectors.methods import he
+from scenarios.grid import make_grid
 from simbench.bench.execute.again import check_and_ask_again
 from simbench.bench.execute.run import run_grid
 
@@ -17,7 +19,7 @@ def test_a_detector_that_answers_otherwise_the_second_time_is_reported(tmp_path,
         return replace(verdict, score=verdict.score + (rng.random() < 0.1))
 
     monkeypatch.setattr(he, "detect", moody)
-    run = run_grid("smoke", tmp_path / "run", ["he", "horch"])
+    run = run_grid(make_grid(SMALL, "small"), tmp_path / "run", ["he", "horch"])
     problems = check_and_ask_again(run, run).problems
     assert len(problems) == 1
     assert problems[0].startswith("method he differs from itself on ")

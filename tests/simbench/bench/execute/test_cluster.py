@@ -30,7 +30,7 @@ def slow(folder, at: int):
     file = folder / "mine.py"
     file.write_text(
         "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
-        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         f"def detect(prepared):\n{textwrap.indent(stops(folder, at), '    ')}    time.sleep(0.02)\n"
         '    return Verdict("mine", "no_decision", reason="nothing to say")\n'
     )

@@ -1,4 +1,6 @@
-"""Before a run: the size said is the size it gets, and what nobody means by mistake is refused."""
+"""Before a run: the estimated size is the size it gets, and what nobody means by mistake is
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -9,14 +11,14 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.bench.store.manifest import RunError
 
 
-def test_the_size_said_is_that_of_the_cells(small):
-    said = size_of(small, 2, 0)
+def test_the_estimated_size_is_that_of_the_cells(small):
+    size = size_of(small, 2, 0)
     cells = [s for index in range(small.group_count) for s in resolve(small.group(index))]
-    assert said.scenarios == len(cells) == small.group_count * 2  # members
-    assert said.samples == pytest.approx(sum(s.loop.sampling.n for s in cells), rel=0.5)
+    assert size.scenarios == len(cells) == small.group_count * 2  # members
+    assert size.samples == pytest.approx(sum(s.loop.sampling.n for s in cells), rel=0.5)
 
 
-def test_a_loop_of_its_own_says_its_length():
+def test_a_single_loop_states_its_length():
     table = {
         "title": "one",
         "seed": 1,
@@ -42,7 +44,7 @@ def test_every_method_adds_its_rows_and_a_slow_one_its_time(small):
     assert both.seconds == pytest.approx(none.seconds + cost)
 
 
-def test_the_time_said_is_that_of_a_run_within_a_factor(small):
+def test_the_estimated_time_is_that_of_a_run_within_a_factor(small):
     # the chapter with the fast methods takes about two minutes of one core, and some ten MB
     from scenarios.grid import load_grid
 
@@ -63,9 +65,9 @@ def test_a_run_that_must_be_asked_for(large):
 
 
 def test_the_size_reads_in_usual_units():
-    said = str(GridSize(3, 12, 4.2e7, 5.5e6, 90.0))
+    text = str(GridSize(3, 12, 4.2e7, 5.5e6, 90.0))
     assert (
-        said == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
+        text == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
     )
 
 

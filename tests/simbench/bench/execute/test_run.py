@@ -14,9 +14,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
-from bench_fixtures import SMALL
+from bench_fixtures import SMALL, raise_after
 from joblib import Parallel, delayed
 from killing import kill_when_it_stops, stops
 
@@ -33,7 +32,6 @@ from simbench.bench.execute.work import record_hash
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
-from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
 from simbench.files import FileError
@@ -58,12 +56,19 @@ def plugin(tmp_path, body):
     file.write_text(
         "import os, pathlib, signal\n"
         "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
-        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         "def detect(prepared):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
         + '\n    return Verdict("mine", "no_decision", reason="nothing to say")\n'
     )
     return file
+
+
+@pytest.fixture
+def unscored(monkeypatch):
+    """Runs of this process are not scored, which takes half of their time."""
+    nothing = SimpleNamespace(write=lambda place: None)
+    monkeypatch.setattr(pieces, "score_book", lambda book: nothing)
 
 
 def test_both_tables_are_keyed_by_scenario_and_method(finished):
@@ -93,38 +98,9 @@ def test_two_workers_give_the_same_bits_as_one(by_two, finished):
 
 
 @pytest.mark.usefixtures("by_two")
-def test_joblib_finds_its_own_processes_after_a_run():
+def test_joblib_still_finds_its_processes_after_a_run():
     """As `simbench report` after `simbench run` in one process."""
     assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
-
-
-def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
-    """As runs were written before, and as a baseline still is."""
-    single = tmp_path / "single"
-    single.mkdir()
-    digests = {}
-    for kind in ("scenarios", "verdicts"):
-        pq.write_table(pq.read_table(finished / f"{kind}.parquet"), single / f"{kind}.parquet")
-        digests[kind] = digest((single / f"{kind}.parquet").read_bytes())
-    manifest_module.write_manifest(single, {**read_manifest(finished), "tables": digests})
-    one, other = RunArrays.read(finished), RunArrays.read(single)
-    for name in (
-        "ids",
-        "hashes",
-        "places",
-        "oscillating",
-        "verdict",
-        "verdict_raw",
-        "score",
-        "score_raw",
-        "applicable",
-        "failed",
-    ):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    for a, b in ((one.axes, other.axes), (one.truth, other.truth)):
-        assert a.keys() == b.keys()
-        for name in a:
-            np.testing.assert_array_equal(a[name], b[name])
 
 
 def test_a_book_holds_what_the_tables_say(finished):
@@ -146,6 +122,7 @@ def test_a_book_holds_what_the_tables_say(finished):
         np.testing.assert_array_equal(book.score_raw[i], wide["score_raw"][method])
 
 
+@pytest.mark.usefixtures("unscored")
 def test_dask_gives_the_same_bits(small, finished, tmp_path):
     distributed = pytest.importorskip("distributed")
     settings = {
@@ -192,6 +169,7 @@ class RayOfThreads:
         )
 
 
+@pytest.mark.usefixtures("unscored")
 def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
     ray = RayOfThreads()
     monkeypatch.setitem(sys.modules, "ray", ray)
@@ -224,7 +202,7 @@ def test_a_ray_that_fails_ends_the_run_in_one_sentence(
         run_grid(small, tmp_path / "ray", ["he"], backend="ray", address=address)
 
 
-def test_without_ray_it_is_said_what_to_install(small, tmp_path, monkeypatch):
+def test_without_ray_the_error_names_what_to_install(small, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(
         RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"
@@ -248,19 +226,12 @@ def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
             )
 
 
-def test_a_record_is_simulated_again_from_its_id(finished):
-    _, scenarios = tables(finished)
-    for row in scenarios.iloc[::5].itertuples():
-        scenario = read_scenario(finished, row.scenario_id)
-        assert scenario.id == row.scenario_id
-        assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
-
-
 def test_an_unknown_id_names_the_run(finished):
     with pytest.raises(RunError, match="no scenario 'nonsense'"):
         read_scenario(finished, "nonsense")
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
     file = plugin(tmp_path, 'raise ZeroDivisionError("by design")')
     run = run_grid(small, tmp_path / "run", ["he"], plugins=[file])
@@ -273,7 +244,7 @@ def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
 
 
 def child(tmp_path, jobs, file, sigint="default_int_handler"):
-    """Run the small grid in a process of its own; what Ctrl-C does there is not inherited."""
+    """Run the small grid in another process; what Ctrl-C does there is not inherited."""
     code = f"""
         import signal
         import sys
@@ -298,6 +269,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
     )
 
 
+@pytest.mark.slow  # in memory, by an interrupt: test_place.py
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
@@ -315,6 +287,7 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     assert_same(run, undisturbed)
 
 
+@pytest.mark.slow  # without processes: the next test
 def test_a_worker_that_dies_is_replaced(small, tmp_path):
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 2, file)
@@ -324,20 +297,29 @@ def test_a_worker_that_dies_is_replaced(small, tmp_path):
     assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
 
 
-def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("unscored")
+@pytest.mark.parametrize("deaths", [1, run_module.LIVES])
+def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_advice(
+    small, finished, tmp_path, monkeypatch, deaths
+):
     class BrokenProcessPool(Exception):
         pass
 
-    tries = []
+    worked, work = [], run_module.work
 
-    def dying(*_):
-        tries.append(1)
-        raise BrokenProcessPool("a worker was killed")
+    def dying(grid, number, *more):
+        worked.append(number)
+        if number == 3 and worked.count(3) <= deaths:
+            raise BrokenProcessPool("a worker was killed")
+        return work(grid, number, *more)
 
     monkeypatch.setattr(run_module, "work", dying)
-    with pytest.raises(RunError, match=r"keep dying .*--resume"):
-        run_grid(small, tmp_path / "run", ["he"])
-    assert len(tries) == run_module.LIVES
+    if deaths < run_module.LIVES:
+        assert_same(run_grid(small, tmp_path / "run", METHODS), finished)
+    else:
+        with pytest.raises(RunError, match=r"keep dying .*--resume"):
+            run_grid(small, tmp_path / "run", METHODS)
+    assert worked == [0, 1, 2, *[3] * deaths, *([3, 4, 5, 6, 7] if deaths == 1 else [])]
 
 
 def counting(tmp_path):
@@ -367,10 +349,18 @@ def interrupt(process, tmp_path, sent):
     return out, err, seen.stat().st_size - before
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_ends_at_once_and_says_how_to_resume(tmp_path, jobs):
-    process = child(tmp_path, jobs, counting(tmp_path))
-    out, err, judged = interrupt(process, tmp_path, signal.SIGINT)
+@pytest.mark.slow  # in one process: the next test
+@pytest.mark.parametrize(
+    ("jobs", "sent", "sigint"),
+    [
+        (1, signal.SIGINT, "default_int_handler"),
+        (2, signal.SIGINT, "default_int_handler"),
+        (1, signal.SIGTERM, "SIG_IGN"),  # a background job, whose shell ignores Ctrl-C
+    ],
+)
+def test_a_stopped_process_ends_at_once_and_names_resume(tmp_path, jobs, sent, sigint):
+    process = child(tmp_path, jobs, counting(tmp_path), sigint)
+    out, err, judged = interrupt(process, tmp_path, sent)
     assert process.returncode == 130, err
     assert "continue with --resume" in out
     assert "Traceback" not in err
@@ -378,36 +368,45 @@ def test_ctrl_c_ends_at_once_and_says_how_to_resume(tmp_path, jobs):
     assert judged <= 4 * jobs
 
 
-def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
-    process = child(tmp_path, 1, counting(tmp_path), sigint="SIG_IGN")
-    out, err, _ = interrupt(process, tmp_path, signal.SIGTERM)
-    assert process.returncode == 130, err
-    assert "continue with --resume" in out
-
-
-def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(
-    small, finished, tmp_path, monkeypatch
+@pytest.mark.parametrize(
+    ("sent", "on_sigint"),
+    [(signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_IGN)],
+)
+def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
+    small, tmp_path, monkeypatch, sent, on_sigint
 ):
-    write, left = pieces.write_piece, [3]
+    work, before = run_module.work, signal.getsignal(signal.SIGINT)
 
-    def full(where, piece, key):
-        if not left[0]:
-            raise FileError("verdicts.parquet cannot be written: no space left on device")
-        left[0] -= 1
-        return write(where, piece, key)
+    def signalled(grid, number, *more):
+        if number == 2:
+            signal.raise_signal(sent)
+        return work(grid, number, *more)
 
-    monkeypatch.setattr(pieces, "write_piece", full)
-    with pytest.raises(
-        RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
-    ):
-        run_grid(small, tmp_path / "run", METHODS)
-    monkeypatch.undo()
+    monkeypatch.setattr(run_module, "work", signalled)
+    signal.signal(signal.SIGINT, on_sigint)
+    try:
+        with pytest.raises(Interrupted, match=r"2 pieces are whole .* continue with --resume"):
+            run_grid(small, tmp_path / "run", ["he"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("unscored")
+def test_a_full_disk_keeps_what_is_whole_and_names_resume(small, finished, tmp_path, monkeypatch):
+    full = FileError("verdicts.parquet cannot be written: no space left on device")
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "write_piece", 3, full)
+        with pytest.raises(
+            RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
+        ):
+            run_grid(small, tmp_path / "run", METHODS)
     assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
 
 
-def test_a_torn_piece_is_done_again(small, finished, tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+@pytest.mark.usefixtures("unscored")
+def test_a_torn_piece_is_done_again(small, finished, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "finish", 0, KeyboardInterrupt)
         with pytest.raises(Interrupted):
             run_grid(small, tmp_path / "run", METHODS)
     torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
@@ -423,6 +422,7 @@ def test_resuming_a_finished_run_changes_nothing(small, finished):
     assert before == {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
 
 
+@pytest.mark.usefixtures("unscored")
 def test_resume_on_an_absent_or_empty_folder_starts_afresh(small, finished, tmp_path):
     (tmp_path / "empty").mkdir()
     assert_same(run_grid(small, tmp_path / "empty", METHODS, resume=True), finished)
@@ -439,6 +439,7 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
         run_grid(small, tmp_path, METHODS, resume=True)
 
 
+@pytest.mark.usefixtures("unscored")
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -497,26 +498,18 @@ def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
         RunArrays.read(tmp_path / "run")
 
 
-def test_an_unfinished_run_is_not_scored(small, tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-        with pytest.raises(Interrupted, match="8 pieces are whole"):
-            run_grid(small, tmp_path / "run", ["yamashita"])
-    with pytest.raises(RunError, match="not finished"):
-        RunArrays.read(tmp_path / "run")
-
-
-@pytest.mark.parametrize("step", ["score_book", "remove"])
-def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, step):
+@pytest.mark.parametrize(("owner", "step"), [(pieces, "score_book"), (pieces.Place, "remove")])
+def test_a_kill_between_the_last_steps_is_tidied_up(
+    small, finished, tmp_path, monkeypatch, owner, step
+):
     run = tmp_path / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            pieces if step == "score_book" else pieces.Place,
-            step,
-            lambda *_: (_ for _ in ()).throw(KeyboardInterrupt),
-        )
+    with monkeypatch.context() as patch:
+        raise_after(patch, owner, step, 0, KeyboardInterrupt)
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, run, METHODS)
+    if step == "score_book":
+        with pytest.raises(RunError, match="not finished"):
+            RunArrays.read(run)
     run_grid(small, run, METHODS, resume=True)
     assert sorted(f.name for f in run.iterdir()) == sorted(f.name for f in finished.iterdir())
     assert_same(run, finished)
@@ -563,12 +556,14 @@ def test_a_loop_that_cannot_be_simulated_is_refused_before_a_folder_is_made(tmp_
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("unscored")
 def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"])
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     small, finished, tmp_path, monkeypatch
 ):
@@ -591,6 +586,7 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     assert list(scenarios.cycled) == list(sound.cycled)
 
 
+@pytest.mark.usefixtures("unscored")
 def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
     """As the healthy loops of grid families whose sensor lags."""
     table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
@@ -608,6 +604,7 @@ def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tm
     assert not verdicts.reason.fillna("").str.startswith("failed").any()
 
 
+@pytest.mark.usefixtures("unscored")
 def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
     err = capfd.readouterr().err
@@ -616,6 +613,7 @@ def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_pa
     assert "failures=0" in err
 
 
+@pytest.mark.usefixtures("unscored")
 def test_a_sample_of_the_records_is_kept(small, tmp_path):
     run = run_grid(small, tmp_path / "run", ["yamashita"], keep=1)
     kept = sorted((run / "records").glob("*.csv"))
@@ -625,7 +623,7 @@ def test_a_sample_of_the_records_is_kept(small, tmp_path):
     assert np.array_equal(pd.read_csv(kept[0]).pv, record.pv)
 
 
-def test_the_manifest_says_what_was_run(finished):
+def test_the_manifest_states_what_was_run(finished):
     content = read_manifest(finished)
     assert content["complete"]
     assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
@@ -642,38 +640,33 @@ def test_the_manifest_says_what_was_run(finished):
     } <= set(content)
 
 
+@pytest.mark.usefixtures("unscored")
 def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.3)
+    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.45)
     scenarios = pd.read_parquet(run / "scenarios.parquet")
     seeds = scenarios.groupby("cell").repeat.nunique()
-    told = read_manifest(run)["adaptive"]
+    adaptive = read_manifest(run)["adaptive"]
     assert seeds.min() < seeds.max()
-    assert told["widest"] <= 0.3
-    assert told["scenarios"] == len(scenarios) < told["full_product"]
+    assert adaptive["widest"] <= 0.45
+    assert adaptive["scenarios"] == len(scenarios) < adaptive["full_product"]
     assert scenarios.scenario_id.is_unique
 
 
-def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
+@pytest.mark.usefixtures("unscored")
+def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path, monkeypatch):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
-    write, left = pieces.write_piece, [5]
-
-    def stopping(where, piece, key):
-        if not left[0]:
-            raise KeyboardInterrupt
-        left[0] -= 1
-        return write(where, piece, key)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "write_piece", stopping)
+    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.45)
+    with monkeypatch.context() as patch:
+        raise_after(patch, pieces, "write_piece", 5, KeyboardInterrupt)
         with pytest.raises(Interrupted):
-            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
+            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45)
     assert_same(
-        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed
+        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45, resume=True), undisturbed
     )
 
 
+@pytest.mark.usefixtures("unscored")
 def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
     assert read_manifest(run)["front_end"] == "hagglund"
@@ -689,7 +682,8 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the_grids(
+@pytest.mark.usefixtures("unscored")
+def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_of_the_grid(
     small, tmp_path, monkeypatch
 ):
     asked, judge_both = [], work_module.judge_both
@@ -699,7 +693,7 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
         return judge_both(record, *rest)
 
     monkeypatch.setattr(work_module, "judge_both", heard)
-    folder = run_grid(make_grid(SMALL, "small", {"repeats": 40}), tmp_path / "run", ["he"])
+    folder = run_grid(make_grid(SMALL, "small", {"repeats": 8}), tmp_path / "run", ["he"])
     rows = pd.read_parquet(folder / "scenarios.parquet")
     assert sorted(asked) == sorted(rows.record_hash)
     place = {mark: k for k, mark in enumerate(asked)}
@@ -708,10 +702,10 @@ def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the
         came[(rows.member == "sticky").to_numpy()],
         came[(rows.member == "healthy").to_numpy()],
     )
-    # a sticky loop stands right before its sibling in the grid; asked about, it comes first as
+    # a sticky loop is right before its sibling in the grid; asked about, it comes first as
     # often as last
-    assert 0.4 < np.mean(sticky < healthy) < 0.6
-    assert np.mean(healthy - sticky == 1) < 0.1
+    assert 0.25 < np.mean(sticky < healthy) < 0.75  # 64 pairs: four standard errors
+    assert np.mean(healthy - sticky == 1) < 0.2  # 1/16 expected, as pieces have 16 loops
 
 
 def test_fresh_seeds_are_drawn_and_stated(tmp_path):
@@ -723,11 +717,11 @@ def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     )
     axes = {"disturbance": ["none"], "S_over_2J": [0.5]}
     folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, fresh_seeds=True)
-    told = read_manifest(folder)
-    assert told["seed"] != 1
-    assert f"seed {told['seed']}," in score_run(folder).as_text()
+    manifest = read_manifest(folder)
+    assert manifest["seed"] != 1
+    assert f"seed {manifest['seed']}," in score_run(folder).as_text()
     assert_same(
-        folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]})
+        folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": manifest["seed"]})
     )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)

@@ -27,9 +27,9 @@ def made(monkeypatch):
     for cell, J in enumerate((1.0, 2.0)):
         for method in ("a", "b"):
             for _ in range(40):
-                said = rng.choice(["stiction", "no_stiction", "no_decision"], 2)
+                verdicts = rng.choice(["stiction", "no_stiction", "no_decision"], 2)
                 cycled = rng.choice(["yes", "no", "unclear", "entrained"]) if J > 1 else "unclear"
-                rows.append([cell, method, J, cycled, *said, *rng.normal(size=2)])
+                rows.append([cell, method, J, cycled, *verdicts, *rng.normal(size=2)])
     names = ["cell", "method", "valve.J", "cycled", "verdict", "verdict_raw", "score", "score_raw"]
     frame = pd.DataFrame(rows, columns=names)
     monkeypatch.setattr(Sweep, "verdicts", lambda self, *a, **k: frame)
@@ -38,10 +38,10 @@ def made(monkeypatch):
 
 @pytest.mark.parametrize("raw", [False, True])
 def test_every_number_of_a_sweep(made, raw):
-    found = sweep(LOOP, {"valve.J": [1.0, 2.0]}, seeds=40).score(["a", "b"], raw=raw)
+    scores = sweep(LOOP, {"valve.J": [1.0, 2.0]}, seeds=40).score(["a", "b"], raw=raw)
     verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
-    assert len(found) == 4
-    for row in found.to_dict("records"):
+    assert len(scores) == 4
+    for row in scores.to_dict("records"):
         part = [
             r
             for r in made.to_dict("records")

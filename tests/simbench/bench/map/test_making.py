@@ -18,15 +18,14 @@ import pytest
 from bench_fixtures import SMALL
 from killing import kill_when_it_stops, stops
 
-from scenarios.grid import load_grid, make_grid
-from simbench.bench.execute.run import run_grid
+from scenarios.grid import make_grid
 from simbench.bench.execute.verify import verify_run
+from simbench.bench.map import making
 from simbench.bench.map.making import map_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.figures import draw_map
 from tests.scenarios.test_sample import MILLION
-from tests.simbench.bench.execute.test_run import RayOfThreads
 
 METHODS = ["he", "yamashita"]
 RATES = ("cost", "accuracy", "sensitivity", "false_positives")
@@ -100,12 +99,12 @@ def test_the_sample_is_a_part_of_the_run_of_the_whole_grid(mapped, finished):
 
 
 def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_path):
-    found = map_grid(small, tmp_path / "map", 32, METHODS)
+    grid_map = map_grid(small, tmp_path / "map", 32, METHODS)
     rows = score_run(finished).as_json()["rows"]
     for name in METHODS:
         for population, of in (
-            ("all", found.methods[name]),
-            ("oscillating", found.methods[name]["oscillating"]),
+            ("all", grid_map.methods[name]),
+            ("oscillating", grid_map.methods[name]["oscillating"]),
         ):
             wanted = {
                 "method": name,
@@ -119,33 +118,17 @@ def test_a_map_of_all_scenarios_has_the_costs_of_the_run(small, finished, tmp_pa
             assert of["n"] == row["applicable"]
 
 
+@pytest.mark.slow  # the run of a map by two workers is that of any other run
 def test_two_workers_give_the_same_files(mapped, small, tmp_path):
     assert digests(made(small, tmp_path / "map", jobs=2)) == digests(mapped)
 
 
-def test_dask_gives_the_same_files(mapped, small, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    settings = {
-        "n_workers": 1,
-        "threads_per_worker": 1,
-        "processes": False,
-        "dashboard_address": "127.0.0.1:0",
-    }
-    with distributed.LocalCluster(**settings) as cluster:
-        folder = made(small, tmp_path / "map", backend="dask", address=cluster.scheduler_address)
-    assert digests(folder) == digests(mapped)
-
-
-def test_ray_gives_the_same_files(mapped, small, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "ray", RayOfThreads())
-    assert digests(made(small, tmp_path / "map", backend="ray")) == digests(mapped)
-
-
+@pytest.mark.slow  # the run of a map is resumed as any other run
 def test_a_killed_map_is_resumed_and_gives_the_same_files(small, tmp_path):
     file = tmp_path / "mine.py"
     file.write_text(
         "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
-        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         f"def detect(prepared):\n{textwrap.indent(stops(tmp_path, 10), '    ')}"
         '    return Verdict("mine", "no_stiction", score=0.0)\n'
     )
@@ -178,12 +161,15 @@ def test_a_map_is_not_written_over_and_another_size_is_not_mixed_in(small, mappe
     assert digests(mapped) == before
 
 
-def test_of_a_million_cells_a_random_part_is_in_the_table_and_memory_stays_small(tmp_path):
+def test_of_a_million_cells_a_random_part_is_in_the_table_and_memory_stays_small(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(making, "_MOST_ROWS", 4000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    found = map_grid(make_grid(MILLION, "million"), tmp_path / "map", 60, ["he"])
-    assert len(found.sample.whole) == 1_000_000
-    assert 19_000 < len(found.table) <= 20_000
-    assert found.table["controller.Kc"].nunique() == 100
+    grid_map = map_grid(make_grid(MILLION, "million"), tmp_path / "map", 60, ["he"])
+    assert len(grid_map.sample.whole) == 1_000_000
+    assert 3_900 < len(grid_map.table) <= 4000
+    assert grid_map.table["controller.Kc"].nunique() == 100
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 300  # MB
 
 
@@ -191,9 +177,9 @@ def test_the_command_prints_costs_and_draws_the_axes_asked_for(tmp_path, capsys,
     monkeypatch.chdir(tmp_path)
     words = ["map", "smoke", "-o", "map", "--points", "12", "--method", "he"]
     assert main([*words, "--x", "S_over_2J", "--y", "disturbance"]) == 0
-    told = capsys.readouterr().out
-    assert "12 of the 48 scenarios of grid smoke were simulated." in told
-    assert max(map(len, told.splitlines())) <= 100
+    printed = capsys.readouterr().out
+    assert "12 of the 48 scenarios of grid smoke were simulated." in printed
+    assert max(map(len, printed.splitlines())) <= 100
     picture = Path("map/he.svg").read_text()
     assert "S_over_2J" in picture
     assert "disturbance" in picture
@@ -237,10 +223,10 @@ def test_a_grid_of_one_loop_has_no_map(tmp_path, axes):
 
 
 def test_a_map_over_one_axis_is_a_strip(tmp_path):
-    found = map_grid(wrong_grid(tmp_path, {"valve.S": [1, 4]}), tmp_path / "map", 6, ["he"])
-    draw_map(found)
-    assert (*found.axes, len(found.table)) == ("valve.S", None, 2)
-    assert all(math.isfinite(v) or np.isnan(v) for v in found.table.cost)
+    grid_map = map_grid(wrong_grid(tmp_path, {"valve.S": [1, 4]}), tmp_path / "map", 6, ["he"])
+    draw_map(grid_map)
+    assert (*grid_map.axes, len(grid_map.table)) == ("valve.S", None, 2)
+    assert all(math.isfinite(v) or np.isnan(v) for v in grid_map.table.cost)
 
 
 def test_a_cell_without_members_has_no_row(small, tmp_path):
@@ -248,16 +234,5 @@ def test_a_cell_without_members_has_no_row(small, tmp_path):
     for block in table["block"]:
         for member in block["member"]:
             member["where"] = {"disturbance": ["none"]}
-    found = map_grid(make_grid(table, "small"), tmp_path / "map", 16, ["he"])
-    assert list(found.table.disturbance) == ["none"] * 4
-
-
-def test_the_same_scenarios_are_simulated_as_by_run(tmp_path):
-    """Whatever is drawn of a group: its siblings do not change it."""
-    found = map_grid("smoke", tmp_path / "map", 10, ["he"])
-    whole = pd.read_parquet(
-        run_grid(load_grid("smoke"), tmp_path / "run", ["he"]) / "scenarios.parquet"
-    )
-    part = pd.read_parquet(found.folder / "run" / "scenarios.parquet")
-    hashes = dict(zip(whole.scenario_id, whole.record_hash))
-    assert [hashes[i] for i in part.scenario_id] == list(part.record_hash)
+    grid_map = map_grid(make_grid(table, "small"), tmp_path / "map", 16, ["he"])
+    assert list(grid_map.table.disturbance) == ["none"] * 4

@@ -59,7 +59,7 @@ def test_a_rate_of_a_cell_lies_in_its_interval_where_neighbours_are_alike():
         for name, known in truth.items():
             value, lo, hi = rate_of_cells(halves, name)
             assert np.all((0.0 <= lo) & (lo <= value + 1e-9) & (value <= hi + 1e-9) & (hi <= 1.0))
-            assert (hi - lo).mean() < 0.65, "an interval of everything says nothing"
+            assert (hi - lo).mean() < 0.65, "an interval of everything is worth nothing"
             inside[name].append(np.mean((lo <= known) & (known <= hi)))
     assert all(np.mean(shares) > 0.9 for shares in inside.values()), inside
 
@@ -67,15 +67,15 @@ def test_a_rate_of_a_cell_lies_in_its_interval_where_neighbours_are_alike():
 @pytest.mark.parametrize("slope", [4.0, 0.0])
 def test_the_cost_of_a_run_of_the_whole_grid_lies_in_its_interval(slope):
     inside, errors, naive = 0, [], []
-    for seed in range(20):
+    for seed in range(10):
         outcomes = population(seed, slope)[1]
         surrogate = drawn(outcomes, 120, seed)
         mean = halves_of_all(surrogate).mean(axis=(0, 1)) / 2.0
-        found, known = rate_of_grid(surrogate, mean, outcomes.size), OUTCOME_COST[outcomes].mean()
-        inside += found.lo <= known <= found.hi
-        errors.append(found.value - known)
+        cost, known = rate_of_grid(surrogate, mean, outcomes.size), OUTCOME_COST[outcomes].mean()
+        inside += cost.lo <= known <= cost.hi
+        errors.append(cost.value - known)
         naive.append(OUTCOME_COST[surrogate.outcome].mean() - known)
-    assert inside >= 17  # of 20; binomial with .95: fewer in 1.6 % of cases
+    assert inside >= 8  # of 10; binomial with .95: fewer in 1.2 % of cases
     assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(naive)))
 
 
@@ -88,9 +88,9 @@ def test_a_sample_of_everything_has_the_cost_of_the_run_and_no_interval():
         (None, outcomes != NOT_COUNTED),
         (IF_OSCILLATING, IF_OSCILLATING[outcomes] > 0),
     ):
-        found = rate_of_grid(surrogate, np.full(OUTCOMES, 1.0 / OUTCOMES), outcomes.size, only)
-        assert found.value == pytest.approx(OUTCOME_COST[outcomes[counted]].mean())
-        assert found.hi - found.lo < 1e-12
+        cost = rate_of_grid(surrogate, np.full(OUTCOMES, 1.0 / OUTCOMES), outcomes.size, only)
+        assert cost.value == pytest.approx(OUTCOME_COST[outcomes[counted]].mean())
+        assert cost.hi - cost.lo < 1e-12
 
 
 def test_what_has_no_label_anywhere_has_no_rate():

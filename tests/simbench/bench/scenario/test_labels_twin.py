@@ -22,20 +22,20 @@ def scenarios(grid, groups):
         yield from resolve(loaded.group(int(index)))
 
 
-@pytest.mark.parametrize("cells", [40, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cells", [24, pytest.param(300, marks=pytest.mark.slow)])
 def test_cells_of_the_chapter_are_labelled_alike(cells):
     differ, answers = [], []
     for scenario in scenarios("chapter", cells):
-        run, found = simulate_with_truth(scenario.loop, scenario.seed)
+        run, label = simulate_with_truth(scenario.loop, scenario.seed)
         predicted, exists, *_ = theory(scenario.loop)
         again = cycled(scenario.loop, scenario.seed)
-        mine = (run.sticky, predicted, found.answer)
+        mine = (run.sticky, predicted, label.answer)
         twin = (friction_band(scenario.loop)[0] > 0, table_11_3(scenario.loop), again)
         # the one cell of the refined table that has no condition in numbers is that of the exact
         # cycle
         if not (scenario.loop.valve.name == "deadband" and scenario.tags["process"] == "foptd"):
             mine, twin = (*mine, exists), (*twin, refined(scenario.loop))
-        answers.append((found.answer, again))
+        answers.append((label.answer, again))
         if mine != twin:
             differ.append((scenario.id, mine, twin))
     assert not differ
@@ -43,14 +43,14 @@ def test_cells_of_the_chapter_are_labelled_alike(cells):
     yes = [again for answer, again in answers if answer == "yes"]
     assert len(yes) > 2 / 3 * cells
     assert yes.count("yes") >= 0.995 * len(yes)
-    assert {answer for answer, _ in answers} >= {"yes", "no", "entrained"} | (
-        {"unclear"} if cells == 300 else set()
+    assert {answer for answer, _ in answers} >= {"yes", "no"} | (
+        {"entrained", "unclear"} if cells == 300 else set()
     )
 
 
 @pytest.mark.parametrize("grid", ["smoke", "table-11-3"])
 def test_other_grids_are_labelled_alike_sample_by_sample(grid):
     """Through the loop in plain Python."""
-    for scenario in scenarios(grid, 6):
-        _, found = simulate_with_truth(scenario.loop, scenario.seed)
-        assert cycled(scenario.loop, scenario.seed, plain=True) == found.answer
+    for scenario in scenarios(grid, 4):
+        _, label = simulate_with_truth(scenario.loop, scenario.seed)
+        assert cycled(scenario.loop, scenario.seed, plain=True) == label.answer

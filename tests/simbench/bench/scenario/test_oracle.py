@@ -28,7 +28,7 @@ def loop(valve, plant=FOPTD, noise=0.0, disturbance=(), step=5.0, n=800):
     )
 
 
-def said(loop, seed=0):
+def oracle(loop, seed=0):
     return judge_oracle(Scenario(loop=loop, seed=seed), simulate(loop, seed))
 
 
@@ -49,9 +49,9 @@ STICKY = [
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("noise", [0.0, 0.3])
 def test_right_about_healthy_and_sticky_valves_under_any_load(plant, load, noise):
-    assert said(loop({"model": "ideal"}, plant, noise, load)).verdict == "no_stiction"
+    assert oracle(loop({"model": "ideal"}, plant, noise, load)).verdict == "no_stiction"
     for valve in STICKY:
-        assert said(loop(valve, plant, noise, load)).verdict == "stiction"
+        assert oracle(loop(valve, plant, noise, load)).verdict == "stiction"
 
 
 @pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
@@ -66,25 +66,25 @@ def test_the_true_valve_leaves_only_the_noise(plant):
     assert np.allclose(run.record.pv - predicted, setup.pv_add, atol=1e-9)
 
 
-def test_band_and_jump_are_found():
-    verdict = said(loop(STICKY[0], noise=0.2))
+def test_band_and_jump_are_estimated():
+    verdict = oracle(loop(STICKY[0], noise=0.2))
     assert verdict.S == pytest.approx(5, abs=0.3)
     assert verdict.J == pytest.approx(2, abs=0.3)
 
 
 def test_nobody_knows_when_nothing_happens():
-    still = said(loop(STICKY[0], noise=0.0, step=0.0, n=200))
+    still = oracle(loop(STICKY[0], noise=0.0, step=0.0, n=200))
     assert still.indices["log_likelihood_ratio"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_surer_with_less_noise():
-    assert said(loop(STICKY[0], noise=0.1)).score > said(loop(STICKY[0], noise=1.0)).score > 0
+    assert oracle(loop(STICKY[0], noise=0.1)).score > oracle(loop(STICKY[0], noise=1.0)).score > 0
 
 
 def test_false_alarms_under_noise_are_rare():
     # the two fitted numbers cost ln n: chance alone seldom earns that
     wrong = [
-        said(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction"
+        oracle(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction"
         for seed in range(40)
     ]
     assert sum(wrong) <= 2

@@ -1,4 +1,4 @@
-"""Healthy loops that oscillate as sticky ones do: by a load, or by their own tuning."""
+"""Healthy loops that oscillate as sticky ones do: by a load, or by their tuning."""
 
 import math
 
@@ -19,7 +19,7 @@ from simbench.bench.scenario.swing import (
 )
 from simbench.loop.simulate import simulate
 
-OWN = WantedOscillation(period=1.0, wander=0.05)
+BY_TUNING = WantedOscillation(period=1.0, wander=0.05)
 CYCLE = Cycle(period=60.0, pv_std=1.0, op_std=2.0, exists=True)
 
 
@@ -64,10 +64,10 @@ def test_a_load_wanders_as_much_as_it_is_asked_to():
     ("kind", "control"), [("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")]
 )
 def test_a_loop_at_its_limit_neither_grows_nor_fades(kind, control):
-    found, swing = at_its_limit(
+    at_limit, swing = at_its_limit(
         Loop.from_table({**table(kind, control), "sampling": {"Ts": 0.5, "n": 4000}}), CYCLE
     )
-    op = simulate(found).record.op[1000:]
+    op = simulate(at_limit).record.op[1000:]
     begin, end = fifths(op)
     assert math.log(end / begin) == pytest.approx(0.0, abs=1.0)
     crossings = np.flatnonzero(np.diff(np.sign(op - op.mean())) > 0)
@@ -77,11 +77,13 @@ def test_a_loop_at_its_limit_neither_grows_nor_fades(kind, control):
 
 def test_only_the_dead_time_is_another_one():
     loop = Loop.from_table({**table(), "sampling": {"Ts": 0.5, "n": 4000}})
-    found, swing = at_its_limit(loop, CYCLE)
-    assert found.controller == loop.controller
-    assert found.plant.Td > 1.5 * loop.plant.Td
-    assert found.model_copy(update={"plant": loop.plant}) == loop
-    op, pv = (np.std(x[1000:]) for x in (simulate(found).record.op, simulate(found).record.pv))
+    at_limit, swing = at_its_limit(loop, CYCLE)
+    assert at_limit.controller == loop.controller
+    assert at_limit.plant.Td > 1.5 * loop.plant.Td
+    assert at_limit.model_copy(update={"plant": loop.plant}) == loop
+    op, pv = (
+        np.std(x[1000:]) for x in (simulate(at_limit).record.op, simulate(at_limit).record.pv)
+    )
     assert swing.pv_std / swing.op_std == pytest.approx(pv / op, rel=0.02)
 
 
@@ -94,7 +96,7 @@ def test_a_steadied_loop_is_as_wide_as_wanted_from_beginning_to_end(noise):
     matched = 0
     for seed in range(6):
         try:
-            op = simulate(*steadied(at_limit, OWN, swing, 10 * seed)).record.op
+            op = simulate(*steadied(at_limit, BY_TUNING, swing, 10 * seed)).record.op
         except UnmatchedError:
             continue
         begin, end = fifths(op)
@@ -113,7 +115,7 @@ def test_a_loop_whose_noise_alone_makes_it_swing_wider_is_unmatched():
     small = Cycle(swing.period, 1e-3, 1e-3, True)
     # the noise that reaches OP directly counts as wanted; what the resonance makes of it does not
     with pytest.raises(UnmatchedError):
-        steadied(at_limit, OWN, small, 0)
+        steadied(at_limit, BY_TUNING, small, 0)
 
 
 def test_a_load_that_drives_OP_to_its_limit_is_unmatched():
@@ -140,11 +142,11 @@ def test_the_cycle_in_other_units_is_that_of_the_loop_in_these_units(kind):
     }
     settings |= {"samples_per_period": 30.0, "periods": 20.0}
     scale = CycleScale(S=1.7, pv=3.0, time=11.0)
-    own = settings | {"S": 3.0 * scale.S, "K": 0.7 * scale.pv, "T": 12.0 * scale.time}
-    twin, other = (measure_cycle(cell_group(s, (), {}, {}, "a")[0]) for s in (settings, own))
+    scaled = settings | {"S": 3.0 * scale.S, "K": 0.7 * scale.pv, "T": 12.0 * scale.time}
+    twin, other = (measure_cycle(cell_group(s, (), {}, {}, "a")[0]) for s in (settings, scaled))
     assert twin.exists
-    found = scaled_cycle(twin, scale)
-    assert (found.period, found.pv_std, found.op_std) == pytest.approx(
+    expected = scaled_cycle(twin, scale)
+    assert (expected.period, expected.pv_std, expected.op_std) == pytest.approx(
         (other.period, other.pv_std, other.op_std), rel=0.05
     )
 

@@ -117,27 +117,27 @@ def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy
 @pytest.mark.parametrize("loss", [0.02, 0.03])
 def test_a_loss_on_the_loops_that_a_method_covers_is_not_thinned_by_the_rest(book, loss):
     """As many loops as in grid ci, 38 % of them covered."""
-    rng, found, n = np.random.default_rng(8), 0, 2129
+    rng, failures, n = np.random.default_rng(8), 0, 2129
     truth, covered = np.arange(n) % 2, np.arange(n) % 50 < 19
-    said = np.where(rng.random(n) < 0.7, truth, 1 - truth)
-    base = book([said], truth, scores_of(rng, said))
+    verdict = np.where(rng.random(n) < 0.7, truth, 1 - truth)
+    base = book([verdict], truth, scores_of(rng, verdict))
     base.applicable[0] = covered
     for _ in range(40):
-        lost = covered & (said == truth) & (rng.random(n) < loss / 0.7)
-        now = with_verdicts(base, np.where(lost, 1 - said, said))
-        found += compare_books(now, base).failed
-    assert found >= 32  # power .8
+        lost = covered & (verdict == truth) & (rng.random(n) < loss / 0.7)
+        now = with_verdicts(base, np.where(lost, 1 - verdict, verdict))
+        failures += compare_books(now, base).failed
+    assert failures >= 32  # power .8
 
 
-def scores_of(rng, said):
-    return said + rng.normal(0, 0.4, said.size)
+def scores_of(rng, verdict):
+    return verdict + rng.normal(0, 0.4, verdict.size)
 
 
-def with_verdicts(run, said):
-    return replace(run, verdict=said[None].astype(np.int8))
+def with_verdicts(run, verdict):
+    return replace(run, verdict=verdict[None].astype(np.int8))
 
 
-def test_where_a_loss_could_not_have_been_found_the_check_cannot_tell(book, tmp_path):
+def test_where_a_loss_would_not_be_detected_the_check_cannot_tell(book, tmp_path):
     truth = np.arange(48) % 2
     base = book([truth], truth)
     now = with_verdicts(base, np.where(np.arange(48) < 3, 1 - truth, truth))
@@ -146,7 +146,7 @@ def test_where_a_loss_could_not_have_been_found_the_check_cannot_tell(book, tmp_
     assert "cannot tell on the 48 loops" in check.as_text()
     assert 'failures="1"' in check.as_junit()
     assert compare_books(base, base).answer == "passed", (
-        "the same answers leave nothing to be found"
+        "the same answers leave nothing to be detected"
     )
 
 
@@ -248,29 +248,29 @@ def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_a
     truth = np.arange(20_000) % 2
     base = book([truth], truth)
     for lost, failed in ((60, False), (140, True)):  # of 10 000 positives: 0.6 and 1.4 points
-        said = truth.copy()
-        said[np.flatnonzero(truth)[:lost]] = 0
-        check = compare_books(with_answers(base, "m0", said), base)
+        verdict = truth.copy()
+        verdict[np.flatnonzero(truth)[:lost]] = 0
+        check = compare_books(with_answers(base, "m0", verdict), base)
         detection = check.tests[
             (check.tests["what"] == "detection") & (check.tests["label"] == "cycled")
         ].iloc[0]
         assert detection.p < 1e-6
         assert check.failed == failed
-        assert not compare_books(with_answers(base, "m0", said), base, margin=0.02).failed
+        assert not compare_books(with_answers(base, "m0", verdict), base, margin=0.02).failed
 
 
 def test_an_improvement_never_fails(book, with_answers):
     rng = np.random.default_rng(2)
     for _ in range(20):
-        said = np.where(rng.random(N) < 0.7, TRUTH, rng.choice([0, 1, 2], N))
-        base = book([said], TRUTH, said + rng.normal(0, 0.1, N))
-        wrong = np.flatnonzero(said != TRUTH)
-        better = said.copy()
+        verdict = np.where(rng.random(N) < 0.7, TRUTH, rng.choice([0, 1, 2], N))
+        base = book([verdict], TRUTH, verdict + rng.normal(0, 0.1, N))
+        wrong = np.flatnonzero(verdict != TRUTH)
+        better = verdict.copy()
         better[rng.choice(wrong, wrong.size // 2, replace=False)] = TRUTH[
             rng.choice(wrong, wrong.size // 2, replace=False)
         ]
-        better = np.where(better == said, said, TRUTH)
-        score = np.where(better == said, base.score[0], 3.0 * TRUTH - 1.0)
+        better = np.where(better == verdict, verdict, TRUTH)
+        score = np.where(better == verdict, base.score[0], 3.0 * TRUTH - 1.0)
         assert not compare_books(with_answers(base, "m0", better, score), base).failed
 
 
@@ -317,13 +317,23 @@ def test_texts_carry_the_verdict(base, with_answers):
     assert len(content["flips"]) == len(check.flips) == N
 
 
+METHODS = ["horch", "he", "yamashita"]
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
+    return run_grid("smoke", tmp_path_factory.mktemp("check") / "run", METHODS, progress=False)
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory):
+    """The run with another threshold and one more method."""
     return run_grid(
         "smoke",
-        tmp_path_factory.mktemp("check") / "run",
-        ["horch", "he", "yamashita"],
+        tmp_path_factory.mktemp("check") / "moved",
+        [*METHODS, "ellipse"],
         progress=False,
+        thresholds={"yamashita": {"rho3_min": 0.9}},
     )
 
 
@@ -341,16 +351,9 @@ def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
     assert update_baseline(run, base).endswith("nothing moved")
 
 
-def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_path):
-    base, moved = tmp_path / "baseline", tmp_path / "moved"
+def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, moved, tmp_path):
+    base = tmp_path / "baseline"
     update_baseline(run, base)
-    run_grid(
-        "smoke",
-        moved,
-        ["horch", "he", "yamashita"],
-        progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )
     text = check_run(moved, base).as_text()
     command = text.splitlines()[-1].split()
     assert command[:4] == ["simbench", "simulate", "--from", str(base)]
@@ -363,21 +366,14 @@ def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_p
     assert again.verdict == flip.was
 
 
-def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
+def test_history_keeps_one_row_a_baseline_and_is_drawn(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
     update_baseline(run, base)  # the same once more
-    moved = run_grid(
-        "smoke",
-        tmp_path / "moved",
-        ["horch", "he", "yamashita"],
-        progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )
     update_baseline(moved, base)
-    found = read_history(base).table
-    assert found.groupby("baseline").size().to_dict() == {1: 3, 2: 3}
-    wide = found.pivot(index="method", columns="baseline", values="accuracy_applicable")
+    table = read_history(base).table
+    assert table.groupby("baseline").size().to_dict() == {1: 3, 2: 4}
+    wide = table.pivot(index="method", columns="baseline", values="accuracy_applicable")
     assert wide.loc["he", 1] == wide.loc["he", 2]
     assert wide.loc["yamashita", 1] > wide.loc["yamashita", 2]
     picture = tmp_path / "history.svg"
@@ -389,13 +385,9 @@ def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
         read_history(tmp_path)
 
 
-def test_updating_says_what_moves(run, tmp_path):
+def test_updating_names_what_moves(run, moved, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
-    moved = run_grid(
-        "smoke", tmp_path / "moved", ["horch", "he", "yamashita", "ellipse"], progress=False,
-        thresholds={"yamashita": {"rho3_min": 0.9}},
-    )  # fmt: skip
     assert check_run(moved, base).failed
     text = update_baseline(moved, base)
     assert "+ method ellipse" in text
@@ -420,9 +412,9 @@ def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):
 
 
 def test_exact_fails_on_one_changed_verdict_and_lists_it(base, with_answers):
-    said = base.verdict[0].copy()
-    said[7] = 1 - said[7]
-    now = with_answers(base, "m0", said, base.score[0])
+    verdict = base.verdict[0].copy()
+    verdict[7] = 1 - verdict[7]
+    now = with_answers(base, "m0", verdict, base.score[0])
     assert not compare_books(now, base).failed
     check = compare_books(now, base, exact=True)
     assert check.failed
@@ -431,10 +423,19 @@ def test_exact_fails_on_one_changed_verdict_and_lists_it(base, with_answers):
     assert compare_books(base, base, exact=True).answer == "passed"
 
 
+def test_exact_fails_on_changed_scores_but_not_on_last_bits(base, with_answers):
+    said, score = base.verdict[0], base.score[0].copy()
+    finer = with_answers(base, "m0", said, score * (1.0 + 1e-5))
+    assert compare_books(finer, base, exact=True).answer == "passed"
+    score[:3] += 1.0
+    check = compare_books(with_answers(base, "m0", said, score), base, exact=True)
+    assert check.reasons == ["exact: 3 of 600 scores of m0 changed"]
+
+
 def test_exact_lists_twenty_changes_and_counts_all(base, with_answers):
-    said = np.where(np.arange(N) < 50, 2, base.verdict[1])
-    changed = int((said != base.verdict[1]).sum())
-    check = compare_books(with_answers(base, "m1", said), base, exact=True)
+    verdict = np.where(np.arange(N) < 50, 2, base.verdict[1])
+    changed = int((verdict != base.verdict[1]).sum())
+    check = compare_books(with_answers(base, "m1", verdict), base, exact=True)
     text = check.as_text()
     assert f"{changed} verdicts changed, the first 20:" in text
     assert sum(f"{k:016d}" in text[: text.index("simulate one")] for k in range(N)) == 20
@@ -453,8 +454,8 @@ def test_exact_asks_for_the_same_records_and_lets_plug_ins_change(base, with_ans
         "exact: the run has no record of the baseline"
         in compare_books(elsewhere, base, exact=True).reasons
     )
-    said = base.verdict[0].copy()
-    said[7] = 1 - said[7]
-    run = with_answers(base, "m0", said, base.score[0])
+    verdict = base.verdict[0].copy()
+    verdict[7] = 1 - verdict[7]
+    run = with_answers(base, "m0", verdict, base.score[0])
     stranger = replace(run, manifest={**run.manifest, "plugins": {"m0": "digest"}})
     assert compare_books(stranger, base, exact=True).answer == "passed"

@@ -23,9 +23,9 @@ def run(book, noisy):
 
 
 def test_pairs_are_counted_by_scenario(run):
-    found = between_methods(run)
-    (pair,) = found.pairs[
-        (found.pairs["first"] == "good") & (found.pairs["second"] == "fair")
+    comparison = between_methods(run)
+    (pair,) = comparison.pairs[
+        (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
     good, fair = (run.verdict[i] == TRUTH for i in (0, 1))
     assert pair["only_first"] == sum(bool(a and not b) for a, b in zip(good, fair))
@@ -34,12 +34,12 @@ def test_pairs_are_counted_by_scenario(run):
     assert pair["differ"]
 
 
-def test_equals_are_not_told_apart_and_the_best_comes_first(run):
-    found = between_methods(run)
-    assert found.ranking["method"].iloc[0] == "good"
-    assert not found.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
-    good, fair = found.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
-    assert fair - good > found.critical_difference
+def test_equals_are_not_separated_and_the_best_comes_first(run):
+    comparison = between_methods(run)
+    assert comparison.ranking["method"].iloc[0] == "good"
+    assert not comparison.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
+    good, fair = comparison.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
+    assert fair - good > comparison.critical_difference
 
 
 def test_scenarios_without_a_label_are_left_out(run, book):
@@ -49,16 +49,16 @@ def test_scenarios_without_a_label_are_left_out(run, book):
 
 
 def test_no_decision_is_never_right(book):
-    found = between_methods(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
-    assert found.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
+    comparison = between_methods(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
+    assert comparison.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
 
 
 def test_breakdown_is_the_first_value_below_four_fifths(book):
     axis = np.repeat([0.5, 1.0, 1.5, 10.0], N // 4)
     right = np.where(axis < 1.2, True, np.arange(N) % 3 > 0)
     run = book([np.where(right, TRUTH, 1 - TRUTH), TRUTH], TRUTH, axes={"S_over_2J": axis})
-    found = between_methods(run)
-    (row,) = found.breakdown.to_dict("records")
+    comparison = between_methods(run)
+    (row,) = comparison.breakdown.to_dict("records")
     assert (row["method"], row["axis"], row["value"]) == ("m0", "S_over_2J", "1.5")
     here = right[axis == 1.5]
     assert (row["accuracy"], row["lo"], row["hi"]) == tuple(rate(int(here.sum()), here.size))
@@ -85,10 +85,10 @@ def test_runs_without_a_common_scenario_are_refused(run, book):
 
 def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
     folder = run_grid("smoke", tmp_path / "run", ["horch", "he", "yamashita"], progress=False)
-    found = compare(folder)
-    assert found.cases == 48
-    assert "yamashita" in found.as_text()
-    content = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    comparison = compare(folder)
+    assert comparison.cases == 48
+    assert "yamashita" in comparison.as_text()
+    content = json.loads(json.dumps(comparison.as_json(), allow_nan=False))
     assert len(content["pairs"]) == 3
     assert not compare(folder, folder).pairs["differ"].any()
     with pytest.raises(UserError, match="cycled"):
@@ -99,12 +99,12 @@ def test_what_does_not_apply_is_not_compared(run):
     applies = np.ones((3, N), np.int8)
     applies[1, :150] = 0
     part = replace(run, applicable=applies)
-    found = between_methods(part)
-    of = found.ranking.set_index("method")
+    comparison = between_methods(part)
+    of = comparison.ranking.set_index("method")
     assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
     assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
-    (pair,) = found.pairs[
-        (found.pairs["first"] == "good") & (found.pairs["second"] == "fair")
+    (pair,) = comparison.pairs[
+        (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
     good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
     assert (pair["only_first"], pair["only_second"]) == (
@@ -125,15 +125,15 @@ def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
     assert between_methods(blind).ranking.mean_rank.isna().all()
 
 
-def test_answers_behind_the_front_end_are_compared_unless_raw_ones_are_asked_for(book):
-    """Raw answers are all right in one run and all wrong in the other, answers behind the front end
+def test_answers_with_the_front_end_are_compared_unless_raw_ones_are_asked_for(book):
+    """Raw answers are all right in one run and all wrong in the other, answers with the front end
     the other way round.
     """
     right, wrong = [TRUTH, TRUTH], [1 - TRUTH, 1 - TRUTH]
     one = replace(book(wrong, TRUTH), verdict_raw=np.array(right, dtype=np.int8))
     other = replace(book(right, TRUTH), verdict_raw=np.array(wrong, dtype=np.int8))
     for raw, only in ((None, (0, N)), (False, (0, N)), (True, (N, 0))):
-        found = between_runs(one, other, **({} if raw is None else {"raw": raw}))
+        comparison = between_runs(one, other, **({} if raw is None else {"raw": raw}))
         assert {
-            (row["only_first"], row["only_second"]) for row in found.pairs.to_dict("records")
+            (row["only_first"], row["only_second"]) for row in comparison.pairs.to_dict("records")
         } == {only}

@@ -37,7 +37,7 @@ def test_features_are_what_they_are_called():
     rng = np.random.default_rng(0)
     sp = np.r_[np.full(1000, 10.0), np.full(1000, 13.0)]
     pv = 10 + 0.5 * wave("sine") + 0.05 * rng.standard_normal(2000)
-    found = features(50 + 2 * wave("sine"), pv, sp=sp, process="integrating")
+    values = features(50 + 2 * wave("sine"), pv, sp=sp, process="integrating")
     wanted = {
         "samples_per_period": 20,
         "periods": 100,
@@ -52,18 +52,18 @@ def test_features_are_what_they_are_called():
         "op_end": 1,
         "op_repeats": 0,
     }
-    assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
-    assert found["pv_noise"] == pytest.approx(0.1, rel=0.05)
-    assert found["sp_span"] == pytest.approx(6.0, rel=0.02)
-    assert found["error_mean"] == pytest.approx(3.0, rel=0.02)
-    assert found["op_trend"] < 1e-9
-    assert found["op_max"] - found["op_min"] == pytest.approx(4 * 2**0.5, rel=0.01)
+    assert {name: values[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
+    assert values["pv_noise"] == pytest.approx(0.1, rel=0.05)
+    assert values["sp_span"] == pytest.approx(6.0, rel=0.02)
+    assert values["error_mean"] == pytest.approx(3.0, rel=0.02)
+    assert values["op_trend"] < 1e-9
+    assert values["op_max"] - values["op_min"] == pytest.approx(4 * 2**0.5, rel=0.01)
 
 
 def test_without_an_oscillation_no_feature_is_missing():
-    found = features(np.full(300, 50.0), np.zeros(300), period_s=np.nan)
-    assert (found["samples_per_period"], found["periods"], found["op_std"]) == (0, 0, 0)
-    assert np.isfinite(list(found.values())).all()
+    values = features(np.full(300, 50.0), np.zeros(300), period_s=np.nan)
+    assert (values["samples_per_period"], values["periods"], values["op_std"]) == (0, 0, 0)
+    assert np.isfinite(list(values.values())).all()
 
 
 def test_a_triangle_and_a_sine_of_one_size_are_alike_but_for_their_extremes():
@@ -79,8 +79,8 @@ def test_a_triangle_and_a_sine_of_one_size_are_alike_but_for_their_extremes():
 def test_growth_and_noise_are_seen():
     n = 2000
     grows, still = wave("sine", n) * np.linspace(0.2, 1, n), np.zeros(n)
-    found = features(50 + grows, still)
-    assert found["op_begin"] < 0.6 < 1.3 < found["op_end"]
+    values = features(50 + grows, still)
+    assert values["op_begin"] < 0.6 < 1.3 < values["op_end"]
 
 
 def test_every_feature_belongs_to_one_set():
@@ -100,14 +100,14 @@ def test_the_classifier_learns_from_other_groups_and_only_about_loops_that_oscil
     alike.design[:, 0] = rng.permutation(200)[groups]
     chance, _ = no_waveform(alike)
     assert np.mean((chance > 0.5) == label_of_group) < 0.65
-    told = replace(run, design=alike.design.copy(), oscillating=np.arange(600) < 400)
-    told.truth["cycled"][:] = truth
-    told.design[:, 3] = truth + rng.normal(0, 0.1, 600)
-    chance, verdict = no_waveform(told)
+    leaking = replace(run, design=alike.design.copy(), oscillating=np.arange(600) < 400)
+    leaking.truth["cycled"][:] = truth
+    leaking.design[:, 3] = truth + rng.normal(0, 0.1, 600)
+    chance, verdict = no_waveform(leaking)
     assert np.mean(verdict[:400] == truth[:400]) > 0.95
     assert np.isneginf(chance[400:]).all()
     assert not verdict[400:].any()
     # extremes stay out of it
-    told.design[:, 3] = rng.normal(size=600)
-    told.design[:, len(FEATURES)] = truth
-    assert np.mean(no_waveform(told)[1][:400] == truth[:400]) < 0.62
+    leaking.design[:, 3] = rng.normal(size=600)
+    leaking.design[:, len(FEATURES)] = truth
+    assert np.mean(no_waveform(leaking)[1][:400] == truth[:400]) < 0.62

@@ -66,10 +66,10 @@ def test_a_manifest_gives_back_the_grid_and_states_its_version(runs):
     again = make_grid({**SMALL, "version": 2}, "small", {"seed": 3}, AXES)
     assert grid_of(manifest).hash == again.hash == manifest["grid_hash"]
     assert manifest["benchmark"]["name"] == "small-2"
-    told = CliRunner().invoke(
+    shown = CliRunner().invoke(
         app, ["score", str(runs / "one"), "--json", "--report", str(runs / "page.html")]
     )
-    assert json.loads(told.stdout)["benchmark"] == manifest["benchmark"]
+    assert json.loads(shown.stdout)["benchmark"] == manifest["benchmark"]
     assert (
         f"benchmark small-2 ({manifest['benchmark']['hash']})" in (runs / "page.html").read_text()
     )

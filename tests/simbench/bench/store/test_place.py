@@ -1,4 +1,4 @@
-"""A run lies where its URL says: the same bits in memory, on disk or on a cluster, and nothing
+"""A run lies at its URL: the same bits in memory, on disk or on a cluster, and nothing
 where nobody can write.
 """
 
@@ -8,6 +8,7 @@ import fsspec
 import fsspec.implementations.memory
 import numpy as np
 import pytest
+from bench_fixtures import raise_after
 
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.failures import read_failures
@@ -54,25 +55,10 @@ def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(
     assert (tmp_path / "report.html").stat().st_size > 10_000
 
 
-def test_the_command_line_takes_a_url(small, finished, url, capsys):
-    run_grid(small, url, METHODS)
-    assert main(["score", url, "--paired"]) == 0
-    assert "yamashita" in capsys.readouterr().out
-    assert main(["score", f"{url}x"]) == 2
-    assert "holds no run" in capsys.readouterr().err
-
-
 def test_a_run_in_memory_is_resumed_by_its_receipts(small, finished, url, monkeypatch):
-    work, left = run_module.work, [3]
-
-    def stopping(*given):
-        if not left[0]:
-            raise KeyboardInterrupt
-        left[0] -= 1
-        return work(*given)
-
+    work = run_module.work
     with monkeypatch.context() as patch:
-        patch.setattr(run_module, "work", stopping)
+        raise_after(patch, run_module, "work", 3, KeyboardInterrupt)
         with pytest.raises(run_module.Interrupted, match="3 pieces are whole in memory://"):
             run_grid(small, url, METHODS)
     worked = []
@@ -80,11 +66,6 @@ def test_a_run_in_memory_is_resumed_by_its_receipts(small, finished, url, monkey
     run_grid(small, url, METHODS, resume=True)
     assert worked == [3, 4, 5, 6, 7]
     assert same(url, finished)
-
-
-def test_a_file_url_is_a_folder_of_this_machine(small, finished, tmp_path):
-    assert run_grid(small, f"file://{tmp_path}/run", METHODS) == tmp_path / "run"
-    assert same(tmp_path / "run", finished)
 
 
 @pytest.mark.parametrize(
@@ -149,9 +130,9 @@ def test_a_place_writes_reads_lists_and_removes(tmp_path, url):
         assert place.names("sub") == []
 
 
-def test_a_local_url_is_the_folder_it_names(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert place_of(f"local://{tmp_path}/run").local == tmp_path / "run"
+@pytest.mark.parametrize("scheme", ["local", "file"])
+def test_a_local_url_is_the_folder_it_names(tmp_path, scheme):
+    assert place_of(f"{scheme}://{tmp_path}/run").local == tmp_path / "run"
 
 
 def test_the_command_line_refuses_a_run_that_is_gone_when_it_ends(tmp_path, capsys, monkeypatch):
@@ -196,7 +177,7 @@ def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(
     assert not list(tmp_path.iterdir())
 
 
-def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypatch, capsys):
+def test_no_password_is_in_a_run_or_in_what_is_printed(small, url, monkeypatch, capsys):
     secret = f"memory://me:secret@host/{uuid.uuid4().hex}"
     monkeypatch.setattr("sys.argv", ["simbench", "run", "small", "-o", secret])
     assert run_grid(small, secret, METHODS) == secret
@@ -210,6 +191,6 @@ def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypat
     )
     assert main(["score", secret, "--json"]) == 0
     assert main(["score", f"{secret}x"]) == 2
-    said = capsys.readouterr()
-    assert "secret" not in said.out + said.err
+    printed = capsys.readouterr()
+    assert "secret" not in printed.out + printed.err
     place.remove("")

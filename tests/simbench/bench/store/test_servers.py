@@ -1,4 +1,4 @@
-"""Runs behind URLs of real servers on the loopback: the bits of a run on disk, whatever ended the
+"""Runs at URLs of real servers on the loopback: the bits of a run on disk, whatever ended the
 process that wrote it.
 """
 

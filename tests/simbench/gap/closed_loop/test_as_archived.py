@@ -11,12 +11,13 @@ from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 
+SHORT = LOADED | {"sampling": {"Ts": 1.0, "n": 600}}
 LOOP = Loop.from_table(FLOW)
 
 
 @pytest.fixture(scope="module")
 def record():
-    return replace(recorded(LOADED), mv=None)
+    return replace(recorded(SHORT), mv=None)
 
 
 def digits(r):
@@ -38,7 +39,7 @@ def counts(r):
 
 @pytest.mark.parametrize("archive", [digits, late, means])
 def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
-    other = recorded(LOADED, seed=9)
+    other = recorded(SHORT, seed=9)
     wanted = archive(other)
     op, pv = as_archived(check(archive(record), LOOP), other.op, other.pv)
     assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)
@@ -46,7 +47,7 @@ def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
 
 
 def test_counts_that_were_rounded_to_decimals_repeat_as_often_in_the_simulation(record):
-    other = recorded(LOADED, seed=9)
+    other = recorded(SHORT, seed=9)
     _, pv = as_archived(check(counts(record), LOOP), other.op, other.pv)
     assert np.mean(np.diff(pv) == 0.0) == pytest.approx(
         np.mean(np.diff(counts(other).pv) == 0.0), rel=0.3
@@ -64,7 +65,7 @@ def bare(record):
     return diagnose(record, LOOP)
 
 
-@pytest.mark.parametrize("archive", [digits, means])
+@pytest.mark.parametrize("archive", [pytest.param(digits, marks=pytest.mark.slow), means])
 def test_an_archive_alone_makes_no_gap_and_no_effect(record, bare, archive):
     kept = diagnose(archive(record), LOOP)
     assert kept.effect == bare.effect == "none"

@@ -31,8 +31,8 @@ def test_a_loop_begun_elsewhere_is_moved_to_the_level_of_the_record(controller):
     true = Loop.from_table({**TABLE, "controller": controller})
     record = simulate(true, seed=3).record
     moved = true.with_all({"operating_point.op0": 46.0})
-    found = level(SimpleNamespace(op=record.op, record=record), moved, 0.0)
-    again = simulate(found, seed=50).record
+    levelled = level(SimpleNamespace(op=record.op, record=record), moved, 0.0)
+    again = simulate(levelled, seed=50).record
     assert abs(again.op.mean() - record.op.mean()) < 0.3 * np.std(record.op)
     assert abs(again.pv.mean() - record.pv.mean()) < 0.3 * np.std(record.pv)
     before = simulate(moved, seed=50).record

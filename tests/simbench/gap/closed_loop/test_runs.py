@@ -58,7 +58,7 @@ def made(monkeypatch):
 BARE, TUNED = ("base", (), "baseline"), ("base", (), "fitted")
 
 
-def test_an_effect_stands_beside_the_bare_and_the_recalibrated_loop_under_its_own_load(made):
+def test_an_effect_is_compared_with_the_bare_and_the_recalibrated_loop_under_one_load(made):
     loops, seen = made
     assert loops.shrink(["stiction"]) == 1
     # the loop with friction is kicked by its band

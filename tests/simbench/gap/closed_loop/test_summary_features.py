@@ -55,17 +55,17 @@ def test_white_noise_has_the_features_of_white_noise():
 
 @pytest.mark.parametrize("amplitude", [0.01, 3.0])
 def test_a_sine_has_the_size_change_and_memory_of_one(amplitude):
-    found = of(op=sine(64, amplitude))
+    values = of(op=sine(64, amplitude))
     w = 2 * np.pi / 16
-    assert found["op size"] == pytest.approx(np.log(amplitude / np.sqrt(2)), abs=1e-6)
-    assert found["op change"] == pytest.approx(
+    assert values["op size"] == pytest.approx(np.log(amplitude / np.sqrt(2)), abs=1e-6)
+    assert values["op change"] == pytest.approx(
         np.log(2 * np.sin(w / 2) * amplitude / np.sqrt(2)), abs=1e-3
     )
     # the fourth power of a sine is 3/8, its square 1/2
-    assert found["op kurtosis"] == pytest.approx(np.log(2.5), abs=1e-6)
-    assert found["op change kurtosis"] == pytest.approx(np.log(2.5), abs=1e-3)
+    assert values["op kurtosis"] == pytest.approx(np.log(2.5), abs=1e-6)
+    assert values["op change kurtosis"] == pytest.approx(np.log(2.5), abs=1e-3)
     for lag in (1, 3, 10, 30):
-        assert found[f"op memory {lag}"] == pytest.approx(np.cos(w * lag), abs=4e-3)
+        assert values[f"op memory {lag}"] == pytest.approx(np.cos(w * lag), abs=4e-3)
 
 
 def test_the_level_does_not_show_and_pv_is_seen_from_the_set_point():
@@ -79,66 +79,44 @@ def test_the_level_does_not_show_and_pv_is_seen_from_the_set_point():
 def test_the_power_of_a_sine_lies_in_its_band(band):
     # behind a Hann window a sine is its own line and two of a quarter; at a band's lower edge one
     # of these falls below
-    found = of(sine(EDGES[band - 1]))
-    power = {i: np.exp(found[f"pv band {i}"]) for i in range(1, 7)}
+    values = of(sine(EDGES[band - 1]))
+    power = {i: np.exp(values[f"pv band {i}"]) for i in range(1, 7)}
     assert power[band] == pytest.approx(N / 16 * 1.25, rel=0.02)
     assert power.get(band - 1, power[band] / 5) == pytest.approx(power[band] / 5, rel=0.03)
     assert sum(power.values()) == pytest.approx(N / 16 * (1.5 if band > 1 else 1.25), rel=0.02)
 
 
-def test_a_sine_at_the_last_frequency_is_still_seen():
-    assert of(sine(510))["pv band 6"] == pytest.approx(np.log(N / 16 * 1.5), abs=0.02)
-
-
 def test_sharpness_is_the_share_of_the_three_strongest_lines():
     # each of five sines has a line of 1 and two of 1/4
-    found = of(sum(sine(k) for k in (3, 50, 100, 150, 200)))
-    assert found["pv sharpness"] == pytest.approx(np.log(0.001 + 3.0 / 7.5), abs=0.02)
+    values = of(sum(sine(k) for k in (3, 50, 100, 150, 200)))
+    assert values["pv sharpness"] == pytest.approx(np.log(0.001 + 3.0 / 7.5), abs=0.02)
     # what lies below two periods is trend
     assert of(sine(300) + sine(1, 9.0) - sine(1, 9.0).mean())["pv sharpness"] > np.log(0.5)
-
-
-def test_five_fifths_wander_as_their_means_do():
-    assert of(np.repeat(np.arange(5.0), 200))["pv wander"] == pytest.approx(1.0)
-    assert of(np.tile([1.0, -1.0], 500))["pv wander"] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("step", "rests", "straight"),
     [(0.0, 1.0, 1.0), (0.5e-9, 1.0, 1.0), (2e-9, 0.5, 1.0), (2e-6, 0.5, 0.5)],
 )
-def test_rest_and_straight_lines_are_counted_beside_the_size(step, rests, straight):
+def test_rest_and_straight_lines_are_counted_relative_to_the_size(step, rests, straight):
     # half of the record wanders up and down by a step; the other half stands, and a jump between
     # gives a size of 1
     creep = np.zeros(1000)
     creep[:500] = step * (np.arange(500) % 2)
-    found = of(np.concatenate([creep[:500], creep[500:] + 2.0]))
-    assert found["pv at rest"] == pytest.approx(np.log(0.01 + rests), abs=0.01)
-    assert found["pv straight"] == pytest.approx(np.log(0.01 + straight), abs=0.01)
+    values = of(np.concatenate([creep[:500], creep[500:] + 2.0]))
+    assert values["pv at rest"] == pytest.approx(np.log(0.01 + rests), abs=0.01)
+    assert values["pv straight"] == pytest.approx(np.log(0.01 + straight), abs=0.01)
 
 
-def test_a_ramp_is_straight_and_never_at_rest():
-    found = of(np.linspace(0.0, 1.0, N))
-    assert found["pv at rest"] == pytest.approx(np.log(0.01))
-    assert found["pv straight"] == pytest.approx(np.log(1.01))
-    assert found["pv at limit"] == pytest.approx(np.log(0.01 + 2 / N))
-
-
-def test_time_at_either_limit_counts():
-    clipped = np.clip(sine(8), -np.sqrt(0.5), np.sqrt(0.5))
-    # a sine is beyond the root of one half for a quarter of the time on either side
-    assert of(clipped)["pv at limit"] == pytest.approx(np.log(0.51), abs=0.02)
-
-
-def test_of_nothing_every_feature_is_finite_and_says_nothing():
-    found = of()
+def test_of_nothing_every_feature_is_finite_and_neutral():
+    values = of()
     for name in ("pv", "op"):
-        assert found[f"{name} size"] == found[f"{name} change"] == pytest.approx(np.log(1e-9))
-        assert found[f"{name} band 3"] == pytest.approx(np.log(1e-12))
-        assert found[f"{name} sharpness"] == pytest.approx(np.log(1e-3))
+        assert values[f"{name} size"] == values[f"{name} change"] == pytest.approx(np.log(1e-9))
+        assert values[f"{name} band 3"] == pytest.approx(np.log(1e-12))
+        assert values[f"{name} sharpness"] == pytest.approx(np.log(1e-3))
         for known in ("kurtosis", "change kurtosis", "memory 10", "wander"):
-            assert found[f"{name} {known}"] == 0.0
-    assert found["op after pv 0"] == found["pv after op 2"] == 0.0
+            assert values[f"{name} {known}"] == 0.0
+    assert values["op after pv 0"] == values["pv after op 2"] == 0.0
 
 
 LEADS = {
@@ -152,15 +130,9 @@ LEADS = {
 
 @pytest.mark.parametrize("lag", LEADS.values())
 def test_what_follows_what_and_when(lag):
-    found = of(np.cumsum(W), np.cumsum(np.roll(W, lag)))
+    values = of(np.cumsum(W), np.cumsum(np.roll(W, lag)))
     for name, at in LEADS.items():
-        assert found[name] == pytest.approx(1.0 if at == lag else 0.0, abs=0.03), name
-
-
-def test_sizes_below_rounding_correlate_with_nothing():
-    # 1e-6 of PV times 1e-6 of OP is as much as what keeps the scale off 0
-    tiny = 1e-6 * np.cumsum(W)
-    assert of(tiny, tiny)["op after pv 0"] == pytest.approx(0.5, abs=0.01)
+        assert values[name] == pytest.approx(1.0 if at == lag else 0.0, abs=0.03), name
 
 
 def test_several_runs_at_once_are_each_by_itself():

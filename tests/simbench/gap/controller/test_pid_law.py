@@ -1,4 +1,4 @@
-"""A PID baseline: its own settings explain OP to the digit, others do not."""
+"""A PID baseline: its settings explain OP to the digit, others do not."""
 
 import pytest
 
@@ -16,7 +16,7 @@ TABLE = {
 
 
 @pytest.mark.parametrize(
-    "own",
+    "settings",
     [
         {},
         {"form": "velocity"},
@@ -25,8 +25,8 @@ TABLE = {
         {"anti_windup": "back-calculation"},
     ],
 )
-def test_settings_explain_the_op_that_they_made_and_no_other(own):
-    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | own})
+def test_settings_explain_the_op_that_they_made_and_no_other(settings):
+    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
     r = simulate(loop, kick=5.0).record
     law = examine_pid(r.op, r.pv, r.sp, r.Ts, loop.controller, loop.pv0)
     assert law.known

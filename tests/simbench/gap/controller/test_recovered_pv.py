@@ -1,11 +1,11 @@
-"""What OP tells of the PV behind an archive: laws over the whole range of integral times, means and
+"""What OP shows of the PV before an archive: laws over the whole range of integral times, means and
 what is none.
 """
 
 import numpy as np
 import pytest
 
-from simbench.gap.controller.recovered_pv import beside_a_mean, hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import hidden_law, recover_pv, rest_of_mean
 
 N = 1500
 E = np.random.default_rng(0).normal(0.0, 1.0, N)
@@ -17,34 +17,34 @@ def op_of(a, b):
 
 
 @pytest.mark.parametrize("ratio", [1 / 16, 0.3, 1.0, 4.0, 16.0])
-def test_an_integral_time_is_found_from_a_twentieth_to_twenty_times_the_baselines(ratio):
+def test_an_integral_time_is_fitted_from_a_twentieth_to_twenty_times_the_baselines(ratio):
     Kc, wait = 0.8, 40.0
     a, b = Kc * (1.0 + 1.0 / (wait * ratio)), -Kc
     exact = np.arange(N) % 7 == 0
-    found = hidden_law(op_of(a, b), E, 0.5, 0.5 / wait, exact)
-    assert (found.a, found.b) == pytest.approx((a, b), rel=1e-3)
-    assert found.misfit < 1e-3
-    assert found.base > 0.1
+    fit = hidden_law(op_of(a, b), E, 0.5, 0.5 / wait, exact)
+    assert (fit.a, fit.b) == pytest.approx((a, b), rel=1e-3)
+    assert fit.misfit < 1e-3
+    assert fit.base > 0.1
 
 
 @pytest.mark.parametrize("ratio", [np.exp(-5.0), np.exp(5.0)])
 def test_no_integral_time_is_sought_beyond_that(ratio):
     Kc, wait = 0.8, 400.0 if ratio < 1 else 4.0
-    found = hidden_law(
+    fit = hidden_law(
         op_of(Kc * (1.0 + 1.0 / (wait * ratio)), -Kc), E, Kc, Kc / wait, np.ones(N, dtype=bool)
     )
-    forget = -found.b / found.a
+    forget = -fit.b / fit.a
     assert abs(np.log(forget / (1.0 - forget) / wait)) == pytest.approx(3.0, abs=0.11)
 
 
-def test_a_proportional_controllers_gain_is_found():
-    found = hidden_law(50.0 + 1.7 * E, E, 1.0, 0.0, np.arange(N) % 5 == 0)
-    assert (found.a, found.b, found.misfit) == pytest.approx((1.7, -1.7, 0.0), abs=1e-6)
-    assert found.base == pytest.approx(0.7, rel=0.1)
+def test_a_proportional_controllers_gain_is_fitted():
+    fit = hidden_law(50.0 + 1.7 * E, E, 1.0, 0.0, np.arange(N) % 5 == 0)
+    assert (fit.a, fit.b, fit.misfit) == pytest.approx((1.7, -1.7, 0.0), abs=1e-6)
+    assert fit.base == pytest.approx(0.7, rel=0.1)
 
 
 @pytest.mark.parametrize("limited", [[], [0], [300, 301, 302, 900]])
-def test_the_error_behind_op_is_recovered_between_the_limits(limited):
+def test_the_error_that_made_op_is_recovered_between_the_limits(limited):
     a, b = 0.85, -0.8
     inside = np.ones(N, dtype=bool)
     inside[limited] = False
@@ -81,7 +81,7 @@ def test_a_law_that_cannot_be_inverted_recovers_nothing():
 )
 def test_the_weights_of_a_mean_add_to_one_and_are_hardly_negative(weights, mean):
     pv = weights[0] * SEEN + weights[1] * np.roll(SEEN, 1)
-    assert (beside_a_mean(pv, SEEN) < 1e-9) == mean
+    assert (rest_of_mean(pv, SEEN) < 1e-9) == mean
 
 
 @pytest.mark.parametrize(
@@ -93,6 +93,6 @@ def test_a_mean_leaves_a_fifth_of_the_moves_at_most(noise, mean):
         0.5 * (SEEN + np.roll(SEEN, 1))
         + noise * np.random.default_rng(2).normal(size=SEEN.size) * 0.71
     )
-    rest = beside_a_mean(pv, SEEN)
+    rest = rest_of_mean(pv, SEEN)
     assert np.isfinite(rest) == mean
     assert not mean or rest == pytest.approx(noise / np.sqrt(1.0 + 2.0 * noise**2), rel=0.05)

@@ -1,4 +1,4 @@
-"""The regressions behind the law, on errors whose law is known."""
+"""The regressions of the law, on errors whose law is known."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_robust_sizes_are_standard_deviations_of_gaussian_samples():
     assert spread(np.empty(0)) == 0.0
 
 
-def test_an_exact_law_and_another_tuning_are_told_apart():
+def test_an_exact_law_and_another_tuning_are_distinguished():
     fit = steps(np.zeros(N - 1))
     assert (fit.a, fit.b) == pytest.approx((KC + KI, -KC))
     assert max(fit.residual, fit.base) < 1e-9
@@ -113,7 +113,7 @@ def test_a_filtered_derivative_is_a_law_and_chance_is_none(filter_):
         (0.0, 1.0, 0.3, False),
     ],
 )
-def test_a_leak_shows_beside_the_digits_and_no_tuning_is_one(rate, tuning, digits, leaks):
+def test_a_leak_shows_despite_the_digits_and_no_tuning_is_one(rate, tuning, digits, leaks):
     op = np.zeros(N)
     for k in range(1, N):
         op[k] = op[k - 1] + tuning * (KC * (E[k] - E[k - 1]) + KI * E[k]) - rate * op[k - 1]

@@ -9,7 +9,7 @@ from simbench.gap.decide.assess import (
     RESIDUAL_LIMITS,
     SURE,
     Assessment,
-    _asked_beside,
+    _least_nats_of_second,
     capped,
 )
 from simbench.gap.likelihood.model import Spec
@@ -38,10 +38,18 @@ def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, fac
     )
 
 
-def assessed(here, tests=QUIET, valve=False, chosen=(), beside=(), jumps=()):
+def assessed(here, tests=QUIET, valve=False, chosen=(), others=(), jumps=()):
     final = SimpleNamespace(spec=Spec(jumps=jumps))
     return Assessment(
-        here, None, {}, {}, list(chosen), final, tests=tests, mv_unexplained=valve, beside=beside
+        here,
+        None,
+        {},
+        {},
+        list(chosen),
+        final,
+        tests=tests,
+        mv_unexplained=valve,
+        other_records=others,
     )
 
 
@@ -61,8 +69,8 @@ def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough,
     assert blocks(situation(**rough), tests) == ({block} if share > 1.0 else set())
     ratios = [
         r
-        for r, _, said in assessed(situation(**rough), tests).failures
-        if name.removesuffix(" nats") in said
+        for r, _, message in assessed(situation(**rough), tests).failures
+        if name.removesuffix(" nats") in message
     ]
     assert max(ratios) == pytest.approx(max(share, 0.0))
 
@@ -71,7 +79,7 @@ def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough,
     ("name", "loose"), [("memory", True), ("bursts", True), ("input", False), ("shape nats", False)]
 )
 @pytest.mark.parametrize("chosen", ["stiction", "drift"])
-def test_friction_leaves_jumps_and_spells_of_its_own(name, loose, chosen):
+def test_friction_leaves_jumps_and_spells(name, loose, chosen):
     tests = QUIET | {name: 2.0 * BLOCKS[name][0]}
     excused = loose and chosen == "stiction"
     assert blocks(situation(), tests, chosen=[chosen]) == (set() if excused else {BLOCKS[name][1]})
@@ -92,7 +100,7 @@ def test_a_load_that_jumps_between_samples_leaves_traces(name, loose):
 
 
 @pytest.mark.parametrize(
-    ("found", "valve", "block"),
+    ("here", "valve", "block"),
     [
         (situation(law="OP stands still"), False, "controller"),
         (situation(frozen=True), False, "sensor"),
@@ -102,23 +110,23 @@ def test_a_load_that_jumps_between_samples_leaves_traces(name, loose):
         (situation(frozen=True, trusted=False), False, None),
     ],
 )
-def test_what_needs_no_statistics_outranks_a_failed_test(found, valve, block):
-    assert blocks(found, valve=valve) == ({block} if block else set())
+def test_what_needs_no_statistics_outranks_a_failed_test(here, valve, block):
+    assert blocks(here, valve=valve) == ({block} if block else set())
     # memory at five times its limit
-    tests = QUIET | {"memory": 75.0} if found.trusted else QUIET
-    worst = assessed(found, tests, valve).worst_test
+    tests = QUIET | {"memory": 75.0} if here.trusted else QUIET
+    worst = assessed(here, tests, valve).worst_test
     if block:
         assert worst == (pytest.approx(10.0), block)
-    elif found.trusted:
+    elif here.trusted:
         assert worst == (pytest.approx(5.0), "disturbance")
 
 
 def test_what_another_record_of_the_loop_shows_counts_as_much_as_what_this_one_does():
     other = assessed(situation(), QUIET | {"memory": 75.0, "input": 11.0})
-    both = assessed(situation(law="OP stands still"), beside=(other,))
+    both = assessed(situation(law="OP stands still"), others=(other,))
     assert list(both.unexplained) == ["controller", "disturbance", "process"]
     assert both.unexplained["controller"] == "OP stands still"
-    assert assessed(situation(), beside=(other,)).worst_test == (pytest.approx(5.0), "disturbance")
+    assert assessed(situation(), others=(other,)).worst_test == (pytest.approx(5.0), "disturbance")
 
 
 def test_no_likelihood_outranks_what_single_samples_prove_and_the_best_keep_their_distance():
@@ -135,9 +143,11 @@ def test_no_likelihood_outranks_what_single_samples_prove_and_the_best_keep_thei
     ("detuning", False, "time_constant_mismatch", False), ("outliers", True, "load_steps", False),
     ("stiction", False, "load_drift", False),
 ])  # fmt: skip
-def test_beside_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(
+def test_with_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(
     first, proven, second, as_a_first
 ):
-    asked = _asked_beside(first, SimpleNamespace(proven={first: {}} if proven else {}), second)
+    asked = _least_nats_of_second(
+        first, SimpleNamespace(proven={first: {}} if proven else {}), second
+    )
     assert (asked == LEAST_NATS) is as_a_first
     assert asked >= LEAST_NATS

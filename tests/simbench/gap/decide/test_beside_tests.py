@@ -20,7 +20,7 @@ by_lab = recogniser("drift").by_lab
 TIME = np.linspace(0.0, 1000.0, 40)
 
 
-def test_a_walk_is_likelier_under_its_own_size_and_noise_under_none():
+def test_a_walk_is_likelier_under_its_size_and_noise_under_none():
     rng = np.random.default_rng(0)
     walk = np.cumsum(rng.standard_normal(40)) * np.sqrt(TIME[1]) * 0.1
     assert (
@@ -72,20 +72,22 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
 
 MORE = {
     "controller": {"type": "PI", "Kc": 1, "Ti": 20},
-    "sampling": {"Ts": 1, "n": 1200},
+    "sampling": {"Ts": 1, "n": 800},
     "noise": {"std": 0.1},
 }
-MORE |= {"setpoint": {"steps": [[100, 55], [500, 48], [900, 53]]}}
+MORE |= {"setpoint": {"steps": [[100, 55], [350, 48], [600, 53]]}}
 
 
 def lagging(Td, tau):
     """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time
     6 without it.
     """
-    true, told = (
+    true, stated = (
         Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6)
     )
-    return check(true.with_("effect", [{"name": "valve_lag", "tau": tau}]).simulate(3).record, told)
+    return check(
+        true.with_("effect", [{"name": "valve_lag", "tau": tau}]).simulate(3).record, stated
+    )
 
 
 @cache
@@ -94,22 +96,22 @@ def assessed(Td, tau):
 
 
 @pytest.mark.parametrize(
-    ("Td", "tau", "own"),
+    ("Td", "tau", "within"),
     [
         (4.0, 2.0, True),
         pytest.param(6.0, 5.0, False, marks=pytest.mark.slow),
         (6.0, 9.0, False),
     ],
 )
-def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, own):
-    found = assessed(Td, tau)
-    assert found.situation.valve_lag == pytest.approx(tau if own else 0.0, rel=0.1)
-    assert (found.chosen[:1] == ["valve_lag"]) == (not own)
+def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, within):
+    assessment = assessed(Td, tau)
+    assert assessment.situation.valve_lag == pytest.approx(tau if within else 0.0, rel=0.1)
+    assert (assessment.chosen[:1] == ["valve_lag"]) == (not within)
     # what is handed on is the baseline's dead time again
-    assert found.situation.data.Td == lagging(Td, tau).data.Td
-    assert found.base.theta["Td"] == pytest.approx(6.0, rel=0.15)
+    assert assessment.situation.data.Td == lagging(Td, tau).data.Td
+    assert assessment.base.theta["Td"] == pytest.approx(6.0, rel=0.15)
 
 
-def test_of_a_lag_that_the_dead_time_could_hold_only_pv_says_that_it_is_missing():
-    nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (1.5, 3.0, 9.0)]
-    assert 5.0 < nats[0] < nats[1] < 0.5 * nats[2]
+def test_of_a_lag_that_the_dead_time_could_hold_only_pv_shows_that_it_is_missing():
+    nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (2.0, 9.0)]
+    assert 5.0 < nats[0] < 0.5 * nats[1]

@@ -20,7 +20,9 @@ WIDE = replace(SITUATION, op=np.linspace(40.0, 60.0, SITUATION.record.n), proven
 FIT = SimpleNamespace(name="fit")
 
 
-def found(gains, *, chosen=(), situation=WIDE, parameters=None, fitted=("stiction", "deadband")):
+def assessment(
+    gains, *, chosen=(), situation=WIDE, parameters=None, fitted=("stiction", "deadband")
+):
     candidates = {e: Candidate(e, SimpleNamespace(name=e), gains.get(e, -3.0)) for e in fitted}
     given = {"stiction": {"S": 10.0, "J": 3.0}, "deadband": {"S": 10.0}} | (parameters or {})
     every = {**dict.fromkeys(EFFECTS, -3.0), **gains}
@@ -31,7 +33,7 @@ def found(gains, *, chosen=(), situation=WIDE, parameters=None, fitted=("stictio
 
 def test_what_compares_with_a_plant_is_dropped():
     judged = plausible(
-        found({"gain_mismatch": 40.0, "dead_time_mismatch": -50.0, "stiction": 20.0})
+        assessment({"gain_mismatch": 40.0, "dead_time_mismatch": -50.0, "stiction": 20.0})
     )
     assert judged.log_likelihood_gains["gain_mismatch"] == -10.0
     assert judged.log_likelihood_gains["dead_time_mismatch"] == -50.0
@@ -43,11 +45,11 @@ def test_what_compares_with_a_plant_is_dropped():
 
 def test_friction_is_chosen_only_where_the_valve_is_not_held_to_be_sound():
     gains = {"stiction": 20.0, "deadband": 30.0, "load_steps": 5.0}
-    judged = plausible(found(gains), sticky=False)
+    judged = plausible(assessment(gains), sticky=False)
     assert judged.chosen == ["load_steps"]
     assert judged.final.name == "base"
     assert judged.log_likelihood_gains["deadband"] == 30.0
-    assert plausible(found(gains)).chosen == ["deadband", "load_steps"]
+    assert plausible(assessment(gains)).chosen == ["deadband", "load_steps"]
 
 
 def test_two_effects_at_most_of_two_blocks_and_the_proven_first():
@@ -60,19 +62,19 @@ def test_two_effects_at_most_of_two_blocks_and_the_proven_first():
         "drift": 0.0,
     }
     judged = plausible(
-        found(
+        assessment(
             gains,
             chosen=["noise", "quantisation"],
             situation=replace(WIDE, proven={"quantisation": {}}),
         )
     )
     assert judged.chosen == ["quantisation", "deadband"]
-    assert plausible(found(gains)).chosen == ["quantisation", "deadband"]
-    three = plausible(found({"deadband": 30.0, "load_steps": 5.0, "quantisation": 4.0}))
+    assert plausible(assessment(gains)).chosen == ["quantisation", "deadband"]
+    three = plausible(assessment({"deadband": 30.0, "load_steps": 5.0, "quantisation": 4.0}))
     assert three.chosen == ["deadband", "load_steps"]
 
 
-def test_what_a_record_shows_beside_the_effects_is_said():
+def test_what_a_record_shows_besides_the_effects_is_noted():
     bare = replace(SITUATION, record=replace(SITUATION.record, process=None))
     kind = "integrating" if SITUATION.integrating else "self-regulating"
     assert f"process: not given; judged as {kind}, the likelier of the two" in remarks(bare)
@@ -83,4 +85,4 @@ def test_what_a_record_shows_beside_the_effects_is_said():
     ]
     coarse = replace(bare, record=replace(bare.record, op=np.round(bare.record.op)))
     assert [r for r in remarks(coarse) if r.startswith("op_quantisation: ")]
-    assert plausible(found({}, situation=bare)).situation.notes[-1:] == remarks(bare)[-1:]
+    assert plausible(assessment({}, situation=bare)).situation.notes[-1:] == remarks(bare)[-1:]

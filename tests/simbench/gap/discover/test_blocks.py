@@ -21,7 +21,7 @@ from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
-TOLD = {
+BASELINE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
     "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 900},
@@ -39,8 +39,8 @@ HIDDEN: dict[str, dict[str, Any]] = {
 
 @cache
 def fitted(hidden: str) -> tuple[Any, Any]:
-    loop = Loop.from_table({**TOLD, "disturbance": [LOAD], **HIDDEN[hidden]})
-    situation = check(simulate(loop, 5).record, Loop.from_table(TOLD))
+    loop = Loop.from_table({**BASELINE, "disturbance": [LOAD], **HIDDEN[hidden]})
+    situation = check(simulate(loop, 5).record, Loop.from_table(BASELINE))
     return situation, Engine(situation.data, load_memory(situation)).base()
 
 
@@ -52,27 +52,27 @@ def assessed(hidden: str = "nothing", mv_unexplained: bool = False, **gains: flo
     )
 
 
-def test_a_block_stands_by_its_best_explanation_and_has_the_share_of_its_nats():
-    found = located(
+def test_a_block_counts_by_its_best_explanation_and_has_the_share_of_its_nats():
+    place = located(
         assessed(gain_mismatch=14.0, deadband=30.0), [("process", 14.0), ("process", 13.0)]
     )
-    assert found.block == "valve"
-    assert found.shares["valve"] / found.shares["process"] == pytest.approx(36.0 / 20.0)
-    assert sum(found.shares.values()) == pytest.approx(1.0)
-    assert found.nearest == {"process": "gain_mismatch", "valve": "deadband"}
-    assert "deadband explains most" in found.words
+    assert place.block == "valve"
+    assert place.shares["valve"] / place.shares["process"] == pytest.approx(36.0 / 20.0)
+    assert sum(place.shares.values()) == pytest.approx(1.0)
+    assert place.nearest == {"process": "gain_mismatch", "valve": "deadband"}
+    assert "deadband explains most" in place.words
     assert (
         located(assessed(gain_mismatch=14.0, deadband=30.0), [("process", 60.0)]).block == "process"
     )
 
 
-def test_within_the_noise_and_where_several_share_the_evidence_no_block_can_be_told():
-    found = located(assessed(), [("process", -1.0)])
-    assert found.nearest == {}
-    assert found.doubt == found.words == "no explanation stands out of the noise (best -1.0 nats)"
+def test_within_the_noise_and_where_several_share_the_evidence_no_block_is_certain():
+    place = located(assessed(), [("process", -1.0)])
+    assert place.nearest == {}
+    assert place.doubt == place.words == "no explanation stands out of the noise (best -1.0 nats)"
     several = located(assessed(gain_mismatch=14.0, deadband=13.9, outliers=13.8))
-    said = f"process has {several.shares['process']:.2f}, valve {several.shares['valve']:.2f}"
-    assert several.doubt == several.words == f"cannot tell the block: of the evidence {said}"
+    evidence = f"process has {several.shares['process']:.2f}, valve {several.shares['valve']:.2f}"
+    assert several.doubt == several.words == f"cannot tell the block: of the evidence {evidence}"
 
 
 def test_what_single_samples_or_mv_show_outranks_every_likelihood():
@@ -85,10 +85,10 @@ def test_what_single_samples_or_mv_show_outranks_every_likelihood():
     ("hidden", "block"),
     [("noise", "sensor"), ("period", "disturbance"), ("another plant", "process")],
 )
-def test_a_block_whose_effects_are_not_known_stands_by_what_it_does_freely(hidden, block):
-    found = located(assessed(hidden))
-    assert found.block == block
-    assert found.shares[block] > 0.5
+def test_a_block_whose_effects_are_not_known_counts_by_what_it_does_freely(hidden, block):
+    place = located(assessed(hidden))
+    assert place.block == block
+    assert place.shares[block] > 0.5
 
 
 @pytest.mark.parametrize(
@@ -105,12 +105,12 @@ def test_sudden_events_are_the_sensor_s_where_pv_jumps_and_the_load_s_where_it_f
     )
     data = replace(situation.data, y=situation.data.y + (lagged(events, slow) if slow else events))
     base = Engine(data, load_memory(situation)).base()
-    found = replace(situation, data=data)
+    changed = replace(situation, data=data)
     every = dict.fromkeys(EFFECTS, -4.0)
     assert (
         located(
             SimpleNamespace(
-                log_likelihood_gains=every, situation=found, base=base, mv_unexplained=False
+                log_likelihood_gains=every, situation=changed, base=base, mv_unexplained=False
             )
         ).block
         == block

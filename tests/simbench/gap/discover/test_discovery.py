@@ -1,5 +1,5 @@
-"""A law is found where it acts, pays on unseen samples, closes the gap, and comes back as a file
-that simulates it.
+"""A law is recognised where it acts, pays on unseen samples, closes the gap, and is written as a
+file that simulates it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TABLE = {
     "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[100 * k, 50 + 4 * (-1) ** k] for k in range(1, 16)]},
 }
-TOLD = Loop.from_table(TABLE)
+BASELINE = Loop.from_table(TABLE)
 LOAD = [{"type": "coloured", "amplitude": 0.4, "period": 30.0}]
 
 
@@ -55,48 +55,50 @@ def slow(*case):
         slow("zero", {"lead": -20.0, "lag": 6.0}, "process", "dead_time_mismatch"),
         slow("derivative", {"Td": 8.0, "filter": 1.0}, "controller", "derivative_action"),
         slow("idle", {"share": 0.3, "length": 8.0}, "controller", "missed_executions"),
-        ("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
-        ("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
+        slow("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
+        slow("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
     ],
 )
-def test_a_hidden_law_is_found_in_its_form(form, numbers, block, near):
-    found = discover(hidden(form, numbers), TOLD)
-    assert found.law is not None, found.why
-    assert (found.law.form, found.law.block, found.nearest) == (form, block, near)
+def test_a_hidden_law_is_recognised_in_its_form(form, numbers, block, near):
+    discovery = discover(hidden(form, numbers), BASELINE)
+    assert discovery.law is not None, discovery.why
+    assert (discovery.law.form, discovery.law.block, discovery.nearest) == (form, block, near)
     for name, value in numbers.items():
-        assert found.law.numbers.get(name, value) == pytest.approx(value, rel=0.5)
-    assert found.gap.after < found.gap.recalibrated
-    assert chance(found.law.nats) < 0.01
-    said = found.as_json()
-    assert list(said) == ["block", "law", "windows", "certificate", "gap", "nearest"]
-    assert (list(said["law"]), list(said["certificate"]), list(said["gap"])) == (
+        assert discovery.law.numbers.get(name, value) == pytest.approx(value, rel=0.5)
+    assert discovery.gap.after < discovery.gap.recalibrated
+    assert chance(discovery.law.nats) < 0.01
+    answer = discovery.as_json()
+    assert list(answer) == ["block", "law", "windows", "certificate", "gap", "nearest"]
+    assert (list(answer["law"]), list(answer["certificate"]), list(answer["gap"])) == (
         ["form", "numbers", "text"],
         ["nats", "p"],
         ["before", "recalibrated", "after", "floor"],
     )
 
 
-def test_a_load_that_is_strong_in_spells_is_found_with_its_spells(monkeypatch):
+def test_a_load_that_is_strong_in_spells_is_recognised_with_its_spells(monkeypatch):
     spells, drawn = [], forms.spells
     monkeypatch.setattr(forms, "spells", lambda *a: spells.append(drawn(*a)) or spells[-1])
     record = hidden("bursts", {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0}, seed=3312)
-    found = discover(record, TOLD)
-    assert (found.law.form, found.block) == ("bursts", "disturbance")
+    discovery = discover(record, BASELINE)
+    assert (discovery.law.form, discovery.block) == ("bursts", "disturbance")
     on = spells[0][: record.n] > 0.0
-    assert 2 * np.sum(on & found.on) / (on.sum() + found.on.sum()) > 0.8
+    assert 2 * np.sum(on & discovery.on) / (on.sum() + discovery.on.sum()) > 0.8
 
 
-def test_nothing_is_found_in_a_record_without_a_law():
-    found = discover(simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, TOLD)
-    assert found.law is None
-    assert found.as_json() == {"law": None, "why": found.why}
-    assert found.probability < 0.6
-    assert "where:" not in found.as_text()
-    told = replace(found, block="valve", probability=0.75)
-    assert told.as_json() == {"law": None, "why": found.why, "block": "valve"}
-    assert told.as_text().endswith("where: valve (probability 0.75, if anything is lacking)")
-    assert "no form pays" in found.one_line()
-    assert "no explanation stands out of the noise" in found.why
+def test_nothing_is_reported_of_a_record_without_a_law():
+    discovery = discover(
+        simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, BASELINE
+    )
+    assert discovery.law is None
+    assert discovery.as_json() == {"law": None, "why": discovery.why}
+    assert discovery.probability < 0.6
+    assert "where:" not in discovery.as_text()
+    doubtful = replace(discovery, block="valve", probability=0.75)
+    assert doubtful.as_json() == {"law": None, "why": discovery.why, "block": "valve"}
+    assert doubtful.as_text().endswith("where: valve (probability 0.75, if anything is lacking)")
+    assert "no form pays" in discovery.one_line()
+    assert "no explanation stands out of the noise" in discovery.why
 
 
 @pytest.mark.slow  # a search, and a diagnosis with one more effect
@@ -105,7 +107,7 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
 ):
     monkeypatch.chdir(tmp_path)
     write_record(hidden("rate", {"slowness": 4.0}), tmp_path / "rec.csv")
-    (tmp_path / "loop.toml").write_text(TOLD.to_toml())
+    (tmp_path / "loop.toml").write_text(BASELINE.to_toml())
     words = [
         "gap",
         "discover",
@@ -119,8 +121,8 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
         "--json",
     ]
     assert main(words) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["block"] == "valve"
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["block"] == "valve"
     assert "What it looks like" in (tmp_path / "law.html").read_text(encoding="utf-8")
     assert check_file(tmp_path / "slow.py").broken == ()
     PLUGINS.forget("slow")
@@ -144,7 +146,7 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
     assert "slow" not in PLUGINS.names()
 
 
-def test_a_written_file_makes_the_law_s_own_curve(tmp_path):
+def test_a_written_file_makes_the_curve_of_the_law(tmp_path):
     law = FoundLaw(
         "curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0
     )

@@ -1,5 +1,5 @@
 """What contradicts: a mode column that does not fit OP, another tuning, another loop; a sound test
-is left in peace.
+is accepted.
 """
 
 from types import SimpleNamespace
@@ -37,7 +37,7 @@ def made(id_, situation, loop=LOOP, stated=LOOP):
     record = trial.run(loop, 5)
     manual = np.isfinite(trial.op)
     if manual.any():
-        # the operator takes over from a controller, whose OP the menu's own run does not show
+        # the operator takes over from a controller, whose OP the menu's run does not show
         lead = simulate(loop.with_("sampling.n", int(np.argmax(manual))), 6).record
         op, pv = (
             np.concatenate([getattr(lead, c), getattr(record, c)[lead.n :]]) for c in ("op", "pv")
@@ -50,13 +50,13 @@ def made(id_, situation, loop=LOOP, stated=LOOP):
     return RecordedTest(f"{id_}.csv", whole, manual, None, {"test": {"id": id_}}, stated)
 
 
-def said(test, situation):
+def refusal(test, situation):
     return contradiction(test, modelled(test, situation), situation)
 
 
 @pytest.mark.parametrize("id_", ["sp_steps", "bump", "stairs", "still"])
-def test_nothing_is_said_of_a_sound_test(id_, situation):
-    assert said(made(id_, situation), situation) == ""
+def test_nothing_speaks_against_a_sound_test(id_, situation):
+    assert refusal(made(id_, situation), situation) == ""
 
 
 @pytest.mark.parametrize(
@@ -78,20 +78,20 @@ def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situ
 
 
 @pytest.mark.parametrize("id_", [pytest.param("sp_steps", marks=pytest.mark.slow), "bump"])
-def test_nothing_is_said_of_a_sound_test_under_a_pid(id_):
+def test_nothing_speaks_against_a_sound_test_under_a_pid(id_):
     loop = Loop.from_table(
         LOOP.to_table() | {"controller": {"type": "PID", "Kc": 0.5, "Ti": 10.0, "Td": 1.5}}
     )
-    own = check(simulate(loop, 1).record, loop)
-    test = made(id_, own, loop, loop)
-    found = modelled(test, own)
-    assert found.law is not None
-    assert found.law.known
-    assert contradiction(test, found, own) == ""
+    of_pid = check(simulate(loop, 1).record, loop)
+    test = made(id_, of_pid, loop, loop)
+    fitted = modelled(test, of_pid)
+    assert fitted.law is not None
+    assert fitted.law.known
+    assert contradiction(test, fitted, of_pid) == ""
 
 
 @pytest.mark.parametrize("shift", [-10, 10])
-def test_a_mode_column_that_is_shifted_is_found(shift, situation):
+def test_a_mode_column_that_is_shifted_is_refused(shift, situation):
     test = made("bump", situation)
     test.manual[:] = (
         np.concatenate([test.manual[-shift:], np.ones(-shift, bool)])
@@ -99,29 +99,29 @@ def test_a_mode_column_that_is_shifted_is_found(shift, situation):
         else np.roll(test.manual, shift)
     )
     test.manual[: max(shift, 0)] = False
-    assert "mode column of bump.csv" in said(test, situation)
+    assert "mode column of bump.csv" in refusal(test, situation)
 
 
-def test_another_tuning_than_the_stated_one_is_found(situation):
-    assert "tuning is not the one stated" in said(
+def test_another_tuning_than_the_stated_one_is_refused(situation):
+    assert "tuning is not the one stated" in refusal(
         made("sp_steps", situation, LOOP.with_("controller.Kc", 0.25)), situation
     )
     half = LOOP.with_("controller.Kc", 0.25)
-    assert said(made("sp_steps", situation, half, half), situation) == ""
+    assert refusal(made("sp_steps", situation, half, half), situation) == ""
 
 
-def test_another_loops_signals_are_found(situation):
+def test_another_loops_signals_are_refused(situation):
     far = Loop.from_table(
         LOOP.to_table()
         | {"operating_point": {"op0": 50.0, "pv0": 900.0}, "setpoint": {"value": 900.0}}
     )
-    assert "the loop behind sp_steps.csv is another" in said(
+    assert "the loop behind sp_steps.csv is another" in refusal(
         made("sp_steps", situation, far), situation
     )
 
 
 def test_in_manual_no_law_is_asked(situation):
-    found = modelled(made("bump", situation), situation)
-    assert found.proven == {}
-    assert found.law is not None
-    assert found.law.gap == 0.0
+    fitted = modelled(made("bump", situation), situation)
+    assert fitted.proven == {}
+    assert fitted.law is not None
+    assert fitted.law.gap == 0.0

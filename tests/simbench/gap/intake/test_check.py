@@ -11,7 +11,6 @@ from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
-from simbench.gap.intake.refuse import moving_slope
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -93,13 +92,6 @@ def test_a_faulty_valve_is_no_other_unit(effect):
     assert check(noisy, loop()).record.mv is not None
 
 
-def test_the_slope_is_that_of_the_sliding_valve():
-    r = run(**STICKY)
-    assert moving_slope(r.op, r.mv) == pytest.approx(1.0, abs=1e-6)
-    assert moving_slope(r.op, 0.4 * np.asarray(r.mv)) == pytest.approx(0.4, abs=1e-6)
-    assert moving_slope(np.full(500, 50.0), r.mv[:500]) is None
-
-
 def test_op_in_ma_or_as_a_share_is_refused_and_its_span_settles_it():
     r = run()
     refused(replace(r, op=4.0 + 0.16 * r.op, mv=None), loop(), "OP runs from", "mA", "--op-span")
@@ -141,11 +133,11 @@ SLACK = {"controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0}}
     SLACK, SLACK | {"plant": {"type": "foptd", "K": 3.6, "T": 20.0, "Td": 4.0}},
     SLACK | {"plant": {"type": "foptd", "K": 1.2, "T": 60.0, "Td": 4.0}},
 ], ids=["alone", "with another gain", "with another time constant"])  # fmt: skip
-@pytest.mark.parametrize("valve", [{}, STICKY], ids=["ideal", "sticky"])
+@pytest.mark.parametrize("valve", [STICKY, pytest.param({}, marks=pytest.mark.slow)])
 def test_other_tuning_is_an_effect_and_no_other_loop(other, valve):
-    found = admitted(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
-    assert found["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
-    assert found["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
+    tuning = admitted(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
+    assert tuning["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
+    assert tuning["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
 
 
 def test_retuned_vessels_are_not_taken_for_other_plants():
@@ -167,12 +159,7 @@ def held(pv, every, length):
     return pv
 
 
-def test_digits_far_below_the_noise_are_no_quantisation():
-    r = run(**LOADED)
-    assert not check(replace(r, pv=np.round(r.pv, 3)), loop()).proven
-
-
-@pytest.mark.parametrize("digits", [3, 4, 9])
+@pytest.mark.parametrize("digits", [3, 9])
 def test_short_standstills_of_a_noisy_pv_are_frozen_and_rounding_is_not(digits):
     r = run(**LOADED)
     pv = np.round(r.pv, digits)
@@ -180,17 +167,11 @@ def test_short_standstills_of_a_noisy_pv_are_frozen_and_rounding_is_not(digits):
     assert check(replace(r, pv=held(pv, 200, 12)), loop()).frozen
 
 
-def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
-    quiet = {**TABLE, "noise": {"std": 0.0}}
-    r = simulate(Loop.from_table(quiet), seed=1).record
-    assert not check(replace(r, pv=np.round(r.pv, 4)), Loop.from_table(quiet)).samples.stuck
-
-
 @pytest.mark.parametrize("at", ["loop", "record"])
 @pytest.mark.parametrize(
     "other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"]
 )
-def test_op_says_whether_the_controller_saw_the_spikes(at, other):
+def test_op_shows_whether_the_controller_saw_the_spikes(at, other):
     effects = [
         {"name": "outliers", "rate": 0.01, "size": 3.0, "at": at},
         *([other] if other else []),
@@ -211,5 +192,5 @@ def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
 ], ids=["play", "sticky", "play and lag"])  # fmt: skip
 def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
     r = run(valve=valve)
-    found = check(replace(r, mv=None), loop(valve=valve))
-    assert np.abs(found.data.u - r.mv)[100:].max() < 0.05
+    situation = check(replace(r, mv=None), loop(valve=valve))
+    assert np.abs(situation.data.u - r.mv)[100:].max() < 0.05

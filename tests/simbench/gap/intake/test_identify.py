@@ -1,4 +1,4 @@
-"""A baseline from the record alone: plant and tuning found again, and what may then be asked."""
+"""A baseline from the record alone: plant and tuning fitted again, and what may then be asked."""
 
 from dataclasses import replace
 
@@ -75,7 +75,7 @@ def test_a_vessel_is_known_or_the_likelier(process):
     assert loop.controller.Ti == pytest.approx(90.0, rel=1e-3)
 
 
-def test_a_settling_plant_is_no_vessel_even_behind_a_sticky_valve():
+def test_a_settling_plant_is_no_vessel_even_with_a_sticky_valve():
     assert identify(replace(run(TABLE), process=None)).plant.type == "foptd"
     sticky = run(TABLE, valve={"model": "choudhury", "S": 4.0, "J": 2.0})
     assert identify(replace(sticky, process=None)).plant.type == "foptd"
@@ -83,19 +83,19 @@ def test_a_settling_plant_is_no_vessel_even_behind_a_sticky_valve():
 
 def test_a_proportional_controller_has_no_integral_time():
     record = run(TABLE, controller={"type": "P", "Kc": 0.8})
-    found = identify(record, plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)).controller
-    assert (found.type, found.Ti) == ("P", None)
-    assert found.Kc == pytest.approx(0.8, rel=0.02)
+    control = identify(record, plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)).controller
+    assert (control.type, control.Ti) == ("P", None)
+    assert control.Kc == pytest.approx(0.8, rel=0.02)
 
 
 def test_an_op_that_no_law_makes_leaves_a_guess_by_the_sizes_of_the_changes():
     record = run(TABLE)
     op = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal(record.n))
-    found = identify(
+    control = identify(
         replace(record, op=op), plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)
     ).controller
-    assert np.isfinite(found.Kc)
-    assert found.Kc > 0.0
+    assert np.isfinite(control.Kc)
+    assert control.Kc > 0.0
 
 
 def test_where_pv_does_not_answer_op_no_plant_is_made_up():
@@ -106,7 +106,7 @@ def test_where_pv_does_not_answer_op_no_plant_is_made_up():
 
 
 @pytest.mark.parametrize(("T", "Td"), [(0.8, 0.0), (6.0, 2.0), (15.0, 7.0)])
-def test_a_plant_is_found_from_a_coarse_grid_of_times(T, Td):
+def test_a_plant_is_fitted_from_a_coarse_grid_of_times(T, Td):
     rng = np.random.default_rng(2)
     u = 50.0 + np.repeat(rng.choice([-2.0, 2.0], 60), 20)
     a, x, y = np.exp(-1.0 / T), 0.0, np.empty(u.size)
@@ -122,7 +122,7 @@ def test_a_plant_is_found_from_a_coarse_grid_of_times(T, Td):
 DRIVEN = {
     "plant": {"type": "foptd", "K": 3.2, "T": 2.5, "Td": 1.0},
     "controller": {"type": "P", "Kc": 1.0},
-    "sampling": {"Ts": 0.07, "n": 900},
+    "sampling": {"Ts": 0.07, "n": 600},
     "valve": {"model": "coulomb", "S": 3.1, "J": 3.1},
     "noise": {"std": 0.96},
     "disturbance": [{"type": "sine", "at": "output", "amplitude": 1.6, "period": 9.0}],
@@ -135,8 +135,8 @@ def test_friction_and_feedback_do_not_turn_a_plant(sign):
     record = run(DRIVEN, plant=DRIVEN["plant"] | {"K": 3.2 * sign}, controller=control)
     assert fit_plant(record.op, record.pv, False, 0.0).K * sign < 0
     assert fit_plant(record.op, record.pv, False, 0.0, sign).K * sign > 0
-    found = identify(replace(record, process="self-regulating"))
-    assert (np.sign(found.plant.K), found.controller.direction) == (sign, control["direction"])
+    loop = identify(replace(record, process="self-regulating"))
+    assert (np.sign(loop.plant.K), loop.controller.direction) == (sign, control["direction"])
     assert exact_controller(record).direction == control["direction"]
 
 

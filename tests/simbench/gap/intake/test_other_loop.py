@@ -1,4 +1,4 @@
-"""The record's own plant, and when it makes the baseline another loop's."""
+"""The plant that the record shows, and when it makes the baseline another loop's."""
 
 from types import SimpleNamespace
 
@@ -8,7 +8,7 @@ import pytest
 from detectors.errors import RecordError
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.other_loop import _own_plant, refuse_other_plant
+from simbench.gap.intake.other_loop import _plant_of_record, refuse_other_plant
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data
@@ -22,14 +22,14 @@ def answered(K, T, Td, n=1500):
 
 
 @pytest.mark.parametrize(
-    ("T", "Td", "Ti", "said"),
+    ("T", "Td", "Ti", "stated"),
     [(30.0, 6.0, 60.0, 10.0), (6.0, 2.0, np.inf, 90.0), (20.0, 4.0, 5.0, 20.0)],
 )
-def test_the_records_own_plant_is_found_whatever_the_baseline_says(T, Td, Ti, said):
+def test_the_plant_of_the_record_is_fitted_whatever_the_baseline_states(T, Td, Ti, stated):
     u, y = answered(-1.7, T, Td)
     # stated: a gain of a fifth, another time constant, noise and trust that do not count
-    data = Data(u, y, -0.34, said, 0.0, 5.0)
-    engine, fit = _own_plant(data, Law(0.0, 0.0, 1.0, Ti), 2.0)
+    data = Data(u, y, -0.34, stated, 0.0, 5.0)
+    engine, fit = _plant_of_record(data, Law(0.0, 0.0, 1.0, Ti), 2.0)
     assert fit.K == pytest.approx(-1.7, rel=0.03)
     assert fit.theta["T"] == pytest.approx(T, rel=0.05)
     assert fit.theta["Td"] == pytest.approx(Td, abs=0.2)
@@ -38,7 +38,7 @@ def test_the_records_own_plant_is_found_whatever_the_baseline_says(T, Td, Ti, sa
 
 
 def begun(monkeypatch, law, n=1600, T=12.0):
-    """Return the plants, and the longest loads, from which a record's own plant is looked for."""
+    """Return the plants, and the longest loads, from which a record's plant is sought."""
     seen = []
 
     class Noted(Engine):
@@ -51,7 +51,7 @@ def begun(monkeypatch, law, n=1600, T=12.0):
 
     monkeypatch.setattr(other_loop, "Engine", Noted)
     u, y = answered(1.0, 12.0, 3.0, n)
-    _own_plant(Data(u, y, 1.0, T, 3.0, 0.1), law, 2.0)
+    _plant_of_record(Data(u, y, 1.0, T, 3.0, 0.1), law, 2.0)
     return seen
 
 
@@ -88,7 +88,7 @@ def situation(data):
 def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     monkeypatch, gain, refused
 ):
-    own = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
+    plant = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
     base = SimpleNamespace(loglik=0.0)
     tried, loads = [], []
 
@@ -101,7 +101,7 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
         }
 
     monkeypatch.setattr(
-        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: base), own)
+        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: base), plant)
     )
     monkeypatch.setattr(
         other_loop,
@@ -116,11 +116,11 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     if refused:
         with pytest.raises(RecordError) as caught:
             refuse_other_plant(s)
-        said = (
+        ending = (
             "gain of 3 after 64 s, the baseline's Kc = 1, Ti = 20 s, K = 1 and 24 s; this is the"
             " baseline of another loop"
         )
-        assert str(caught.value).endswith(said)
+        assert str(caught.value).endswith(ending)
         assert str(caught.value).startswith(
             "record 'FIC1': its controller has Kc = 2 and Ti = 40 s"
         )
@@ -131,12 +131,12 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     assert loads == [100.0]
 
 
-def test_the_baselines_own_plant_with_a_load_may_do_as_well(monkeypatch):
-    own = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
+def test_the_plant_of_the_baseline_with_a_load_may_do_as_well(monkeypatch):
+    plant = SimpleNamespace(K=3.0, theta={"T": 60.0, "Td": 4.0}, loglik=1000.0)
     monkeypatch.setattr(
         other_loop,
-        "_own_plant",
-        lambda *a: (SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0)), own),
+        "_plant_of_record",
+        lambda *a: (SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0)), plant),
     )
     monkeypatch.setattr(
         other_loop, "Engine", lambda *a: SimpleNamespace(base=lambda: SimpleNamespace(loglik=960.0))

@@ -35,7 +35,7 @@ def write(place, *, n=100, mode=None, lab=None, Ts=1.0, settings="", op=None):
     return str(place / "test.csv")
 
 
-def test_settings_beside_a_record_are_its_own_and_a_loop_file_of_that_name_is_not(tmp_path):
+def test_settings_next_to_a_record_belong_to_it_and_a_loop_file_of_that_name_is_not(tmp_path):
     file = write(tmp_path, settings="[test]\nid = 'kc_half'\n[controller]\nKc_ratio = 0.5\n")
     test = read_test(file, LOOP)
     assert (test.id, test.loop.controller.Kc, test.loop.controller.Ti) == ("kc_half", 1.0, 10.0)
@@ -46,7 +46,7 @@ def test_settings_beside_a_record_are_its_own_and_a_loop_file_of_that_name_is_no
     assert files_of("a.csv") == ("a.csv", "")
 
 
-def test_mode_says_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
+def test_mode_shows_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
     file = write(
         tmp_path, mode=["AUTO"] * 60 + ["man"] * 30 + ["CAS"] * 10, lab=[""] * 99 + ["5.5"]
     )
@@ -58,7 +58,7 @@ def test_mode_says_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"n": 30, "op": np.arange(30.0)}, "at least 40"),
         ({"op": np.full(100, 50.0)}, "OP is constant (50) in AUTO"),
@@ -82,10 +82,10 @@ def test_mode_says_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
         ({"settings": "[sampling]\nTs = 5.0\n"}, "its [sampling] says 5 s"),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_one_sentence(tmp_path, given, said):
+def test_what_cannot_be_used_is_refused_in_one_sentence(tmp_path, given, message):
     with pytest.raises(UserError) as error:
         read_test(write(tmp_path, **given), LOOP)
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 

@@ -25,7 +25,7 @@ OP = 50.0 + 5.0 * SINE
 LAW = Law(0.0, 0.0, 1.0, 20.0)
 
 
-def said(call, *args):
+def refusal(call, *args):
     """Return the refusal, "" where there is none."""
     try:
         call(*args)
@@ -34,35 +34,35 @@ def said(call, *args):
     return ""
 
 
-def mv_said(mv, op=OP):
-    return said(refuse_mv_units, mv, op, "record")
+def mv_refusal(mv, op=OP):
+    return refusal(refuse_mv_units, mv, op, "record")
 
 
 @pytest.mark.parametrize(
     ("factor", "refused"), [(0.66, True), (0.72, False), (1.0, False), (1.35, False), (1.45, True)]
 )
 def test_one_factor_in_level_and_slope_is_a_unit(factor, refused):
-    assert ("in level and in slope" in mv_said(factor * OP)) == refused
+    assert ("in level and in slope" in mv_refusal(factor * OP)) == refused
 
 
 @pytest.mark.parametrize(
     ("slope", "refused"), [(0.36, False), (0.44, True), (0.56, True), (0.65, False)]
 )
 def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
-    assert ("in level and in slope" in mv_said(25.0 + slope * (OP - 50.0))) == refused
+    assert ("in level and in slope" in mv_refusal(25.0 + slope * (OP - 50.0))) == refused
 
 
 @pytest.mark.parametrize("R", [0.05, 0.15, 0.34])
 def test_a_characteristic_low_in_its_travel_is_no_unit(R):
     op = 25.0 + 3.0 * SINE
-    assert not mv_said(100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0), op)
+    assert not mv_refusal(100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0), op)
 
 
 @pytest.mark.parametrize(("level", "refused"), [(8.0, False), (14.0, False), (16.0, True)])
 def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(level, refused):
     op = level * (1.0 + 0.1 * SINE)
-    assert bool(mv_said(3.0 * op, op)) == refused
-    assert not mv_said(op, op)
+    assert bool(mv_refusal(3.0 * op, op)) == refused
+    assert not mv_refusal(op, op)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(lev
 )
 def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
     op = middle + swing * SINE
-    assert ("MV runs from" in mv_said(op, op)) == refused
+    assert ("MV runs from" in mv_refusal(op, op)) == refused
 
 
 @pytest.mark.parametrize(
@@ -80,20 +80,20 @@ def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
 )
 def test_a_share_of_one_is_no_nearly_closed_valve(top, level, share):
     op = level * (1.0 + 0.1 * SINE)
-    assert ("share of 1" in mv_said(top * op / op.max(), op)) == share
+    assert ("share of 1" in mv_refusal(top * op / op.max(), op)) == share
 
 
 @pytest.mark.parametrize(("offset", "mA"), [(0.0, True), (0.4, True), (-0.4, True), (0.7, False)])
 def test_milliamperes_may_be_a_little_out_of_trim(offset, mA):
-    assert ("mA" in mv_said(4.0 + 0.16 * OP + offset)) == mA
+    assert ("mA" in mv_refusal(4.0 + 0.16 * OP + offset)) == mA
 
 
 @pytest.mark.parametrize("swing", [0.4, 5.0])
 def test_a_valve_that_closes_where_op_rises_is_seen_however_little_it_moves(swing):
     op = 50.0 + swing * SINE
-    assert "falls where OP rises (correlation -1.00)" in mv_said(100.0 - op, op)
+    assert "falls where OP rises (correlation -1.00)" in mv_refusal(100.0 - op, op)
     # a valve that does not move at all may be stuck
-    assert not mv_said(np.full(op.shape, 50.0), op)
+    assert not mv_refusal(np.full(op.shape, 50.0), op)
 
 
 @pytest.mark.parametrize(
@@ -102,24 +102,24 @@ def test_a_valve_that_closes_where_op_rises_is_seen_however_little_it_moves(swin
 def test_a_characteristic_is_no_unit(R, refused):
     op = 50.0 + 30.0 * SINE
     mv = op if R == 1.0 else 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)
-    assert bool(mv_said(mv, op)) == refused
+    assert bool(mv_refusal(mv, op)) == refused
 
 
 @pytest.mark.parametrize(("gain", "offset", "refused"), [
     (0.82, 25.0, False), (1.22, -20.0, False), (1.28, -20.0, True), (0.5, 24.0, True),
 ])  # fmt: skip
 def test_a_straight_line_far_from_op_itself_is_another_scale(gain, offset, refused):
-    said_of = mv_said(gain * OP + offset)
-    assert bool(said_of) == refused
-    assert not refused or f"{gain:.3g} OP {offset:+.3g}" in said_of
+    message = mv_refusal(gain * OP + offset)
+    assert bool(message) == refused
+    assert not refused or f"{gain:.3g} OP {offset:+.3g}" in message
 
 
 @pytest.mark.parametrize("n", [22, 23])
 def test_a_slope_wants_twenty_sliding_samples(n):
     op = np.linspace(40.0, 60.0, n)
-    found = moving_slope(op, 0.5 * op)
-    assert (found is None) == (n - 3 < 20)
-    assert found is None or found == pytest.approx(0.5)
+    slope = moving_slope(op, 0.5 * op)
+    assert (slope is None) == (n - 3 < 20)
+    assert slope is None or slope == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_slope_wants_twenty_sliding_samples(n):
 def test_op_in_another_unit_has_its_factor_and_its_range(low, high, Kc, Ti, refused):
     law = replace(LAW, Kc=Kc, Ti=Ti)
     assert (
-        bool(said(refuse_op_units, np.linspace(low, high, 200), law, 1.0, 20.0, "record"))
+        bool(refusal(refuse_op_units, np.linspace(low, high, 200), law, 1.0, 20.0, "record"))
         == refused
     )
 
@@ -150,7 +150,7 @@ def test_op_in_another_unit_has_its_factor_and_its_range(low, high, Kc, Ti, refu
 )
 def test_records_have_a_least_and_a_largest_length(n, refused):
     x = np.random.default_rng(0).normal(50.0, 1.0, n)
-    assert bool(said(refuse_unfit, LoopRecord(op=x, pv=x, Ts=1.0), "record")) == refused
+    assert bool(refusal(refuse_unfit, LoopRecord(op=x, pv=x, Ts=1.0), "record")) == refused
 
 
 @pytest.mark.parametrize(("ratio", "refused"), [
@@ -158,7 +158,7 @@ def test_records_have_a_least_and_a_largest_length(n, refused):
 ])  # fmt: skip
 def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
     law = replace(LAW, Kc=2.0 * ratio, baseline_residual=max(abs(1.0 - ratio), 1e-3))
-    assert bool(said(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
+    assert bool(refusal(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
     # nor is it another's whose changes the baseline's law explains to a few per cent
     for more in (
         {"residual": 0.04},
@@ -167,18 +167,18 @@ def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
         {"baseline_residual": 0.06},
     ):
         vague = replace(law, **more)
-        assert not said(other_loop.refuse_other_controller, vague, 2.0, "record")
+        assert not refusal(other_loop.refuse_other_controller, vague, 2.0, "record")
 
 
-def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), nats=1000.0):
-    """Return what is said where the record's own plant is `own` (gain, T, Td) and beats the
+def plant_refusal(monkeypatch, *, K=1.0, T=20.0, Td=4.0, plant, tuning=(2.0, 2.0), nats=1000.0):
+    """Return the refusal where the record's plant is `plant` (gain, T, Td) and beats the
     baseline's by `nats`.
     """
-    gain, lag, wait = own
+    gain, lag, wait = plant
     fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
     zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
     monkeypatch.setattr(
-        other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
+        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
     )
     monkeypatch.setattr(other_loop, "Engine", lambda *a: zero)
     monkeypatch.setattr(other_loop, "possible_effects", lambda s: [])
@@ -188,11 +188,11 @@ def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), na
         data=data, law=replace(LAW, tuning=tuning), record=SimpleNamespace(Ts=1.0),
         baseline=SimpleNamespace(controller=control), where="record",
     )  # fmt: skip
-    return said(other_loop.refuse_other_plant, s)
+    return refusal(other_loop.refuse_other_plant, s)
 
 
 @pytest.mark.parametrize(
-    ("own", "refused"),
+    ("plant", "refused"),
     [
         ((1.6, 36.0, 4.0), True),
         ((1.4, 36.0, 4.0), False),
@@ -201,17 +201,17 @@ def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), na
         ((-1.6, 36.0, 4.0), False),
     ],
 )
-def test_another_plant_differs_in_gain_and_in_time(monkeypatch, own, refused):
-    assert bool(plant_said(monkeypatch, own=own)) == refused
+def test_another_plant_differs_in_gain_and_in_time(monkeypatch, plant, refused):
+    assert bool(plant_refusal(monkeypatch, plant=plant)) == refused
 
 
-@pytest.mark.parametrize(("own", "Td", "refused"), [
+@pytest.mark.parametrize(("plant", "Td", "refused"), [
     ((0.4, 20.0, 2.0), 2.0, False), ((0.4, 20.0, 0.0), 0.0, False), ((0.4, 20.0, 2.9), 2.0, False),
     ((0.4, 20.0, 3.8), 2.0, True), ((0.64, 20.0, 2.0), 2.0, True), ((0.54, 20.0, 2.0), 2.0, False),
     ((0.6, 32.0, 9.0), 2.0, True), ((0.6, 34.0, 9.0), 2.0, False),
 ])  # fmt: skip
-def test_another_vessel_differs_in_slope_or_in_dead_time(monkeypatch, own, Td, refused):
-    assert bool(plant_said(monkeypatch, K=0.02, T=0.0, Td=Td, own=own)) == refused
+def test_another_vessel_differs_in_slope_or_in_dead_time(monkeypatch, plant, Td, refused):
+    assert bool(plant_refusal(monkeypatch, K=0.02, T=0.0, Td=Td, plant=plant)) == refused
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,10 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
     monkeypatch, tuning, nats, refused
 ):
     # three numbers of a thousand samples cost 10.4 nats
-    assert bool(plant_said(monkeypatch, own=(3.0, 60.0, 4.0), tuning=tuning, nats=nats)) == refused
+    assert (
+        bool(plant_refusal(monkeypatch, plant=(3.0, 60.0, 4.0), tuning=tuning, nats=nats))
+        == refused
+    )
 
 
 @pytest.mark.parametrize(
@@ -239,7 +242,7 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
 def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
     baseline = SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
     it = SimpleNamespace(record=SimpleNamespace(Ts=Ts), baseline=baseline, where="record")
-    assert bool(said(_refuse_other_pace, it)) == refused
+    assert bool(refusal(_refuse_other_pace, it)) == refused
 
 
 @pytest.mark.parametrize(("moves", "steps"), [(0, False), (1, True), (90, True), (110, False)])
@@ -251,14 +254,14 @@ def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
 
 
 @pytest.mark.parametrize(
-    ("share", "stands"),
+    ("share", "high"),
     [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)],
 )
-def test_a_spike_stands_out_by_about_its_height(share, stands):
+def test_a_spike_exceeds_its_neighbours_by_about_its_height(share, high):
     pv, places = np.zeros(200), np.array([30, 90, 150])
     heights = np.array([2.0, -3.0, 4.0])
     pv[places] = share * heights
-    assert stands_out(pv, places, heights) == stands
+    assert stands_out(pv, places, heights) == high
     assert not stands_out(pv, places[:1], heights[:1])
 
 

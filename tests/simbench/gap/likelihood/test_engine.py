@@ -8,7 +8,7 @@ import pytest
 from scenarios.spec import Loop
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import STEP, Engine
-from simbench.gap.likelihood.model import Data, Spec, lag_of
+from simbench.gap.likelihood.model import Data, Spec
 from simbench.loop.simulate import simulate
 
 K, T, TD, NOISE, LOAD, MEMORY = 1.5, 14.0, 4.3, 0.35, 0.9, 18.0
@@ -111,7 +111,7 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
 
     now = e._terms(spec, theta)
     J, slope = e._derivatives(spec, names, x, np.column_stack([x - 9, x + 9]), unpack, now)
-    gradient, J = J.T @ now[0] + slope, e._beside_linear(spec, now, J)
+    gradient, J = J.T @ now[0] + slope, e._without_linear(spec, now, J)
     # the linear coefficients are fitted anew on either side
     h = 1e-3
     for i, name in enumerate(names):
@@ -120,7 +120,7 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
         assert gradient[i] == pytest.approx(
             (up - down) / (2 * h), abs=STEP * bend + 1e-3 * np.abs(gradient).max()
         ), name
-        central = e._beside_linear(
+        central = e._without_linear(
             spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None]
         )[:, 0]
         # the filter's gain freezes a sample sooner or later on either side, which shows where it
@@ -128,12 +128,12 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
         assert np.linalg.norm(J[:, i] - central) < 0.03 * np.linalg.norm(central) + 1e-3, name
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_a_fit_never_ends_below_its_start(seed):
     rng = np.random.default_rng(seed)
     e = engine(gain=float(rng.uniform(0.7, 1.3)), trusted=seed % 4 != 3)
     pole = ("", "extra", "sensor", "valve")[seed % 4]
-    spec = Spec(pole=pole, pink=seed % 2 == 1, free=frozenset({"T"}) if seed < 4 else frozenset())
+    spec = Spec(pole=pole, pink=seed % 2 == 1, free=frozenset({"T"}) if seed < 2 else frozenset())
     start = {}
     for name in spec.names:
         low, high = e.bounds(spec, name)
@@ -148,7 +148,7 @@ def test_a_fit_never_ends_below_its_start(seed):
         assert low * (1 - 1e-9) - 1e-9 <= fit.theta[name] <= high * (1 + 1e-9)
 
 
-def test_plant_load_and_noise_are_found_again():
+def test_plant_load_and_noise_are_identified():
     op, pv = recorded(n=6000)
     e = Engine(Data(op, pv, 0.6 * K, 0.5 * T, 2.5 * TD, 0.0, trusted=False), 60.0)
     fit = e.base()
@@ -173,73 +173,28 @@ def test_a_load_of_power_one_over_f_is_taken_for_one():
     assert fit.theta["load"] == pytest.approx(LOAD, rel=0.3)
 
 
-def test_a_trusted_baseline_is_left_only_for_a_reason():
-    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
-    assert 0.66 * K < fit.K < K
-    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
-
-
 @pytest.mark.parametrize(
-    ("kind", "points"),
+    ("kind", "names", "points"),
     [
-        (kernels.PLAY, [(s, b * s / 2, 0.0) for s in (0.2, 1.0, 2.5, 5.0) for b in (-1, 0, 1)]),
-        (kernels.ZONE, [(d, c, 0.0) for d in (0.3, 1.5, 4.0) for c in (49.0, 50.0, 51.5)]),
-        (
-            kernels.STICK,
-            [
-                (s, s * j, s * b / 2)
-                for s in (0.5, 1.5, 4.0)
-                for j in (0.1, 0.6, 1.0)
-                for b in (-1, 1)
-            ],
-        ),
-        (kernels.CREEP, [(s, s * j, 0.0) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
-        (kernels.CURVE, [(r, 0.0, 0.0) for r in (0.05, 0.5, 2.0, 20.0)]),
+        (kernels.ZONE, ("D", "c"), [(d, c) for d in (0.3, 1.0, 4.0) for c in (49.0, 51.5)]),
+        (kernels.STICK, ("S", "J"), [(s, s * j) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
+        (kernels.CREEP, ("S", "J"), [(s, s * j) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
+        (kernels.CURVE, ("R", "-"), [(r, 0.0) for r in (0.05, 0.5, 2.0, 20.0)]),
     ],
 )
-@pytest.mark.parametrize(("gain", "theta"), [(1.0, THETA), (0.5, PINK)])
-def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, theta):
-    e = engine(gain=gain)
-    n, d = PV.size, e.data
-    fast = e.scan(Spec(channels=(RAMP,)), theta, kind, np.array(points))
-
-    def white(x):
-        model = (
-            theta["load_time"],
-            lag_of(theta),
-            theta["load"],
-            0.0,
-            0.0,
-            theta["noise_std"],
-            theta["colour"],
-            e.spread,
-        )
-        return kernels.whiten(x[None, :], theta["T"], 0.0, *model)[0][0, kernels.SKIP :]
-
-    onset = kernels.plant(np.append(0.0, np.ones(n - 1)), theta["T"], theta["Td"], 0.0)
-    others, y = np.array([white(x) for x in (np.ones(n), onset, RAMP)]).T, white(PV - PV[0])
-    slow = []
-    for p in points:
-        g = white(kernels.plant(kernels.valve(OP, kind, *p), theta["T"], theta["Td"], 0.0))
-        free = np.linalg.lstsq(np.column_stack([g, others]), y, rcond=None)[0][0]
-        rest = y - np.clip(free, 0.9 * d.K, 1.1 * d.K) * g
-        slow.append(
-            -0.5
-            * float(np.sum((rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]) ** 2))
-        )
-    assert np.allclose(
-        fast - fast[0], np.array(slow) - slow[0], rtol=1e-6, atol=1e-5 * np.ptp(slow)
-    )
-
-
-def test_a_scan_ranks_maps_as_full_evaluations_do():
-    e = engine(trusted=False)
-    points = np.array([(d, c, 0.0) for d in (0.3, 1.0, 2.0, 4.0) for c in (49.0, 50.0, 51.5)])
-    scanned = e.scan(Spec(), THETA, kernels.ZONE, points)
-    full = np.array(
-        [e.evaluate(Spec(valve=kernels.ZONE), {**THETA, "D": d, "c": c})[0] for d, c, _ in points]
-    )
-    assert np.allclose(scanned - full, (scanned - full)[0], atol=1e-4)
+@pytest.mark.parametrize("theta", [THETA, PINK])
+def test_a_scan_ranks_maps_as_full_evaluations_do(kind, names, points, theta):
+    e, pink = engine(trusted=False), "load_lag" not in theta
+    # the scan begins every valve where OP does, a full fit anywhere in its band
+    holds = kind in (kernels.STICK, kernels.CREEP)
+    scanned = e.scan(Spec(pink=pink), theta, kind, np.array([(*p, 0.0) for p in points]))
+    full = np.array([
+        e.evaluate(Spec(valve=kind, pink=pink), theta | dict(zip(names, p)))[0] for p in points
+    ])  # fmt: skip
+    if holds:
+        assert np.corrcoef(scanned, full)[0, 1] > 0.99
+    else:
+        assert np.allclose(scanned - full, (scanned - full)[0], atol=1e-4)
 
 
 @pytest.mark.parametrize("spec", [Spec(), Spec(pink=True), Spec(free=frozenset({"K", "T", "Td"}))])
@@ -285,9 +240,7 @@ def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, fre
     [
         (True, "", 0, 20.0, 4.0, (2.5, 5.5)),
         (True, "", 1, 20.0, 4.0, (1.5, 6.5)),
-        (True, "", 0, 20.0, 0.4, (0.0, 1.0)),
         (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)),
-        (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)),
         (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
         (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
     ],
@@ -304,12 +257,8 @@ def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
     [
         (1.05, "", 0),
         (1.12, "", 1),
-        (0.95, "", 0),
         (0.88, "", -1),
-        (1.12, "K", 0),
-        (18.0, "K", 0),
         (25.0, "K", 1),
-        (0.06, "K", 0),
         (0.04, "K", -1),
     ],
 )
@@ -324,91 +273,10 @@ def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, fr
     assert np.sign(off) == way
 
 
-WHITE = np.random.default_rng(7).standard_normal(4000)
-
-
-@pytest.mark.parametrize(
-    ("y", "stated", "T", "noise", "load"),
-    [
-        # white PV of 2: its second differences have a variance of six times as much
-        (2.0 * WHITE, 0.0, 20.0, 2.0, 1.0),
-        (2.0 * WHITE, 0.5, 20.0, 0.5, 1.0),
-        (2.0 * WHITE, 5.0, 20.0, 5.0, 2.5),
-        # what moves a vessel is seen in PV's changes
-        (np.cumsum(0.6 * WHITE), 0.2, 0.0, 0.2, 0.3),
-        (np.cumsum(0.6 * WHITE), 20.0, 0.0, 20.0, 1.0),
-        (np.zeros(4000), 0.0, 20.0, 0.25 / np.sqrt(12.0), 0.125 / np.sqrt(12.0)),
-    ],
-)
-def test_a_fit_begins_from_the_stated_noise_and_half_of_what_pv_does(y, stated, T, noise, load):
-    start = Engine(Data(np.zeros(4000), y, K, T, 4.0, stated, resolution=0.25), 60.0).start()
-    assert (start["noise_std"], start["load"]) == (
-        pytest.approx(noise, rel=0.05),
-        pytest.approx(load, rel=0.05),
-    )
-    assert (start["T"], start["Td"], start["load_time"]) == (T, 4.0, 18.0)
-    # a load of nearly first order, and noise that hardly remembers
-    assert start["load_lag"] < 0.5
-    assert 0.0 < start["colour"] < 0.2
-
-
-@pytest.mark.parametrize(
-    ("name", "T", "low", "high"),
-    [
-        ("load_time", 20.0, 0.3, 60.0),
-        ("load_lag", 20.0, 0.05, 60.0),
-        ("colour", 20.0, -0.8, 0.8),
-        ("noise_std", 20.0, 0.25 / np.sqrt(12.0), 10.0),
-        ("load", 20.0, 2.5e-4 / np.sqrt(12.0), 100.0),
-        ("load", 0.0, 1e-8, 100.0),
-    ],
-)
-def test_load_and_noise_are_looked_for_from_the_digits_to_many_times_pv(name, T, low, high):
-    d = Data(np.zeros(4000), WHITE / np.std(WHITE), K, T, 4.0, 0.1, resolution=0.25)
-    assert Engine(d, 60.0).bounds(Spec(), name) == pytest.approx((low, high), rel=0.08)
-
-
-@pytest.mark.parametrize(("memory", "cost"), [(48.0, 0.0), (4.9, 0.0), (4.8 / np.e, 1.0 / 0.7)])
-def test_a_load_far_quicker_than_the_loop_is_a_surprise(memory, cost):
-    # 0.08 of the longest memory of 60 samples
-    theta = {**THETA, "load_time": memory - 0.1, "load_lag": 0.1, "T": T, "Td": TD, "colour": 0.0}
-    e = Engine(Data(OP, PV, K, T, TD, 0.0), 60.0)
-    colour, quick, *_ = e._surprises(Spec(), theta)
-    assert (colour, quick) == pytest.approx((0.0, -cost))
-    assert e._surprises(Spec(), theta | {"colour": 0.5})[0] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "spec", "late", "beyond"),
-    [
-        ({}, Spec(), 0, (0.0, 0.0, 0.0)),
-        ({"T": 1.1 * np.exp(0.02) * T}, Spec(), 0, (1.0, 0.0, 0.0)),
-        ({"T": T / 1.1 / np.exp(0.04)}, Spec(), 0, (2.0, 0.0, 0.0)),
-        ({"Td": TD + 0.1 * TD + 0.05 + 0.02 * TD + 0.03}, Spec(), 0, (0.0, 1.0, 0.0)),
-        # an archive late by a sample hides up to one: half a sample less, give or take half a
-        # sample
-        ({"Td": TD - 1.0}, Spec(), 1, (0.0, 0.0, 0.0)),
-        ({"Td": TD + 0.1 * TD + 0.05}, Spec(), 1, (0.0, 0.0, 0.0)),
-        ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
-    ],
-)
-def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, beyond):
-    theta = {
-        **THETA,
-        "T": T,
-        "Td": TD,
-        "noise_std": np.hypot(0.3, 0.1),
-        "load_time": 40.0,
-        "colour": 0.0,
-    } | changes
-    # noise of 0.3 and digits of 0.1 sqrt(12)
-    e = Engine(Data(OP, PV, K, T, TD, 0.3, resolution=0.1 * np.sqrt(12.0), late=late), 60.0)
-    assert e._surprises(spec, theta)[2:] == pytest.approx(beyond, abs=1e-6)
-    free = Spec(free=frozenset({"T", "Td", "noise_std"}))
-    assert len(e._surprises(free, theta)) == 2
-    assert (
-        len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1
-    )
+def test_a_trusted_baseline_is_left_only_for_a_reason():
+    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
+    assert 0.66 * K < fit.K < K
+    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
 
 
 @pytest.mark.parametrize("tau", [0.6, 4.0])
@@ -436,11 +304,3 @@ def test_scattered_fits_lie_as_far_below_the_likeliest_as_the_chi_squared_distri
     assert 0.25 * len(best.spec.names) < np.median(below) < 0.75 * len(best.spec.names)
     assert np.std([f.theta["T"] for f in fits]) / T < 0.2
     assert 0.0 < np.std([f.K for f in fits]) / K < 0.2
-
-
-def test_fits_scattered_by_nothing_are_the_fit_itself():
-    e = engine()
-    best = e.fit(Spec(), e.start(), steps=20)
-    (same,) = e.scattered(best, 1, 0.0, np.random.default_rng(3))
-    assert same.theta == pytest.approx(best.theta)
-    assert same.K == pytest.approx(best.K)

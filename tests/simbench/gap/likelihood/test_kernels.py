@@ -167,26 +167,10 @@ LOAD = [(15.0, 1.3)]
 def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     y = np.random.default_rng(4).standard_normal(150)
     L = np.linalg.cholesky(covariance(150, T, loads, **more))
-    of = {
-        "tau": 0.0,
-        "load_walk": 0.0,
-        "walk": 0.0,
-        "colour": 0.0,
-        "lag": kernels.PINK_LOAD if len(loads) == 3 else 0.0,
-    } | more
-    white, logs = kernels.whiten(
-        y[None, :],
-        T,
-        of["tau"],
-        15.0,
-        of["lag"],
-        1.3,
-        of["load_walk"],
-        of["walk"],
-        0.4,
-        of["colour"],
-        5.0,
-    )
+    lag = kernels.PINK_LOAD if len(loads) == 3 else more.get("lag", 0.0)
+    rest = {name: x for name, x in more.items() if name != "lag"}
+    model = kernels.NoiseModel(T, 0.0, 15.0, lag, 1.3, NOISE, 0.0, SPREAD)._replace(**rest)
+    white, logs = kernels.whiten(y[None, :], model)
     # the kernel's gain stands still once it has settled
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=2e-4)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=2e-3)
@@ -212,79 +196,22 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, 
             moved[t + 1] = a * moved[t] + (1 - a if T else 1.0) * height[t]
         whole = whole + jump**2 * np.outer(moved, moved)
     L = np.linalg.cholesky(whole)
-    white, logs = kernels.whiten(
-        y[None, :],
-        T,
-        0.0,
-        load_time,
-        0.0,
-        1.3,
-        0.0,
-        0.0,
-        0.4,
-        0.0,
-        5.0,
-        np.array(places),
-        jump,
-        lasting,
-    )
+    model = kernels.NoiseModel(T, 0.0, load_time, 0.0, 1.3, NOISE, 0.0, SPREAD)
+    jumps = kernels.Jumps(np.array(places), jump, lasting)
+    white, logs = kernels.whiten(y[None, :], model, jumps)
     # long after a lasting jump the kernel's gain stands still, and a later one is followed as if it
     # were the first
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=0.05)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
 
 
-def test_a_load_that_never_jumps_is_filtered_as_before():
-    y = RNG.standard_normal((1, 300))
-    model = (8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0)
-    plain, logs = kernels.whiten(y, *model)
-    none, same = kernels.whiten(y, *model, np.array([300]), 4.0, True)
-    assert none == pytest.approx(plain, abs=1e-9)
-    assert same == pytest.approx(logs, abs=1e-9)
-
-
-def test_innovations_of_the_right_model_are_white_and_of_variance_one():
-    n, T, load_time, load, noise = 20000, 8.0, 15.0, 1.0, 0.3
-    rng = np.random.default_rng(0)
-    phi, a = np.exp(-1 / load_time), np.exp(-1 / T)
-    d, x, y = 0.0, 0.0, np.empty(n)
-    for k in range(n):
-        y[k] = x + noise * rng.standard_normal()
-        x = a * x + (1 - a) * d
-        d = phi * d + load * np.sqrt(1 - phi**2) * rng.standard_normal()
-    white = kernels.whiten(y[None, :], T, 0.0, load_time, 0.0, load, 0.0, 0.0, noise, 0.0, 5.0)[0][
-        0, 10:
-    ]
-    assert np.var(white) == pytest.approx(1.0, abs=0.04)
-    assert abs(np.mean(white[1:] * white[:-1])) < 0.03
-
-
 @pytest.mark.parametrize("places", [(), (100, 103, 140)])
 def test_a_channel_by_itself_is_filtered_as_among_others(places):
     y = RNG.standard_normal((3, 200))
-    model = (
-        8.0,
-        2.0,
-        15.0,
-        3.0,
-        1.3,
-        0.2,
-        0.1,
-        0.4,
-        0.3,
-        5.0,
-        *([np.array(places), 4.0, True] if places else []),
-    )
-    among, logs = kernels.whiten(y, *model)
+    model = kernels.NoiseModel(8.0, 2.0, 15.0, 3.0, 1.3, 0.4, 0.3, 5.0, 0.2, 0.1)
+    jumps = kernels.Jumps(np.array(places), 4.0, True) if places else None
+    among, logs = kernels.whiten(y, model, jumps)
     for i in range(3):
-        alone, same = kernels.whiten(y[i : i + 1], *model)
+        alone, same = kernels.whiten(y[i : i + 1], model, jumps)
         assert np.array_equal(alone[0], among[i])
         assert same == logs
-
-
-def test_every_channel_is_filtered_alike():
-    y = RNG.standard_normal((2, 200))
-    both = kernels.whiten(
-        np.vstack([y, y[0] + 2 * y[1]]), 8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0
-    )[0]
-    assert np.allclose(both[2], both[0] + 2 * both[1])

@@ -8,18 +8,10 @@ import pytest
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
     BAND,
-    CENTRE,
-    JUMP,
-    LOAD_WALK,
-    RATIO,
-    TAU,
-    WALK,
-    WIDTH,
     Data,
     Moves,
     Spec,
     lag_of,
-    size_penalty,
     valve_of,
 )  # fmt: skip
 
@@ -37,25 +29,6 @@ def test_a_record_is_as_large_as_it_moves_and_never_of_no_size():
     assert written.floor == pytest.approx(0.5 / np.sqrt(12.0))
     still = Data(np.full(9, 50.0), np.zeros(9), 2.0, 10.0, 4.0, 0.1)
     assert (still.floor, still.size, still.span) == (1e-9, 1e-9, 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("number", "low", "high", "log"),
-    [
-        (BAND, 0.0, 30.0, False),
-        (JUMP, 0.0, 20.0, False),
-        (WIDTH, 0.0, 40.0, False),
-        (CENTRE, 40.0, 60.0, False),
-        (RATIO, 0.01, 100.0, True),
-        (TAU, 0.05, 200.0, True),
-        (WALK, 3e-8, 3.0, True),
-        (LOAD_WALK, 3e-8, 3.0, True),
-    ],
-)
-def test_every_number_is_looked_for_within_what_the_record_could_show(number, low, high, log):
-    assert (number.low(DATA), number.high(DATA)) == pytest.approx((low, high), rel=1e-5)
-    assert number.log == log
-    assert number.shapes == (number not in (WALK, LOAD_WALK))
 
 
 MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
@@ -80,11 +53,11 @@ MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
         (Spec(moves=MOVES), ("S",)),
     ],
 )
-def test_an_effect_has_its_numbers_beside_plant_load_and_noise(spec, names):
-    own = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
-    assert spec.names == own + names
+def test_an_effect_adds_its_numbers_to_plant_load_and_noise(spec, names):
+    common = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
+    assert spec.names == common + names
     pink = spec.join(Spec(pink=True))
-    assert pink.names == tuple(m for m in own if m != "load_lag") + names
+    assert pink.names == tuple(m for m in common if m != "load_lag") + names
     assert lag_of({"load_lag": 3.0}) == 3.0
     assert lag_of({}) == kernels.PINK_LOAD
 
@@ -123,7 +96,3 @@ def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():
 ])  # fmt: skip
 def test_a_valve_makes_mv_of_op_by_its_numbers(spec, theta, mv):
     assert valve_of(spec, theta, np.array([50.0, 52.0, 47.0])) == pytest.approx(mv)
-
-
-def test_a_fitted_number_costs_half_the_logarithm_of_the_samples():
-    assert size_penalty(1000, 3.0) == pytest.approx(1.5 * np.log(1000.0))

@@ -31,10 +31,10 @@ def search(mv, **more):
     ("valve_lag", lagged(OP, 3.17), {"tau": 6.34}), ("valve_lag", lagged(OP, 0.4), {"tau": 0.8}),
     ("valve_lag", lagged(OP, 45.0), {"tau": 90.0}),
 ])  # fmt: skip
-def test_a_valves_own_map_is_found_and_explains_mv(effect, mv, numbers):
-    gain, found = recogniser(effect).by_mv(search(mv + NOISE))
+def test_the_map_of_a_valve_is_identified_and_explains_mv(effect, mv, numbers):
+    gain, identified = recogniser(effect).by_mv(search(mv + NOISE))
     # lags are tried on a grid of 5 %, all else is followed down
-    assert found == pytest.approx(numbers, rel=0.025 if effect == "valve_lag" else 0.01)
+    assert identified == pytest.approx(numbers, rel=0.025 if effect == "valve_lag" else 0.01)
     left = float(np.mean((mv - OP) ** 2))
     # the price of a number or two is some three nats each
     fine = (1e-3 * SPAN) ** 2 + 1e-4
@@ -70,13 +70,6 @@ def test_a_band_that_the_baseline_has_is_no_effect_wherever_mv_began_in_it():
     assert recogniser("deadband").by_mv(known)[0] < 0.0 < recogniser("deadband").by_mv(unknown)[0]
 
 
-def test_widths_are_tried_from_a_fiftieth_of_ops_range_to_one_and_a_half():
-    sizes = search(OP).sizes
-    assert (len(sizes), *sizes[[0, -1]]) == pytest.approx((50, 0.02 * SPAN, 1.5 * SPAN))
-    still = MapSearch(np.full(N, 50.0), OP, TS, OP)
-    assert still.sizes[[0, -1]] == pytest.approx([0.02, 1.5])
-
-
 @pytest.mark.parametrize("tau", [0.5, 7.0])
 def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
@@ -89,21 +82,19 @@ def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     )
 
 
-def test_a_slow_valve_is_found_wherever_mv_stood_when_the_record_began():
-    nats, found = recogniser("valve_lag").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))
+def test_a_slow_valve_is_identified_wherever_mv_was_when_the_record_began():
+    nats, identified = recogniser("valve_lag").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))
     assert nats > recogniser("slew_limit").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))[0]
-    assert found["tau"] == pytest.approx(90.0, rel=0.1)
+    assert identified["tau"] == pytest.approx(90.0, rel=0.1)
 
 
 @pytest.mark.parametrize(
     ("model", "n"),
     [
-        ("choudhury", 4000),
-        ("he", 1000),
         ("kano", 1000),
         *(
             pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("choudhury", 1000), ("he", 4000), ("kano", 4000))
+            for case in (("choudhury", 4000), ("he", 1000), ("he", 4000), ("kano", 4000))
         ),
     ],
 )
@@ -125,6 +116,6 @@ def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(mode
             ),
             seed,
         ).record
-        found = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
-        right += abs(found["S"] / S - 1.0) < 0.05 and abs(found["J"] - J) < 0.1 * S
+        identified = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
+        right += abs(identified["S"] / S - 1.0) < 0.05 and abs(identified["J"] - J) < 0.1 * S
     assert right >= 7

@@ -93,7 +93,7 @@ def test_limits_are_read_flat_or_as_tables(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("minute = 3\n", "did you mean 'minutes'?"),
         ("minutes = -1\n", "a number above 0"),
@@ -102,9 +102,9 @@ def test_limits_are_read_flat_or_as_tables(tmp_path):
         ("[op]\nlow = 3\n", "[lo, hi]"),
     ],
 )
-def test_limits_that_cannot_be_meant_are_refused(tmp_path, text, said):
+def test_limits_that_cannot_be_meant_are_refused(tmp_path, text, message):
     file = tmp_path / "limits.toml"
     file.write_text(text)
     with pytest.raises(UserError) as error:
         read_limits(file)
-    assert said in str(error.value)
+    assert message in str(error.value)

@@ -1,11 +1,11 @@
-"""Pictures by their geometry: what is connected, where the words stand, and what the bars say."""
+"""Pictures by their geometry: what is connected, where the words are, and what the bars show."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex, to_rgb
-from matplotlib.patches import Circle, FancyBboxPatch
+from matplotlib.colors import to_hex
+from matplotlib.patches import FancyBboxPatch
 
 from simbench.gap.report import page
 from simbench.gap.report.pictures import (
@@ -31,117 +31,22 @@ def trace(scale=1.0, mv=True):
     return Traces(op=op, pv=pv, sp=np.full(800, 50.0), mv=op if mv else None, Ts=1.0)
 
 
-@pytest.fixture(scope="module")
-def blocks():
-    return draw_blocks(SHARES).axes[0]
-
-
-def shapes(axes):
-    """Return the boxes' extents (x0, y0, x1, y1) in the order of the blocks' names, and the
-    circles' centres.
-    """
-    boxes = [p.get_bbox().extents for p in axes.patches if isinstance(p, FancyBboxPatch)]
-    return dict(zip(SHARES, boxes)), [p.center for p in axes.patches if isinstance(p, Circle)]
-
-
-def connections(axes):
-    """Return where each arrow begins and ends."""
-    ends = [
-        (a.xyann if hasattr(a, "xyann") else a.xytext, a.xy)
-        for a in axes.texts
-        if getattr(a, "arrow_patch", None)
-    ]
-    starts = [
-        (line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata())
-    ]
-    return [(s, e) for s, (_, e) in zip(starts, ends, strict=True)]
-
-
-def touches(point, boxes, circles):
-    """Return the name of what a point lies on the edge of, "" for nothing."""
-    x, y = point
-    for name, (x0, y0, x1, y1) in boxes.items():
-        inside = x0 - 0.02 <= x <= x1 + 0.02 and y0 - 0.02 <= y <= y1 + 0.02
-        if inside and min(abs(x - x0), abs(x - x1), abs(y - y0), abs(y - y1)) < 0.02:
-            return name
-    return next(
-        (
-            f"sum {i}"
-            for i, (a, b) in enumerate(circles)
-            if abs(np.hypot(x - a, y - b) - 0.09) < 0.02
-        ),
-        "",
-    )
-
-
-def test_every_arrow_of_the_loop_runs_from_one_block_to_the_next(blocks):
-    found, circles = shapes(blocks)
-    joined = [
-        (touches(a, found, circles), touches(b, found, circles)) for a, b in connections(blocks)
-    ]
-    assert joined == [
-        ("", "sum 0"),
-        ("sum 0", "controller"),
-        ("controller", "valve"),
-        ("valve", "sum 1"),
-        ("sum 1", "process"),
-        ("process", ""),
-        ("disturbance", "sum 1"),
-        ("", "sensor"),
-        ("sensor", "sum 0"),
-    ]
-
-
-def test_blocks_stand_apart_within_the_picture_and_are_the_redder_the_larger_their_share(blocks):
-    found, circles = shapes(blocks)
-    rows = {name: (b[1] + b[3]) / 2 for name, b in found.items()}
-    line = [rows["controller"], rows["valve"], rows["process"], circles[0][1], circles[1][1]]
-    assert line == pytest.approx([rows["valve"]] * 5)
-    assert rows["sensor"] < rows["controller"] < rows["disturbance"]
-    extents = list(found.values())
+def test_blocks_are_apart_within_the_picture_and_are_the_redder_the_larger_their_share():
+    axes = draw_blocks(SHARES).axes[0]
+    boxes = [p for p in axes.patches if isinstance(p, FancyBboxPatch)]
+    extents = [p.get_bbox().extents for p in boxes]
     for i, (x0, y0, x1, y1) in enumerate(extents):
-        assert blocks.get_xlim()[0] <= x0 < x1 <= blocks.get_xlim()[1]
-        assert blocks.get_ylim()[0] <= y0 < y1 <= blocks.get_ylim()[1]
+        assert 0.0 <= x0 < x1 <= axes.get_xlim()[1]
+        assert 0.0 <= y0 < y1 <= axes.get_ylim()[1]
         assert not any(x0 < c and a < x1 and y0 < d and b < y1 for a, b, c, d in extents[i + 1 :])
-    boxes = [p for p in blocks.patches if isinstance(p, FancyBboxPatch)]
-    assert [p.get_facecolor()[3] for p in boxes] == pytest.approx(
-        [0.7 * s for s in SHARES.values()]
-    )
-    assert boxes[0].get_facecolor()[0] > 1.5 * max(boxes[0].get_facecolor()[1:3])
-
-
-def test_words_stand_in_their_block_or_just_above_their_line(blocks):
-    found, _ = shapes(blocks)
-    at = {t.get_text(): t.get_position() for t in blocks.texts if t.get_text()}
-    for (name, (x0, y0, x1, y1)), share in zip(found.items(), SHARES.values()):
+    colours = [p.get_facecolor() for p in boxes]
+    assert [c[3] for c in colours] == pytest.approx([0.7 * s for s in SHARES.values()])
+    assert colours[0][0] > 1.5 * max(colours[0][1:3])
+    words = {t.get_text(): t.get_position() for t in axes.texts}
+    for (name, share), (x0, y0, x1, y1) in zip(SHARES.items(), extents):
         for word in (name, f"{100 * share:.0f} %"):
-            x, y = at[word]
-            assert x == pytest.approx((x0 + x1) / 2)
-            assert y0 < y < y1
-        assert at[name][1] > at[f"{100 * share:.0f} %"][1]
-    edges = {n: (b[0], b[2]) for n, b in found.items()}
-    between = {
-        "SP": (0.0, 0.35),
-        "OP": (edges["controller"][1], edges["valve"][0]),
-        "MV": (edges["valve"][1], 3.01),
-    }
-    for word, (left, right) in between.items():
-        assert left < at[word][0] < right
-        assert 0.0 < at[word][1] - (found["valve"][1] + found["valve"][3]) / 2 < 0.1
-    assert edges["controller"][0] < at["PV"][0] < edges["sensor"][0]
-    assert 0.0 < at["PV"][1] - (found["sensor"][1] + found["sensor"][3]) / 2 < 0.1
-    assert at["-"][0] < 0.44
-    assert at["-"][1] < at["OP"][1]
-
-
-def test_the_blocks_are_said_in_percent_of_the_gap(monkeypatch):
-    said = []
-    monkeypatch.setattr(page, "inline_svg", lambda draw, name, says: said.append(says))
-    page._where(SimpleNamespace(blocks=SHARES, ranking=[]))
-    assert said == [
-        "control loop; share of the gap: controller 12 %, valve 62 %, process 0 %, disturbance 20"
-        " %, sensor 6 %"
-    ]
+            assert x0 < words[word][0] < x1
+            assert y0 < words[word][1] < y1
 
 
 def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
@@ -151,10 +56,10 @@ def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
     assert lower.get_legend() is None
     assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "frequency (1/s)")
     for axes in (upper, lower):
-        own = axes.lines[-1].get_ydata()
+        record = axes.lines[-1].get_ydata()
         low, high = axes.get_ylim()
-        assert own.min() / 10 < low < own.min() / 2
-        assert 4 * own.max() < high < 16 * own.max()
+        assert record.min() / 10 < low < record.min() / 2
+        assert 4 * record.max() < high < 16 * record.max()
 
 
 def test_the_axes_hold_the_record_and_what_is_near():
@@ -165,21 +70,7 @@ def test_the_axes_hold_the_record_and_what_is_near():
     assert _limits([np.array([3.0, 3.0])]) == pytest.approx((2.96, 3.04))
 
 
-def test_traces_have_a_panel_each_and_a_set_point_under_pv_only():
-    runs = {BASELINE: trace(), FIXED: trace()}
-    for signal, lines in (("PV", 2), ("OP", 1)):
-        panels = draw_traces(signal, trace(), runs, 100, 300).axes
-        assert [len(a.lines) for a in panels] == [lines] * 3
-        assert [a.get_xlabel() for a in panels] == ["", "", "time (s)"]
-        assert panels[0].lines[-1].get_xdata()[[0, -1]].tolist() == [100.0, 299.0]
-    shown = draw_loops("MV", trace(), runs, 0, 800).axes
-    assert [a.axison for a in shown] == [True, True, True, False]
-    assert [a.get_ylabel() for a in shown[:3]] == ["MV (%)", "", "MV (%)"]
-    # the panel above the empty place names the axis
-    assert [a.get_xlabel() for a in shown[:3]] == ["", "OP (%)", "OP (%)"]
-
-
-def test_bars_are_as_long_as_they_say_from_the_top_down():
+def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     axes = draw_ranking(["stiction", "noise"], [0.91, 0.05]).axes[0]
     assert [p.get_width() for p in axes.patches] == pytest.approx([0.91, 0.05])
     assert axes.patches[0].get_y() > axes.patches[1].get_y()
@@ -191,12 +82,12 @@ def test_bars_are_as_long_as_they_say_from_the_top_down():
     assert 4.0 < gap.get_xlim()[1] < 5.0
 
 
-@pytest.mark.parametrize(("value", "lo", "hi", "said"), [
+@pytest.mark.parametrize(("value", "lo", "hi", "tile"), [
     (0.42, 0.1, 0.6, ("42 %", "of the gap closes (90 % interval 10 to 60 %)")),
     (0.0, -0.1, 0.2, ("0 %", "of the gap closes (90 % interval -10 to 20 %)")),
     (-0.08, -0.25, 0.0, ("8 %", "by which the gap grows (90 % interval 0 to 25 %)")),
 ])  # fmt: skip
-def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
+def test_what_closes_and_what_grows_is_written_in_percent(monkeypatch, value, lo, hi, tile):
     seen = {}
     monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
     first = {
@@ -215,11 +106,10 @@ def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, h
             sentence=lambda: "It sticks.",
         )
     )
-    assert seen["tiles"][:3] == [("0.91", "probability of stiction"), said, ("4.00", "gap before")]
+    assert seen["tiles"][:3] == [("0.91", "probability of stiction"), tile, ("4.00", "gap before")]
     assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
 
 
-EVERY = {name: trace() for name in (BASELINE, TUNED, FIXED, NEAREST)}
 DRAWN = {
     "traces": lambda runs: draw_traces("PV", trace(), runs, 0, 300),
     "loops": lambda runs: draw_loops("PV", trace(), runs, 0, 300),
@@ -228,76 +118,34 @@ DRAWN = {
 
 
 @pytest.mark.parametrize(
-    ("draw", "few", "many"),
-    [
-        # an inch or so for each panel, and what the axes' words need
-        ("traces", 0.5 + 2 * 1.15, 0.5 + 5 * 1.15),
-        ("loops", 0.3 + 1.85, 0.3 + 3 * 1.85),
-        ("spectra", 4.4, 4.4),
-    ],
+    ("draw", "high"),
+    # an inch or so for each panel, and what the axes' words need
+    [("traces", 0.5 + 5 * 1.15), ("loops", 0.3 + 3 * 1.85), ("spectra", 4.4)],
 )
-def test_pictures_fit_on_a_phone_and_grow_with_their_panels(draw, few, many):
-    for runs, high in (({BASELINE: trace()}, few), (EVERY, many)):
-        assert DRAWN[draw](runs).get_size_inches() == pytest.approx((4.6, high))
-
-
-def test_bars_take_as_much_room_as_they_need():
-    assert draw_ranking(["a"], [1.0]).get_size_inches() == pytest.approx((4.6, 0.93))
-    assert draw_ranking(["a", "b", "c"], [0.7, 0.2, 0.1]).get_size_inches() == pytest.approx(
-        (4.6, 1.49)
-    )
-    assert draw_gap({"before": 2.0, "floor": 1.0}).get_size_inches() == pytest.approx((4.6, 1.33))
-    assert draw_blocks(SHARES).get_size_inches() == pytest.approx((4.6, 2.6))
-    for figure in (
-        draw_ranking(["a", "b"], [0.7, 0.3]),
-        draw_gap({"before": 2.0, "nearest effect": 1.5, "floor": 1.0}),
-    ):
-        (axes,) = figure.axes
-        for bar, text, place in zip(axes.patches, axes.texts, axes.get_yticks()):
-            # gaps between the bars are two thirds as wide as they, and the number stands at the end
-            assert bar.get_height() == pytest.approx(0.62)
-            assert bar.get_y() + bar.get_height() / 2 == pytest.approx(place)
-            assert text.xy == pytest.approx((bar.get_width(), place))
-            assert text.xyann == (4, 0)
-        assert [tick.tick1line.get_markersize() for tick in axes.yaxis.get_major_ticks()] == [
-            0.0
-        ] * len(axes.patches)
-
-
-@pytest.mark.parametrize("draw", list(DRAWN))
-def test_every_line_is_thin_solid_enough_and_in_the_colour_of_its_loop(draw):
-    for axes in DRAWN[draw](EVERY).axes:
-        for line in axes.lines:
-            assert 0.6 <= line.get_linewidth() <= 2.0
-            assert (line.get_alpha() or 1.0) >= 0.8
-            assert to_hex(line.get_color()).upper() in {colour for colour, _ in LOOK.values()} | {
-                "#6E6E6E"
-            }
-    # a law stands where the effect would, never beside it
-    assert len({colour for colour, _ in LOOK.values()}) == len(LOOK) - 1 == 5
+def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw, high):
+    runs = {name: trace() for name in (BASELINE, TUNED, FIXED, NEAREST)}
+    figure = DRAWN[draw](runs)
+    assert figure.get_size_inches() == pytest.approx((4.6, high))
+    colours = {colour for colour, _ in LOOK.values()}
+    for line in (line for axes in figure.axes for line in axes.lines):
+        assert 0.6 <= line.get_linewidth() <= 2.0
+        assert (line.get_alpha() or 1.0) >= 0.8
+        assert to_hex(line.get_color()).upper() in colours | {"#6E6E6E"}
+    # a law takes the place of the effect, never beside it
+    assert len(colours) == len(LOOK) - 1 == 5
     assert LOOK["with the law"][0] == LOOK[FIXED][0]
 
 
-def test_the_baselines_spectrum_is_wide_enough_to_be_seen_under_the_others():
-    for axes in draw_spectra(trace(), EVERY).axes:
-        widths = {line.get_label(): line.get_linewidth() for line in axes.lines}
-        assert widths == {BASELINE: 2.0, TUNED: 1.1, FIXED: 1.1, NEAREST: 1.1, RECORD: 1.1}
-        assert [line.get_linestyle() for line in axes.lines] == ["--", "-.", "-", "-", "-"]
-    assert [a.get_ylabel() for a in draw_spectra(trace(), EVERY).axes] == [
-        "power of PV (PV units$^2$ s)",
-        "power of OP (%$^2$ s)",
-    ]
-
-
-@pytest.mark.parametrize(("signal", "said"), [("PV", "PV"), ("OP", "OP (%)")])
-def test_panels_say_whose_they_are_and_what_stands_upwards(signal, said):
-    axes = draw_traces(signal, trace(), {BASELINE: trace(), FIXED: trace()}, 0, 100).axes
-    assert [a.get_ylabel() for a in axes] == [said] * 3
-    assert [a.get_title(loc="left") for a in axes] == [RECORD, BASELINE, FIXED]
-    if signal == "PV":
-        assert {(a.lines[0].get_linestyle(), a.lines[0].get_color()) for a in axes} == {
-            (":", "#6E6E6E")
-        }
+@pytest.mark.parametrize(("signal", "up", "lines"), [("PV", "PV", 2), ("OP", "OP (%)", 1)])
+def test_traces_have_a_named_panel_each_and_a_set_point_under_pv_only(signal, up, lines):
+    runs = {BASELINE: trace(), FIXED: trace()}
+    panels = draw_traces(signal, trace(), runs, 100, 300).axes
+    assert [len(a.lines) for a in panels] == [lines] * 3
+    assert [a.get_ylabel() for a in panels] == [up] * 3
+    assert [a.get_title(loc="left") for a in panels] == [RECORD, BASELINE, FIXED]
+    assert [a.get_xlabel() for a in panels] == ["", "", "time (s)"]
+    assert panels[0].lines[-1].get_xdata()[[0, -1]].tolist() == [100.0, 299.0]
+    assert draw_loops("MV", trace(), runs, 0, 800).axes[0].get_ylabel() == "MV (%)"
 
 
 @pytest.mark.parametrize(("runs", "shown", "named"), [
@@ -313,9 +161,9 @@ def test_the_lowest_panel_of_each_column_names_op(runs, shown, named):
     assert [a.get_ylabel() for a in axes if a.axison][::2] == ["PV"] * ((len(runs) + 2) // 2)
 
 
-@pytest.mark.parametrize(("share", "said"), [(0.45, False), (0.55, True)])
+@pytest.mark.parametrize(("share", "warns"), [(0.45, False), (0.55, True)])
 @pytest.mark.parametrize(("far", "word"), [(1000.0, "1e+03"), (-1000.0, "-1e+03")])
-def test_a_simulation_that_runs_away_is_said_to(share, said, far, word):
+def test_a_simulation_that_runs_away_is_marked(share, warns, far, word):
     record, away = trace(), trace()
     away.pv[: int(share * 800)] = far
     away.op[: int(share * 800)] = far
@@ -324,34 +172,11 @@ def test_a_simulation_that_runs_away_is_said_to(share, said, far, word):
         draw_loops("PV", record, {FIXED: away}, 0, 800).axes[1],
     ):
         words = [t for t in axes.texts if "runs beyond these axes" in t.get_text()]
-        assert len(words) == said
+        assert len(words) == warns
         for text in words:
             assert text.get_text().endswith(f"to {word}")
             assert text.get_position() == (0.5, 0.5)
             assert text.get_transform() == axes.transAxes
-
-
-def test_the_colour_of_a_block_is_the_red_of_the_effect(blocks):
-    box = next(p for p in blocks.patches if isinstance(p, FancyBboxPatch))
-    assert box.get_facecolor()[:3] == pytest.approx(to_rgb(LOOK[FIXED][0]))
-    assert {p.get_linewidth() for p in blocks.patches if isinstance(p, FancyBboxPatch)} == {1.0}
-    assert {
-        (p.get_radius(), p.get_linewidth(), p.get_fill())
-        for p in blocks.patches
-        if isinstance(p, Circle)
-    } == {(0.09, 0.9, False)}
-    assert {line.get_linewidth() for line in blocks.lines} == {0.9}
-
-
-def test_blocks_are_as_high_as_each_other_and_wide_enough_for_their_names(blocks):
-    found, circles = shapes(blocks)
-    assert {round(y1 - y0, 6) for _, y0, _, y1 in found.values()} == {0.62}
-    assert len(circles) == 2
-    for name, (x0, _, x1, _) in found.items():
-        # a letter of this size is some 0.065 inches wide
-        assert 0.065 * len(name) + 0.15 < x1 - x0 < 0.14 * len(name) + 0.15
-    assert (blocks.get_xlim(), blocks.get_ylim()) == ((0.0, 4.6), (0.0, 2.6))
-    assert blocks.get_position().bounds == (0.0, 0.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(

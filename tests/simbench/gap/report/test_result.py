@@ -7,7 +7,7 @@ import pytest
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
 
-BEHIND = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
+DETAILS = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
 STUCK = {
     "block": "valve",
     "effect": "stiction",
@@ -65,7 +65,7 @@ def report(
         given["next_test"],
         given["notes"],
         CONCLUSION,
-        BEHIND,
+        DETAILS,
     )
 
 
@@ -88,9 +88,9 @@ def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes()
 
 def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
     something = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
-    said = report("unknown", "process", (something,), value=None).sentence()
+    sentence = report("unknown", "process", (something,), value=None).sentence()
     assert (
-        said
+        sentence
         == "Something is missing in the process block that no known effect explains (probability"
         " 0.62); closest: stiction."
     )
@@ -99,19 +99,19 @@ def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
 @pytest.mark.parametrize(("recalibrated", "resolvable", "differs"), [
     (1.19, True, False), (1.21, True, True), (1.21, False, False), (9.0, True, True),
 ])  # fmt: skip
-def test_none_is_an_answer_and_a_gap_that_stays_is_said(recalibrated, resolvable, differs):
+def test_none_is_an_answer_and_a_gap_that_stays_is_reported(recalibrated, resolvable, differs):
     nothing = {"block": "none", "effect": "none", "parameters": {}, "probability": 0.9}
-    said = report(
+    sentence = report(
         "none", "none", (nothing,), gap=(4.0, recalibrated, 1.2, 0.8, resolvable), value=None
     ).sentence()
     if differs:
         assert (
-            said
+            sentence
             == "No known effect is called for, but the simulation still differs from the record: "
             f"gap {recalibrated:.2f} against a floor of 0.80."
         )
     else:
-        assert said.startswith("No unmodelled effect is needed")
+        assert sentence.startswith("No unmodelled effect is needed")
 
 
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
@@ -131,7 +131,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     assert lines[17:] == ["", "next test: bump: bump it", "note: one", "note: two"]
 
 
-def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claimed():
+def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_claimed():
     text = report(
         group=("deadband", "stiction"),
         gap=(1.0, 1.0, 1.0, 0.8, False),

@@ -14,15 +14,15 @@ from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
 
 
-def report(said, asked=None, notes=(), **p):
+def report(sentence, asked=None, notes=(), **p):
     ranking = [SimpleNamespace(effect=e, probability=x) for e, x in p.items()]
-    found = SimpleNamespace(situation=SimpleNamespace(record=SimpleNamespace(tag="FIC <1>")))
+    assessment = SimpleNamespace(situation=SimpleNamespace(record=SimpleNamespace(tag="FIC <1>")))
     return SimpleNamespace(
         ranking=ranking,
         next_test=asked,
         notes=notes,
-        sentence=lambda: said,
-        behind=SimpleNamespace(found=found),
+        sentence=lambda: sentence,
+        behind=SimpleNamespace(found=assessment),
     )
 
 
@@ -35,12 +35,12 @@ def bump():
     return SimpleNamespace(name="bump.csv", id="bump", record=record, manual=np.arange(80) > 30)
 
 
-def test_the_story_says_what_was_believed_asked_run_and_changed(bump):
+def test_the_story_shows_what_was_believed_asked_run_and_changed(bump):
     asked = {"says": "bump OP by 2 %", "separates": ["drift", "valve_lag"]}
     before = report("It may be drift.", asked, drift=0.4, valve_lag=0.35)
     notes = ("test: bump.csv is said", "other")
     after = report("It is valve lag.", notes=notes, drift=0.02, valve_lag=0.95, noise=0.001)
-    said = unescape(str(story(after, before, [bump])))
+    text = unescape(str(story(after, before, [bump])))
     for words in (
         "It may be drift.",
         "bump OP by 2 %",
@@ -50,10 +50,10 @@ def test_the_story_says_what_was_believed_asked_run_and_changed(bump):
         "0.950",
         "0.350",
     ):
-        assert words in said
-    assert "test: bump.csv is said" in said
-    assert "0.001" not in said
-    assert said.count("<svg") == 1
+        assert words in text
+    assert "test: bump.csv is said" in text
+    assert "0.001" not in text
+    assert text.count("<svg") == 1
 
 
 def test_the_page_of_a_plan_shows_every_test_and_what_was_left_out(tmp_path):

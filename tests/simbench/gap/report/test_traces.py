@@ -1,4 +1,4 @@
-"""Which loops stand beside a record in the pictures, and over which samples."""
+"""Which loops are drawn with a record, and over which samples."""
 
 from types import SimpleNamespace
 
@@ -14,7 +14,6 @@ from simbench.gap.report.traces import (
     FIXED,
     NEAREST,
     TUNED,
-    Traces,
     kick_of,
     nearest,
     recorded,
@@ -61,22 +60,6 @@ def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("mv", [False, True])
-def test_the_record_is_shown_as_the_diagnosis_saw_it(mv):
-    found = recorded(report(mv=mv))
-    # OP in percent, not as recorded
-    assert np.array_equal(found.op, X)
-    assert np.array_equal(found.sp, X + 2.0)
-    assert (found.mv is not None, found.Ts) == (mv, 2.0)
-    part = found.part(10, 13)
-    assert [part.op.tolist(), part.pv.tolist(), part.sp.tolist()] == [
-        [10, 11, 12],
-        [10, 11, 12],
-        [12, 13, 14],
-    ]
-    assert (part.mv is not None and part.mv.tolist() == [11, 12, 13]) == mv
-
-
 def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
     ranking = (
         Ranked("unknown", "process", 0.5, 4.0, 1.0, {}),
@@ -107,15 +90,18 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
         return real(x, seed=seed, kick=kick)
 
     monkeypatch.setattr(traces, "simulate", noted)
-    found = simulated(report(effect, named), seed=3)
-    assert list(found) == shown
+    runs = simulated(report(effect, named), seed=3)
+    assert list(runs) == shown
+    part = recorded(report(mv=False)).part(10, 13)
+    # OP in percent, not as recorded
+    assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
     expected = [
         (1.0, 3, 0.0),
         (1.1, 3, 0.0),
         {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1]),
     ]
     assert seen == expected[: len(shown)]
-    for trace in found.values():
+    for trace in runs.values():
         assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
         assert trace.Ts == 2.0
         assert trace.mv is not None
@@ -138,7 +124,3 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
 def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
     assert window(report(n=n), most) == (first, n)
     assert window(report(n=10_000)) == (8800, 10_000)
-
-
-def test_traces_may_have_no_mv():
-    assert Traces(X, X, X, None, 1.0).part(0, 5).mv is None

@@ -9,19 +9,19 @@ from simbench.loop.effects.compression import swinging_door
 
 @pytest.mark.parametrize("begins", [0.0, 4.13])
 @pytest.mark.parametrize("step", [0.5, 0.237, 3.3])
-def test_a_lattice_is_found_through_decimal_rounding_wherever_it_begins(step, begins):
+def test_a_lattice_shows_through_decimal_rounding_wherever_it_begins(step, begins):
     rng = np.random.default_rng(1)
     pv, op = begins + np.round(rng.normal(40, 5 * step, 800) / step) * step, rng.normal(50, 5, 800)
     # the other column shows that the file has digits to spare
-    found = inspect_samples(np.round(pv, 5), np.round(op, 5))
-    assert found.step == pytest.approx(step, rel=1e-3)
-    assert found.resolution == pytest.approx(1e-5)
-    assert found.straight == 0.0
+    samples = inspect_samples(np.round(pv, 5), np.round(op, 5))
+    assert samples.step == pytest.approx(step, rel=1e-3)
+    assert samples.resolution == pytest.approx(1e-5)
+    assert samples.straight == 0.0
 
 
 def test_decimal_digits_are_no_lattice():
-    found = inspect_samples(np.round(np.random.default_rng(1).normal(40, 5, 800), 3))
-    assert (found.step, found.resolution) == (0.0, pytest.approx(1e-3))
+    samples = inspect_samples(np.round(np.random.default_rng(1).normal(40, 5, 800), 3))
+    assert (samples.step, samples.resolution) == (0.0, pytest.approx(1e-3))
 
 
 def test_straight_lines_are_seen_in_a_compressed_archive_only():
@@ -31,18 +31,18 @@ def test_straight_lines_are_seen_in_a_compressed_archive_only():
     assert inspect_samples(pv).straight == 0.0
 
 
-def test_spikes_and_standstills_are_told_with_their_sizes():
+def test_spikes_and_standstills_are_reported_with_their_sizes():
     pv = np.random.default_rng(2).normal(0, 0.1, 1000)
     pv[[100, 300, 800]] += [2.0, -2.0, 3.0]
     pv[600:650] = pv[600]
-    found = inspect_samples(pv)
-    assert found.spikes.tolist() == [100, 300, 800]
-    assert found.heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
-    assert (found.held, found.stuck) == (50, pytest.approx(0.05))
+    samples = inspect_samples(pv)
+    assert samples.spikes.tolist() == [100, 300, 800]
+    assert samples.heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
+    assert (samples.held, samples.stuck) == (50, pytest.approx(0.05))
 
 
 def test_a_noise_with_heavy_tails_has_no_spikes():
     pv = 40 + np.random.default_rng(7).standard_t(4, 3000)
-    found = inspect_samples(pv)
-    assert found.heavy
-    assert found.spikes.size == 0
+    samples = inspect_samples(pv)
+    assert samples.heavy
+    assert samples.spikes.size == 0

@@ -47,7 +47,7 @@ def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_cou
 
 
 def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, capsys):
-    write(tmp_path / "r1.csv", np.arange(400))
+    write(tmp_path / "r1.csv", np.arange(250))
     for k in (2, 3, 4):
         shutil.copy(tmp_path / "r1.csv", tmp_path / f"r{k}.csv")
     labels = tmp_path.with_name(f"{tmp_path.name}-labels.csv")
@@ -56,8 +56,8 @@ def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, 
     )
     words = ["detect", str(tmp_path), "--labels", str(labels), "--method"]
     assert main([*words, "likelihood"]) == 0
-    told = capsys.readouterr().out
-    assert "probability of stiction  conclusion" in told
-    assert "Conclusion by loop:" in told
+    printed = capsys.readouterr().out
+    assert "probability of stiction  conclusion" in printed
+    assert "Conclusion by loop:" in printed
     assert main([*words, "horch_histogram"]) == 0
     assert "Conclusion by loop:" not in capsys.readouterr().out

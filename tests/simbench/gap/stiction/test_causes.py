@@ -23,7 +23,7 @@ LOOP = {
 SINE = {"type": "sine", "amplitude": 2.0, "period": 200.0, "at": "output"}
 
 
-def found(**more):
+def causes_of(**more):
     record = simulate(
         Loop.from_table(LOOP | more), 3, kick=5.0 if "valve" in more else 0.0
     ).record.without_mv()
@@ -31,32 +31,32 @@ def found(**more):
 
 
 def test_a_sine_from_outside_is_a_disturbance_and_not_tuning():
-    said = found(disturbance=[*LOOP["disturbance"], SINE])
-    assert said.named.name == causes.FROM_OUTSIDE
-    against = next(c for c in said.weighed if c.name == causes.TIGHT).against
+    result = causes_of(disturbance=[*LOOP["disturbance"], SINE])
+    assert result.named.name == causes.FROM_OUTSIDE
+    against = next(c for c in result.weighed if c.name == causes.TIGHT).against
     assert "of its phase" in against[0]
 
 
 def test_a_sticky_valve_is_stiction_with_its_size():
-    said = found(valve={"model": "choudhury", "S": 6.0, "J": 4.0})
-    assert said.named.name == causes.STICKING
-    assert "S = " in said.named.speaks_for[0]
+    result = causes_of(valve={"model": "choudhury", "S": 6.0, "J": 4.0})
+    assert result.named.name == causes.STICKING
+    assert "S = " in result.named.speaks_for[0]
 
 
-def test_tuning_is_named_where_the_margin_says_so():
-    said = found(controller={"type": "PI", "Kc": 6.4, "Ti": 30.0})
-    assert said.named.name == causes.TIGHT
-    assert "gain margin" in said.named.speaks_for[0]
+def test_tuning_is_named_where_the_margin_is_small():
+    result = causes_of(controller={"type": "PI", "Kc": 6.4, "Ti": 30.0})
+    assert result.named.name == causes.TIGHT
+    assert "gain margin" in result.named.speaks_for[0]
 
 
 def test_a_loop_at_rest_has_no_cause():
-    assert found().named.name == causes.NO_CAUSE
+    assert causes_of().named.name == causes.NO_CAUSE
 
 
-def test_a_record_without_a_loop_is_open_and_says_why():
+def test_a_record_without_a_loop_is_open_with_its_reason():
     record = simulate(Loop.from_table(LOOP), 3).record.without_mv()
-    said = find_causes(Prepared(record), "no plant can be identified").named
-    assert (said.name, said.against) == (causes.NOT_TOLD, ("no plant can be identified",))
+    result = find_causes(Prepared(record), "no plant can be identified").named
+    assert (result.name, result.against) == (causes.NOT_TOLD, ("no plant can be identified",))
 
 
 def test_margins_are_those_of_the_frequency_response():

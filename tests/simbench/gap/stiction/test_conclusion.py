@@ -65,7 +65,7 @@ def contradictions(c):
         "no reason": not c["reason"].strip(),
         "no next step": not step.strip(),
     }
-    return [said for said, wrong in rules.items() if wrong]
+    return [message for message, wrong in rules.items() if wrong]
 
 
 def printed(*words):
@@ -132,7 +132,7 @@ def with_loop(file, loop):
 
 def differ(shown):
     """Return what contradicts in what the verbs show of one record."""
-    wrong = [f"{verb}: {said}" for verb, c in shown.items() for said in contradictions(c)]
+    wrong = [f"{verb}: {message}" for verb, c in shown.items() for message in contradictions(c)]
     one = next(iter(shown.values()))
     for verb, c in shown.items():
         same = (c["verdict"], c["cause"]) == (one["verdict"], one["cause"])
@@ -191,8 +191,10 @@ def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effec
         named = [max(w.probability, key=lambda e: w.probability[e])]
         if named[0] in EFFECTS and rng.random() < 0.3:
             named += [str(rng.choice([e for e in EFFECTS if block_of(e) != block_of(named[0])]))]
-        found = assessed(named, **{e: float(rng.uniform(-5, 40)) for e in named if e in EFFECTS})
-        c = from_posterior(w, named, found, 1.0, None)
+        assessment = assessed(
+            named, **{e: float(rng.uniform(-5, 40)) for e in named if e in EFFECTS}
+        )
+        c = from_posterior(w, named, assessment, 1.0, None)
         assert contradictions(c.as_json()) == [], (named, c)
         if c.verdict == STICTION:
             assert set(named) & set(FRICTION)
@@ -202,7 +204,7 @@ def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effec
     assert seen == {STICTION, NO_STICTION, NO_DECISION}
 
 
-def test_friction_named_beside_another_effect_counts_by_what_it_brings_on_top_of_it():
+def test_friction_named_with_another_effect_counts_by_what_it_brings_on_top_of_it():
     w, named = weights(sensor_lag=0.75, stiction=0.2, none=0.05), ["sensor_lag", "stiction"]
     much = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=40.0))
     little = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=6.0))
@@ -211,7 +213,7 @@ def test_friction_named_beside_another_effect_counts_by_what_it_brings_on_top_of
     assert friction_share(w, ["sensor_lag"], assessed(named)) == pytest.approx(0.2)
 
 
-def test_what_is_unknown_says_nothing_of_friction_and_in_the_valve_leaves_it_open():
+def test_what_is_unknown_shows_nothing_of_friction_and_in_the_valve_leaves_it_open():
     w = weights(stiction=0.45, none=0.05, unknown=0.5)
     assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.9)
     assert from_posterior(w, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
@@ -227,9 +229,9 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
     monkeypatch, p, verdict, effects
 ):
     record = random_case(7, effects).record
-    behind = candidate_loops(record)
+    loops = candidate_loops(record)
     monkeypatch.setattr(CandidateLoops, "probability", p)
-    c, _ = from_record(Prepared(record), behind)
+    c, _ = from_record(Prepared(record), loops)
     assert c.verdict == verdict
     assert contradictions(c.as_json()) == []
     assert verdict == STICTION or "would have shown in this record" in c.reason
@@ -237,27 +239,27 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 
 def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
     record = random_case(7, ("stiction",)).record
-    behind = candidate_loops(record)
+    loops = candidate_loops(record)
     monkeypatch.setattr(CandidateLoops, "probability", 0.8)
-    c, _ = from_record(Prepared(record), behind, "FIC101", 0.9)
+    c, _ = from_record(Prepared(record), loops, "FIC101", 0.9)
     assert (c.verdict, c.cause) == (NO_DECISION, causes.NEIGHBOUR)
     assert "FIC101" in c.reason
 
 
 @pytest.mark.slow
-def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_beside_the_lag():
+def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag():
     table = load_loop(EXAMPLE).to_table() | {
         "noise": {"std": 0.3},
         "effect": [{"name": "sensor_lag", "tau": 6.0}],
     }
     record = simulate(Loop.from_table(table), 1).record.without_mv()
-    alone, beside = conclude(record), conclude(record, load_loop(EXAMPLE))
-    assert alone.verdict == beside.verdict == NO_STICTION
-    assert beside.probability < 0.1
-    assert "sensor lag" in beside.cause
+    alone, informed = conclude(record), conclude(record, load_loop(EXAMPLE))
+    assert alone.verdict == informed.verdict == NO_STICTION
+    assert informed.probability < 0.1
+    assert "sensor lag" in informed.cause
 
 
-def test_what_cannot_be_judged_has_no_probability_and_says_why():
+def test_what_cannot_be_judged_has_no_probability_and_a_reason():
     c = conclude(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
     assert (c.verdict, c.probability) == (NO_DECISION, None)
     assert "OP is constant (50)" in c.reason
@@ -280,7 +282,7 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
     for number in range(COUNT - len(real)):
         file, loop, effect = drawn(tmp_path / f"{number}", number)
         for shown in (alone(file), with_loop(file, loop)):
-            wrong += [(number, effect, said) for said in differ(shown)] if shown else []
+            wrong += [(number, effect, message) for message in differ(shown)] if shown else []
             rows += [
                 (effect, len(shown), c["verdict"], c["probability"])
                 for c in list(shown.values())[:1]
@@ -289,6 +291,6 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
         (tmp_path / source.stem).mkdir()
         copy = tmp_path / source.stem / source.name
         copy.write_bytes(source.read_bytes())
-        wrong += [(source.stem, said) for said in differ(alone(copy))]
+        wrong += [(source.stem, message) for message in differ(alone(copy))]
     print(*rows, sep="\n")
     assert not wrong, "\n".join(map(str, wrong))

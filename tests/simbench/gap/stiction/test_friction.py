@@ -26,11 +26,11 @@ from simbench.plant.trust.trust import trust
     ("seed", "effects", "known"),
     [
         (5, (FRICTION,), False),
-        (8, (OUTSIDE,), True),
         *(
             pytest.param(*case, marks=pytest.mark.slow)
             for case in (
                 (5, (FRICTION,), True),
+                (8, (OUTSIDE,), True),
                 (8, (OUTSIDE,), False),
                 (2, ("load_steps",), False),
                 (2, ("load_steps",), True),
@@ -41,7 +41,7 @@ from simbench.plant.trust.trust import trust
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
     alone, slow = (
-        friction(case.record, case.baseline if known else None).found,
+        friction(case.record, case.baseline if known else None).assessment,
         at_its_pace(case.record),
     )
     whole = [diagnose(case.record, case.baseline if known else None).behind.found]
@@ -57,7 +57,7 @@ def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
                 )
             )
         )
-    best = max(whole, key=lambda found: found.log_likelihood_gains[FRICTION])
+    best = max(whole, key=lambda assessment: assessment.log_likelihood_gains[FRICTION])
     # what is beyond doubt as sampled is not asked again
     if best.log_likelihood_gains[FRICTION] > ENOUGH:
         best = next(f for f in whole if f.log_likelihood_gains[FRICTION] > ENOUGH)
@@ -70,9 +70,9 @@ def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
 def test_friction_that_was_taken_out_of_the_library_is_no_fault():
     case = random_case(2, ("load_steps",))
     with left_out(FRICTION):
-        found = diagnose(case.record, case.baseline)
-    assert found.probability_of_stiction < 0.5
-    assert FRICTION not in found.behind.found.candidates
+        report = diagnose(case.record.window(0, 300), case.baseline)
+    assert report.probability_of_stiction < 0.5
+    assert FRICTION not in report.behind.found.candidates
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6])
@@ -88,11 +88,11 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
 
     def worse_at_pace(r, loop, given=()):
         asked.append(r.Ts)
-        found = fitted(r, loop, given)
-        gains = found.log_likelihood_gains | (
+        assessment = fitted(r, loop, given)
+        gains = assessment.log_likelihood_gains | (
             {FRICTION: share * ENOUGH} if r.Ts == slow.Ts else {FRICTION: 0.8 * ENOUGH}
         )
-        return replace(found, log_likelihood_gains=gains)
+        return replace(assessment, log_likelihood_gains=gains)
 
     monkeypatch.setattr(module, "_fitted", worse_at_pace)
     assert friction(record).evidence.gain == pytest.approx(0.8 * ENOUGH)
@@ -102,7 +102,7 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
 @pytest.mark.parametrize(
     ("kind", "process"), [("foptd", "self-regulating"), ("integrating", "integrating")]
 )
-def test_the_kind_of_an_unknown_plant_is_told_by_all_samples(monkeypatch, kind, process):
+def test_the_kind_of_an_unknown_plant_is_judged_from_all_samples(monkeypatch, kind, process):
     """One loop has one plant: fewer samples do not make another of it."""
     record = replace(random_case(5, (FRICTION,)).record, process=None)
     plant = SimpleNamespace(integrating=kind == "integrating")
@@ -113,7 +113,7 @@ def test_the_kind_of_an_unknown_plant_is_told_by_all_samples(monkeypatch, kind, 
     asked = []
     monkeypatch.setattr(module, "_as_it_is", lambda record: whole)
     monkeypatch.setattr(module, "_at_pace", lambda slow, record: asked.append(slow.process))
-    monkeypatch.setattr(module, "_measured", lambda found: found)
+    monkeypatch.setattr(module, "_measured", lambda assessment: assessment)
     friction(record)
     friction(replace(record, process="integrating"))
     assert asked == [process, "integrating"]
@@ -125,10 +125,10 @@ def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
     rounded = replace(record, pv=np.round(record.pv / step) * step)
     assert at_its_pace(rounded).n < rounded.n
     monkeypatch.setattr(module, "_as_it_is", lambda record: None)
-    found = friction(rounded).found
-    assert found.situation.proven["quantisation"]["step"] == pytest.approx(step)
-    assert found.parameters["quantisation"] == found.situation.proven["quantisation"]
-    assert found.situation.data.n == at_its_pace(rounded).n
+    assessment = friction(rounded).assessment
+    assert assessment.situation.proven["quantisation"]["step"] == pytest.approx(step)
+    assert assessment.parameters["quantisation"] == assessment.situation.proven["quantisation"]
+    assert assessment.situation.data.n == at_its_pace(rounded).n
 
 
 def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb():
@@ -138,13 +138,15 @@ def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb()
     archived = LoopRecord(
         op=50.0 + np.cos(t / 60.0), pv=np.interp(t, t[kept], pv[kept]), Ts=1.0, op_span=(0.0, 100.0)
     )
-    with pytest.raises(RecordError, match="samples of PV are its own"):
+    with pytest.raises(RecordError, match="samples of PV were measured"):
         friction(archived)
-    found = diagnose(archived)
-    assert found.probability_of_stiction is None
-    assert any(n.startswith(f"{FRICTION}: cannot tell") and "its own" in n for n in found.notes)
-    assert found.effect not in (FRICTION, "deadband")
-    told = trust(archived, methods=["he"])
-    assert told.conclusion.verdict == "no_decision"
-    assert "its own" in told.conclusion.reason
-    assert "its own" in judge(archived, ["likelihood"])[0].reason
+    report = diagnose(archived)
+    assert report.probability_of_stiction is None
+    assert any(
+        n.startswith(f"{FRICTION}: cannot tell") and "were measured" in n for n in report.notes
+    )
+    assert report.effect not in (FRICTION, "deadband")
+    trusted = trust(archived, methods=["he"])
+    assert trusted.conclusion.verdict == "no_decision"
+    assert "were measured" in trusted.conclusion.reason
+    assert "were measured" in judge(archived, ["likelihood"])[0].reason

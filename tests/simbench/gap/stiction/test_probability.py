@@ -57,17 +57,17 @@ def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken(
     assert pooled([2.0, -2.0]) == 0.0
 
 
-def test_between_yes_and_no_it_cannot_be_told():
+def test_between_yes_and_no_there_is_no_decision():
     edges = (DENIED_BELOW - 1e-9, DENIED_BELOW, CLAIMED_FROM, CLAIMED_FROM + 1e-9)
     assert [verdict(p) for p in edges] == ["no_stiction", "no_decision", "no_decision", "stiction"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Return two records of 600 samples, one of a sticky loop."""
+    """Return two records of 400 samples, one of a sticky loop."""
     place = tmp_path_factory.mktemp("records")
     for name, effects in (("sticky", ("stiction",)), ("sound", ())):
-        write_record(random_case(7, effects).record.window(0, 600), place / f"{name}.csv")
+        write_record(random_case(7, effects).record.window(0, 400), place / f"{name}.csv")
     return place
 
 
@@ -81,17 +81,17 @@ def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
     listed = table(survey(folder, jobs=1)).set_index("loop")
     for name in ("sticky", "sound"):
         record = folder / f"{name}.csv"
-        [said] = answer(capsys, "detect", record, "--method", "likelihood")
+        [answered] = answer(capsys, "detect", record, "--method", "likelihood")
         shown = [
-            said[KEY],
-            said["indices"][KEY],
+            answered[KEY],
+            answered["indices"][KEY],
             answer(capsys, "diagnose", record)[KEY],
             answer(capsys, "trust", record, "--method", "he")[KEY],
             answer(capsys, "gap", "diagnose", record, "--identify")[KEY],
             listed.loc[name, KEY],
         ]
         assert np.ptp(shown) < 1e-9
-        assert math.isclose(said["score"], math.log(shown[0] / (1 - shown[0])), abs_tol=1e-6)
+        assert math.isclose(answered["score"], math.log(shown[0] / (1 - shown[0])), abs_tol=1e-6)
     assert listed.loc["sticky", KEY] > listed.loc["sound", KEY]
 
 
@@ -99,6 +99,6 @@ def test_what_cannot_be_judged_has_no_probability(folder, tmp_path):
     from detectors.record import LoopRecord
 
     flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
-    [said] = judge(flat, ["likelihood"])
-    assert said.verdict == "no_decision"
-    assert KEY not in said.indices
+    [answered] = judge(flat, ["likelihood"])
+    assert answered.verdict == "no_decision"
+    assert KEY not in answered.indices

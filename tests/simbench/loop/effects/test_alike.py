@@ -1,4 +1,4 @@
-"""Groups that cannot be told apart follow from the configuration, and from nothing else."""
+"""Groups that cannot be distinguished follow from the configuration, and from nothing else."""
 
 from dataclasses import replace
 
@@ -141,7 +141,7 @@ def test_a_set_point_moves_from_twice_the_noise(move, moves):
 
 @pytest.mark.parametrize("drift", [0.0, 0.3])
 def test_ops_jitter_is_the_robust_size_of_its_changes_about_their_median(drift):
-    # changes of 1, 0 and -1 beside the drift: a median distance of 1
+    # changes of 1, 0 and -1 besides the drift: a median distance of 1
     assert circumstances(
         PLANT, 0.1, None, OP + drift * np.arange(N), PV, None
     ).op_jitter == pytest.approx(1.4826)
@@ -208,10 +208,10 @@ def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(
     # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the
     # noise of 0.1
     plant = PLANT | {"K": -2.0, "T": 20.0, "Td": 5.0}
-    found = circumstances(plant, 0.1, None, OP, PV, None, effect, {"rate": rate, "walk": walk})
-    assert (found.slow, found.ramp) == (slow, ramp)
-    assert ("load_steps" in indistinguishable(effect, found)) == slow
-    assert ({"drift", "load_drift"} <= indistinguishable(effect, found)) == (slow or ramp)
+    context = circumstances(plant, 0.1, None, OP, PV, None, effect, {"rate": rate, "walk": walk})
+    assert (context.slow, context.ramp) == (slow, ramp)
+    assert ("load_steps" in indistinguishable(effect, context)) == slow
+    assert ({"drift", "load_drift"} <= indistinguishable(effect, context)) == (slow or ramp)
 
 
 @pytest.mark.parametrize("effect", list(EFFECTS))

@@ -1,0 +1,70 @@
+"""How a verb's help is printed: its options in groups, common ones first."""
+
+from __future__ import annotations
+
+import click
+from typer.core import TyperCommand
+
+COMMON = "Options"
+# which group an option's help stands in; what is in none is common
+GROUPS = {
+    "Reading the record": (
+        "process",
+        "kind",
+        "op_span",
+        "pv_span",
+        "columns",
+        "Ts",
+        "tag",
+        "longest_segment",
+        "loops",
+    ),
+    "Plug-ins": (
+        "plugin",
+        "valve_plugin",
+        "effect_plugin",
+        "plant_plugin",
+        "controller_plugin",
+        "time_limit",
+    ),
+    "Execution": ("jobs", "backend", "address", "resume", "large", "seed", "fresh_seeds"),
+    "Output": (
+        "out",
+        "as_json",
+        "html",
+        "csv",
+        "picture",
+        "report",
+        "orders",
+        "junit",
+        "markdown",
+        "why",
+        "full",
+        "write_loop",
+        "write_effect",
+        "write_grid",
+    ),
+}
+
+
+def group_of(name: str) -> str:
+    """Return the heading under which an option's help is printed."""
+    return next((heading for heading, names in GROUPS.items() if name in names), COMMON)
+
+
+class GroupedCommand(TyperCommand):
+    """A verb whose help lists its options under headings."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write arguments first, then the options of each group."""
+        listed: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None:
+                is_option = parameter.param_type_name == "option"
+                heading = group_of(parameter.name or "") if is_option else "Arguments"
+                listed.setdefault(heading, []).append(record)
+        for heading in ("Arguments", COMMON, *GROUPS):
+            if heading in listed:
+                with formatter.section(heading):
+                    formatter.write_dl(listed[heading])

@@ -1,0 +1,184 @@
+"""Every world keeps the contract: pure draws, loadable baselines, answers in the vocabulary's
+words, loops that run again.
+"""
+
+import ast
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError, UnknownName
+from results.studies.worlds import NAMES, WORLDS
+from scenarios.spec import Loop
+from simbench.blind.making import Plan, make
+from simbench.blind.world import WORLD_EFFECTS
+from simbench.loop.effects import BLOCKS, Choice
+from simbench.loop.effects import EFFECTS as VOCABULARY
+
+SEED = 11
+STRENGTHS = ("weak", "medium", "strong")
+FAST = {"gain_mismatch", "", "frozen_spells", "frozen_sensor", "range_clip"}
+KEYS = {
+    "kind", "block", "effect", "effect2", "block2", "strength", "ratio", "foreign", "mv", "plant",
+    "controller", "sp_moves", "case", "seed",
+}  # fmt: skip
+
+
+def entries(world):
+    drawn = [("single", e) for e in WORLD_EFFECTS]
+    drawn += [("foreign", e) for e in WORLDS.load(world).FOREIGN] + [("two", ""), ("none", "")]
+    return [
+        {"kind": kind, "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0}
+        for i, (kind, e) in enumerate(drawn)
+    ]
+
+
+@cache
+def item_of(world, number):
+    return WORLDS.load(world).draw(SEED, number, entries(world)[number])
+
+
+def hidden_in(answer):
+    first = {
+        "effect": answer["foreign"] or answer["effect"],
+        "parameters": answer.get("parameters"),
+    }
+    second = {"effect": answer["effect2"], "parameters": answer.get("parameters2")}
+    return [e for e in (first, second) if e["effect"] not in ("", "none")]
+
+
+def same(a, b):
+    return set(a) == set(b) and all(np.array_equal(a[k], b[k]) for k in a)
+
+
+def cases():
+    for world in NAMES:
+        for number, e in enumerate(entries(world)):
+            rare = e["effect"] not in FAST or (world == "refinery" and e["kind"] == "two")
+            marks = pytest.mark.slow if rare else ()
+            yield pytest.param(world, number, id=f"{world}-{e['kind']}-{e['effect']}", marks=marks)
+
+
+@pytest.mark.parametrize(("world", "number"), list(cases()))
+def test_every_entry_gives_a_whole_item_whose_answer_gives_the_record_again(world, number):
+    entry, item = entries(world)[number], item_of(world, number)
+    columns, a = item.columns, item.answer
+    answer = json.loads(json.dumps(a, allow_nan=False))
+    assert set(answer) >= KEYS
+    assert set(columns) == {"t", "sp", "op", "pv"} | ({"mv"} if entry["mv"] else set())
+    loop = Loop.from_table(item.baseline)
+    assert 800 <= loop.sampling.n <= 5000
+    assert all(x.shape == (loop.sampling.n,) and np.isfinite(x).all() for x in columns.values())
+    assert 0 <= columns["op"].min() < columns["op"].max() <= 100
+    np.testing.assert_allclose(np.diff(columns["t"]), loop.sampling.Ts, rtol=1e-3)
+    assert (loop.plant.type, loop.controller.type) == (a["plant"], a["controller"])
+    assert (a["kind"], a["mv"]) == (entry["kind"], entry["mv"])
+    assert a["sp_moves"] == bool(np.ptp(columns["sp"]) > 0)
+    if entry["kind"] == "none":
+        assert (a["effect"], a["block"]) == ("none", "none")
+    elif entry["kind"] == "foreign":
+        assert (a["effect"], a["foreign"]) == ("unknown", entry["effect"])
+        assert a["block"] == WORLDS.load(world).FOREIGN[entry["effect"]]
+    for end in ("", "2"):
+        effect = a[f"effect{end}"]
+        if effect in WORLD_EFFECTS:
+            assert a[f"block{end}"] == WORLD_EFFECTS[effect].block
+            for name, value in a[f"parameters{end}"].items():
+                rule = WORLD_EFFECTS[effect].parameters[name]
+                allowed = rule.names if isinstance(rule, Choice) else (value,)
+                assert value in allowed
+                assert isinstance(rule, Choice) or rule.low <= value <= rule.high
+    if entry["kind"] in ("single", "foreign"):
+        assert a["strength"] == entry["strength"]
+    if entry["kind"] == "two":
+        assert a["block"] != a["block2"] != ""
+        assert a["ratio"] >= 1.3
+    assert same(columns, WORLDS.load(world).simulate(answer, hidden_in(answer), answer["seed"]))
+
+
+@pytest.mark.parametrize("world", NAMES)
+def test_an_item_is_drawn_alike_whatever_was_drawn_before(world):
+    number, entry = len(entries(world)) - 1, entries(world)[-1]
+    before = item_of(world, number)
+    WORLDS.load(world).draw(SEED + 1, number, entry)
+    after = WORLDS.load(world).draw(SEED, number, entry)
+    assert (after.answer, after.baseline) == (before.answer, before.baseline)
+    assert same(after.columns, before.columns)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_one(name):
+    simulate = WORLDS.load(name).simulate
+    answer = item_of(name, list(WORLD_EFFECTS).index("gain_mismatch")).answer
+    plain = simulate(answer, [], 9)
+    noisy = simulate(answer, [{"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}], 9)
+    assert np.std(np.diff(noisy["pv"])) > np.std(np.diff(plain["pv"]))
+    assert not np.array_equal(simulate(answer, [], 9, nominal=True)["pv"], plain["pv"])
+    other = simulate(answer, [], 10)
+    assert np.array_equal(other["sp"], plain["sp"])
+    assert not np.array_equal(other["pv"], plain["pv"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_at_identity_an_effect_changes_no_bit(name):
+    world = WORLDS.load(name)
+    answer = world.draw(4, 1, {"kind": "none", "mv": True, "plant": "foptd"}).answer
+    assert answer["plant"] == "foptd"
+    if name == "own":  # a mismatch counts from the baseline's plant
+        case = answer["case"]
+        case["nominal"] = (case["K"], case["T"], case["Td"])
+        assert not case["log_is_late"]
+    plain = world.simulate(answer, [], 3)
+    for effect, known in WORLD_EFFECTS.items():
+        parameters = dict(known.identity)
+        changed = world.simulate(answer, [{"effect": effect, "parameters": parameters}], 3)
+        assert same(plain, changed), effect
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
+    foreign = WORLDS.load(name).FOREIGN
+    assert len(foreign) >= 8
+    assert len(set(foreign.values())) >= 4
+    assert set(foreign.values()) <= set(BLOCKS)
+    assert not set(foreign) & set(WORLD_EFFECTS)
+    assert "\n" not in WORLDS.load(name).TITLE
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(name):
+    place = WORLDS.load(name)
+    shared = (
+        place.__name__, "simbench.blind.distance", "simbench.blind.menu", "simbench.blind.world",
+        "simbench.loop.effects", "detectors.compiled", "detectors.errors",
+    )  # fmt: skip
+    for path in Path(place.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            modules = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                modules.append(node.module)
+                assert "EFFECTS" not in [a.name for a in node.names], path.name
+            ours = [m for m in modules if m.split(".")[0] in ("simbench", "scenarios", "detectors")]
+            assert all(m.startswith(shared) for m in ours), f"{path.name}: {ours}"
+
+
+def test_an_effect_that_cannot_act_in_a_loop_is_refused():
+    world = WORLDS.load("own")
+    item = world.draw(5, 0, {"kind": "none", "mv": False, "plant": "integrating"})
+    slow = {"effect": "time_constant_mismatch", "parameters": {"factor": 2.0}}
+    with pytest.raises(ParameterError, match="foptd plant only"):
+        world.simulate(item.answer, [slow], 1)
+
+
+def test_an_unknown_world_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(UnknownName, match="own"):
+        make(tmp_path / "set", tmp_path / "key", seed=1, world="owm")
+    assert not any(tmp_path.iterdir())
+
+
+def test_the_plan_holds_every_effect_that_worlds_draw_and_the_vocabulary_knows_them_all():
+    assert list(Plan().effects) == list(WORLD_EFFECTS)
+    assert set(WORLD_EFFECTS) <= set(VOCABULARY)
