@@ -40,8 +40,8 @@ BROKEN = [
     ('"Td": 0.0', '"Td": -1.0', "Td"),
     ('"sp_moves": True, ', "", "the answer lacks sp_moves"),
     (
-        '"case": {**case, "told": told}',
-        '"case": {**case, "told": {1, 2}}',
+        '"case": {**case, "given": given}',
+        '"case": {**case, "given": {1, 2}}',
         "set is not JSON serializable",
     ),
     (
@@ -70,7 +70,7 @@ BROKEN = [
         "simulate: two runs of one seed differ",
     ),
     (
-        'told.get("noise", {}).get("factor", 1.0)',
+        'given.get("noise", {}).get("factor", 1.0)',
         "1.0",
         "noise thirty times as loud changes nothing",
     ),
