@@ -80,7 +80,7 @@ def broken(graph, asked=lambda options: True):
 def test_a_forbidden_arrow_breaks_its_wall(house, importer, imported, wall):
     graph = deepcopy(house)
     graph.add_import(importer=importer, imported=imported)
-    # that the house as it stands breaks none is what `lint-imports` says
+    # `lint-imports` checks that the package breaks none
     assert broken(graph, lambda options: options["name"] == wall) == {wall}
 
 

@@ -20,7 +20,7 @@ def test_every_family_is_in_the_same_cells():
             if str(d.tags["member"]).startswith("sticky")
         }
         assert {"choudhury", "he", "kano", "coulomb", "karnopp", "stribeck"} <= set(sticky)
-        # each loop has a gain and a time scale of its own: what has no unit is the same
+        # each loop has a separate gain and time scale: what has no unit is the same
         cells = {
             (
                 f"{abs(x.plant.K * x.controller.Kc) * (1.0 if x.plant.T else x.controller.Ti):.9g}",

@@ -10,7 +10,7 @@ from results.studies import store_study
 def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
     tmp_path, monkeypatch, capsys
 ):
-    """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took
+    """The clock shows 3 s after the start and at 10 s after the run, of which scoring took
     2.
     """
     clock = iter([3.0, 4.0, 6.0, 10.0])

@@ -1,4 +1,4 @@
-"""Turned labels are found where the evidence is clear, and nothing is suspected where it agrees."""
+"""Turned labels are detected where evidence is clear, and none is suspected where it agrees."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""Without a baseline: what MV, samples and set point show is said, the likelier plant is taken;
+"""Without a baseline: what MV, samples and set point show is reported, the likelier plant is taken;
 plant records are counted.
 """
 

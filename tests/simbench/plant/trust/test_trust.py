@@ -1,4 +1,4 @@
-"""trust(): the contract's keys, three answers, and what a reader is told."""
+"""trust(): the contract's keys, three answers, and the text for readers."""
 
 import json
 from pathlib import Path
