@@ -251,7 +251,10 @@ def gap_study(
         ),
     ] = None,
     write_grid: Annotated[
-        Path | None, Option(metavar="FILE.toml", help="The grid, with these effects.")
+        Path | None,
+        Option(
+            metavar="FILE.toml", help="Write the grid extended by the effects that were identified."
+        ),
     ] = None,
     jobs: Jobs = 2,
     as_json: Json = False,

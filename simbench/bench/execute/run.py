@@ -46,7 +46,7 @@ from simbench.bench.store.place import Place, place_of
 from simbench.loop.hosted import hosted_parts
 
 _BACKENDS = ("loky", "dask", "ray")
-PARTS = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
+KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
@@ -161,7 +161,7 @@ def run_grid(
     plan = _read_plan(grid, asked)
     files, parts = _plugin_files(asked)
     # read before any plug-in runs, as one may move the file it is in
-    digests = _digests(("", files), *zip(PARTS, parts))
+    digests = _digests(("", files), *zip(KINDS_OF_PART, parts))
     adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
         registry.adopted(adopted),
@@ -213,7 +213,7 @@ def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
 
 
 def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Return the files of detectors, and those of each kind of part in the order of PARTS."""
+    """Return the files of detectors, and those of each part in the order of KINDS_OF_PART."""
     kinds = (
         asked.plugins,
         asked.valve_plugins,

@@ -24,7 +24,7 @@ from scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.bench.execute import adaptive
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.plugin_host import error_text, settled, truth
-from simbench.bench.execute.run import PARTS, about_method
+from simbench.bench.execute.run import KINDS_OF_PART, about_method
 from simbench.bench.execute.verify_result import Notes, Verification
 from simbench.bench.execute.work import WorkSettings, scenario_columns, work
 from simbench.bench.execute.workers import on_processes
@@ -82,7 +82,7 @@ def verify_run(
         raise RunError(f"{place} keeps no grid, as baselines do; the folder of a run is needed")
     notes, marks = Notes(), manifest[TABLES]
     files = _plugin_files(place, manifest, plugins, notes)
-    stages = tuple(tuple(files[kind]) for kind in PARTS)
+    stages = tuple(tuple(files[kind]) for kind in KINDS_OF_PART)
     with registry.hosted(files[""], seconds), hosted_parts(*stages, seconds=seconds):
         asked, unasked = _methods(manifest, notes)
         try:
@@ -193,7 +193,7 @@ def _plugin_files(
     """Return the files given by kind of plug-in ("" for detectors), detectors of another digest
     left out.
     """
-    stated, files = manifest["plugins"], {kind: [] for kind in ("", *PARTS)}
+    stated, files = manifest["plugins"], {kind: [] for kind in ("", *KINDS_OF_PART)}
     given = {f"{kind}{Path(p).stem}": (kind, Path(p).resolve()) for kind in files for p in plugins}
     for file in plugins:
         if not any(f"{kind}{Path(file).stem}" in stated for kind in files):
@@ -203,14 +203,16 @@ def _plugin_files(
             )
     for name, digest in stated.items():
         kind, file = given.get(name, ("", None))
-        if file is None and name.startswith(PARTS):
+        if file is None and name.startswith(KINDS_OF_PART):
             raise RunError(
                 f"the loops of {place} need the plug-in {name!r}; its file is needed with --plugin"
             )
         if file is not None:
             notes.compare(f"digest of plug-in {name}", "", digest, file_digest(file))
             # without its part no loop can be simulated, so that a part takes part all the same
-            files[kind] += [str(file)] * (digest == file_digest(file) or name.startswith(PARTS))
+            files[kind] += [str(file)] * (
+                digest == file_digest(file) or name.startswith(KINDS_OF_PART)
+            )
     return files
 
 

@@ -118,7 +118,8 @@ def test_every_export_reaches_every_verb_as_the_same_record(
         fleet, "resumed", lambda _ask, about, **_: caught.extend(a[1] for a in about) or [][0]
     )
     for name in list(exports.READ)[READERS.index(verb) % step :: step]:
-        content, suffix, options = exports.READ[name]
+        export = exports.READ[name]
+        content, suffix, options = export if isinstance(export, tuple) else (export, "csv", {})
         file = exports.written(tmp_path, content, suffix)
         words = VERBS.get(verb, f"report {{f}} -o {tmp_path / 'page.html'}").format(f=file).split()
         asked = {"columns": "--columns", "tag": "--tag", "Ts": "--ts"}
