@@ -31,6 +31,7 @@ def test_a_second_order_baseline_is_no_gap_and_hides_none(effect, parameters):
     assert sb.gap.diagnose(record, sb.Loop(**BASE)).effect == effect
 
 
+@pytest.mark.slow
 def test_the_inner_loop_of_a_cascade_is_judged_from_its_record():
     inner = {
         **BASE,

@@ -114,7 +114,6 @@ def slow(effect, parameters):
         slow("quantisation", {"step": 0.4, "at": "loop"}),
         slow("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
         slow("deadband", {"S": 5.0}),
-        slow("valve_characteristic", {"R": 60.0}),
         slow("time_constant_mismatch", {"factor": 2.0}),
         slow("dead_time_mismatch", {"extra": 6.0}),
         slow("noise", {"factor": 2.5}),
@@ -133,6 +132,14 @@ def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     for key, value in parameters.items():
         if isinstance(value, float) and key not in ("J", "rate", "Ti_factor", "R"):
             assert report.effects[0]["parameters"][key] == pytest.approx(value, rel=0.25), key
+
+
+@pytest.mark.slow
+def test_a_valve_characteristic_is_named_where_the_record_is_long_enough_to_show_it():
+    steps = [[60, 56], [400, 47], [700, 54], [1100, 45]]
+    wide = BASE.with_all({"sampling.n": 1500, "setpoint.steps": steps})
+    report = ask(blind(record(("valve_characteristic", {"R": 60.0}), loop=wide)))
+    assert report.effect == "valve_characteristic"
 
 
 @pytest.mark.slow

@@ -65,7 +65,8 @@ def bare(record):
     return diagnose(record, LOOP)
 
 
-@pytest.mark.parametrize("archive", [pytest.param(digits, marks=pytest.mark.slow), means])
+@pytest.mark.slow  # what it does to a record is tested above
+@pytest.mark.parametrize("archive", [digits, means])
 def test_an_archive_alone_makes_no_gap_and_no_effect(record, bare, archive):
     kept = diagnose(archive(record), LOOP)
     assert kept.effect == bare.effect == "none"

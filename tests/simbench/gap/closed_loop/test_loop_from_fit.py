@@ -35,7 +35,7 @@ def fitted(theta, n, rng):
     return out
 
 
-@pytest.mark.parametrize("times", [(30.0, 4.0), (10.0, 10.0), (3.0, 20.0)])
+@pytest.mark.parametrize("times", [(30.0, 4.0), (3.0, 20.0)])
 def test_a_smooth_load_keeps_its_size_and_memory(times):
     theta = {"load": 2.0, "load_time": times[0], "load_lag": times[1]}
     n, rng = 200_000, np.random.default_rng(1)
@@ -176,12 +176,11 @@ HALF, HELD = Moves(lambda u, theta: 0.5 * u, ()), Moves(lambda u, theta: np.full
     (fitted_as(spec=Spec(moves=HELD)), {"pv": 63.0}, 48.0), (fitted_as(0.0), {"pv": 63.0}, 48.5),
     # a vessel that rises by 30 within 1000 samples at 0.03 a sample and percent has 1 % too much
     (fitted_as(0.03), {"stated": VESSEL, "pv": np.linspace(60.0, 90.0, N)}, 49.0),
-    (fitted_as(), {"pv": 360.0}, 1.0), (fitted_as(), {"pv": -240.0}, 99.0),
+    (fitted_as(), {"pv": 360.0}, 1.0),
     # half of 2000 s of a ramp: what drifts on PV moves OP through the gain
     (fitted_as(), {"effects": {"load_drift": {"rate": 0.01, "walk": 0.0}}}, 60.0),
     (fitted_as(), {"effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 60.0),
     (fitted_as(0.03), {"stated": VESSEL, "effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 50.0),
-    (fitted_as(), {"effects": {"load_drift": {"rate": -0.2, "walk": 0.0}}}, 1.0),
 ])  # fmt: skip
 def test_op_begins_where_pv_rests_on_the_first_set_point(fit, more, op0):
     assert built(fit, **more).operating_point.op0 == pytest.approx(op0, abs=0.002)

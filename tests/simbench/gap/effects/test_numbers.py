@@ -33,8 +33,6 @@ def fit(K=1.0, linear=(), jumps=(), lasting=True, **theta):
     ("effect", "fitted", "numbers"),
     [
         ("valve_lag", fit(tau=3.0), {"tau": 6.0}),
-        ("extra_lag", fit(tau=3.0), {"tau": 6.0}),
-        ("sensor_lag", fit(tau=3.0), {"tau": 6.0}),
         ("dead_time_mismatch", fit(Td=7.0), {"extra": 6.0}),
         ("dead_time_mismatch", fit(Td=1.0), {"extra": -6.0}),
         ("time_constant_mismatch", fit(T=30.0), {"factor": 3.0}),

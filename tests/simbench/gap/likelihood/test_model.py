@@ -40,12 +40,7 @@ MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
         (Spec(), ()),
         (Spec(valve=kernels.PLAY), ("S",)),
         (Spec(valve=kernels.ZONE), ("D", "c")),
-        (Spec(valve=kernels.CURVE), ("R",)),
         (Spec(valve=kernels.STICK), ("S", "J")),
-        (Spec(valve=kernels.CREEP), ("S", "J")),
-        (Spec(pole="extra"), ("tau",)),
-        (Spec(walk=True), ("walk",)),
-        (Spec(load_walk=True), ("load_walk",)),
         (
             Spec(valve=kernels.PLAY, pole="valve", walk=True, load_walk=True),
             ("S", "tau", "walk", "load_walk"),
@@ -89,8 +84,6 @@ def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():
     (Spec(valve=kernels.PLAY), {"S": 2.0}, [50.0, 51.0, 48.0]),
     # begun at the upper end of the band
     (Spec(valve=kernels.PLAY, start=1.0), {"S": 6.0}, [53.0, 53.0, 50.0]),
-    (Spec(valve=kernels.ZONE), {"D": 2.0, "c": 50.0}, [50.0, 51.0, 48.0]),
-    (Spec(valve=kernels.CURVE), {"R": 1.0}, [50.0, 52.0, 47.0]),
     (Spec(valve=kernels.STICK), {"S": 2.0, "J": 1.0}, [50.0, 51.5, 47.5]),
     (Spec(valve=kernels.CREEP, start=-1.0), {"S": 6.0, "J": 0.0}, [47.0, 49.0, 49.0]),
 ])  # fmt: skip

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -221,6 +222,13 @@ def test_what_is_unknown_shows_nothing_of_friction_and_in_the_valve_leaves_it_op
     assert from_posterior(refuted, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
 
 
+@cache
+def weighed(effects):
+    """Return a record and the loops that may have made it, identified once for all tests."""
+    record = random_case(7, effects).record
+    return record, candidate_loops(record)
+
+
 @pytest.mark.parametrize(
     ("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.3, NO_STICTION)]
 )
@@ -228,8 +236,7 @@ def test_what_is_unknown_shows_nothing_of_friction_and_in_the_valve_leaves_it_op
 def test_the_probability_decides_whether_the_loop_oscillates_or_not(
     monkeypatch, p, verdict, effects
 ):
-    record = random_case(7, effects).record
-    loops = candidate_loops(record)
+    record, loops = weighed(effects)
     monkeypatch.setattr(CandidateLoops, "probability", p)
     c, _ = from_record(Prepared(record), loops)
     assert c.verdict == verdict
@@ -238,8 +245,7 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 
 
 def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
-    record = random_case(7, ("stiction",)).record
-    loops = candidate_loops(record)
+    record, loops = weighed(("stiction",))
     monkeypatch.setattr(CandidateLoops, "probability", 0.8)
     c, _ = from_record(Prepared(record), loops, "FIC101", 0.9)
     assert (c.verdict, c.cause) == (NO_DECISION, causes.NEIGHBOUR)

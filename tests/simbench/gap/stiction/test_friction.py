@@ -40,6 +40,7 @@ from simbench.plant.trust.trust import trust
 )
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
+    case = replace(case, record=case.record.window(0, 800))
     alone, slow = (
         friction(case.record, case.baseline if known else None).assessment,
         at_its_pace(case.record),
@@ -67,6 +68,7 @@ def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     assert alone.parameters.get(FRICTION) == pytest.approx(best.parameters.get(FRICTION))
 
 
+@pytest.mark.slow
 def test_friction_that_was_taken_out_of_the_library_is_no_fault():
     case = random_case(2, ("load_steps",))
     with left_out(FRICTION):
@@ -131,15 +133,24 @@ def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
     assert assessment.situation.data.n == at_its_pace(rounded).n
 
 
-def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb():
+@pytest.fixture
+def archived():
+    """Return a record of which an archive kept every eighth sample and drew lines between them."""
     rng, t = np.random.default_rng(0), np.arange(900.0)
     pv = np.sin(t / 60.0) + 0.002 * rng.standard_normal(900)
     kept = np.arange(0, 900, 8)
-    archived = LoopRecord(
-        op=50.0 + np.cos(t / 60.0), pv=np.interp(t, t[kept], pv[kept]), Ts=1.0, op_span=(0.0, 100.0)
-    )
+    drawn = np.interp(t, t[kept], pv[kept])
+    return LoopRecord(op=50.0 + np.cos(t / 60.0), pv=drawn, Ts=1.0, op_span=(0.0, 100.0))
+
+
+def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell(archived):
     with pytest.raises(RecordError, match="samples of PV were measured"):
         friction(archived)
+    assert "were measured" in judge(archived, ["likelihood"])[0].reason
+
+
+@pytest.mark.slow
+def test_nor_does_it_in_any_other_verb(archived):
     report = diagnose(archived)
     assert report.probability_of_stiction is None
     assert any(
@@ -149,4 +160,3 @@ def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb()
     trusted = trust(archived, methods=["he"])
     assert trusted.conclusion.verdict == "no_decision"
     assert "were measured" in trusted.conclusion.reason
-    assert "were measured" in judge(archived, ["likelihood"])[0].reason
