@@ -137,9 +137,9 @@ def test_every_cell_of_a_tutorial_ran(site, name):
         )
     )
     page = (site / f"tutorials/{name}.html").read_text(encoding="utf-8")
-    assert cells >= 3
+    assert cells >= 2
     assert len(re.findall(r'class="cell [^"]*docutils', page)) == cells
-    assert page.count("cell_output docutils") >= cells // 3, "what ran said something"
+    assert page.count("cell_output docutils") >= cells // 3, "a cell printed something"
     assert "Traceback" not in page
 
 

@@ -115,7 +115,7 @@ class Page:
 def opened(
     file: Path, width: int = 1200, dark: bool = False, media: str = "screen"
 ) -> Iterator[Page]:
-    """Load a file in a browser of its own."""
+    """Load a file in a separate browser."""
     import websocket
 
     browser = executable()

@@ -79,7 +79,7 @@ def half_cycles(x, period, points=None):
     """Yield the half cycles between zero crossings: times since the crossing, in shares of the half
     cycle, and heights.
 
-    `points`: the number of points to which each is resampled; by default it keeps its own samples.
+    `points`: the number of points to which each is resampled; by default it keeps its samples.
     """
     x = x - x.mean()
     std, sign, at, changes = x.std(), 0, [], []

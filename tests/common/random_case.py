@@ -1,4 +1,4 @@
-"""Loops of our own on which the diagnosis is developed and calibrated: random plants, loads and
+"""Generated loops on which the diagnosis is developed and calibrated: random plants, loads and
 effects, the answer known.
 """
 

@@ -13,7 +13,7 @@ from simbench.loop.simulate import simulate
 
 
 def test_every_method_has_its_case():
-    # the files of the folder: another test may have registered a detector of its own
+    # the files of the folder: another test may have registered another detector
     folder = Path(import_module(methods.package).__path__[0])
     names = sorted(p.stem for p in folder.glob("*.py") if not p.stem.startswith("_"))
     assert sorted(p.stem for p in HARD_NEGATIVES.glob("*.toml")) == names

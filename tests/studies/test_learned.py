@@ -1,4 +1,4 @@
-"""The learned reference: what it is not told, what its kernels see, and the rows of its table."""
+"""The learned reference: what it does not see, and the rows of its table."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_a_window_tells_neither_amplitude_nor_offset_nor_period():
     )
     slow = np.arange(1200) / 60.0
     slow = window_of(np.sin(2 * np.pi * slow), np.cos(2 * np.pi * slow), 60.0)
-    # both end with their last sample, which stands at another phase
+    # both end with their last sample, at another phase
     assert np.abs(np.fft.rfft(slow)) == pytest.approx(np.abs(np.fft.rfft(plain)), abs=3.0)
     assert np.argmax(np.abs(np.fft.rfft(slow)), axis=1) == pytest.approx([PERIODS, PERIODS])
 

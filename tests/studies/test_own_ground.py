@@ -1,4 +1,4 @@
-"""Sections on their own ground: right of decided against the bar, and no more undecided than a
+"""Sections of grid own-ground: right of decided against the bar, and no more undecided than a
 quarter.
 """
 

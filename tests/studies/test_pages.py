@@ -1,4 +1,4 @@
-"""The pages written from the code: every published number is there, ours beside it, and the gallery
+"""The pages written from the code: every published number is there with ours, and the gallery
 shows every figure.
 """
 

@@ -1,5 +1,5 @@
 """Methods as published: a variant is its source's numbers and nothing else, and the table holds
-both beside each other.
+both.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ def test_every_method_can_be_asked_as_published(name):
     assert source.defaults() == {**ours.defaults(), **ours.published}
     assert set(ours.published) <= set(ours.thresholds)
     assert all(ours.thresholds[key].source.startswith("own") for key in ours.published), (
-        "only rules of our own"
+        "only rules that no source has"
     )
 
 

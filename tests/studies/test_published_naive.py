@@ -33,7 +33,7 @@ INDEX = {
     "rossi_scali": "eta_rossi",
     "singhal_salsbury": "r_area",
 }
-CLOSE = {"he": 0.15, "rossi_scali": 0.3}  # of the index as the paper has it, on its own samples
+CLOSE = {"he": 0.15, "rossi_scali": 0.3}  # of the index on unresampled half cycles
 BOUNDS = {"he": (0.4, 0.6), "rossi_scali": (-0.21, 0.21)}
 
 

@@ -5,31 +5,12 @@ import json
 import pytest
 
 from results.studies import store_study
-from simbench.bench.store.reading import RunArrays
-
-
-@pytest.mark.slow
-def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
-    books = []
-    finish = store_study.pieces.finish
-
-    def noted(place, receipts, manifest):
-        finish(place, receipts, manifest)
-        books.append(RunArrays.read(place))
-
-    monkeypatch.setattr(store_study.pieces, "finish", noted)
-    printed = store_study.rows(2500, "he,yamashita")
-    assert (printed["rows"], printed["scenarios"]) == (4000, 2000)
-    assert printed["cpu_s"] > 0
-    assert 50 < printed["peak_MB"] < 50_000
-    assert len(set(books[-1].ids)) == 2000
-    assert books[-1].methods == ("he", "yamashita")
 
 
 def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(
     tmp_path, monkeypatch, capsys
 ):
-    """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took
+    """The clock shows 3 s after the start and at 10 s after the run, of which scoring took
     2.
     """
     clock = iter([3.0, 4.0, 6.0, 10.0])

@@ -20,10 +20,6 @@ def test_exact_cycles_of_random_loops_are_those_of_the_simulator():
     assert np.median(switching.period) < 0.01
 
 
-def test_p_loops_cycle_exactly_where_the_bounds_leave_room():
-    assert verify.existence_p(12, seed=21) == (12, 0)
-
-
 def test_dead_band_loops_cycle_where_theory_predicts():
     errors = verify.existence_pi(8, seed=21)
     assert np.trace(errors.table) >= 7

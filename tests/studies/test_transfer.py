@@ -19,8 +19,8 @@ QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
 
 
 def home(seed: int, quality: dict[str, float] = QUALITY, n: int = 120) -> Home:
-    """Return loops on which every method is right with its own probability, and whose first feature
-    tells the label.
+    """Return loops on which every method is right with another probability, and whose first feature
+    is the label with noise.
     """
     rng = np.random.default_rng(seed)
     rows = []

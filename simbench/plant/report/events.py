@@ -80,13 +80,10 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
             continue
-        best = (
-            max((_follows(record, slave), name) for name, record in records.items())
-            if len(records) > 1
-            else (0.0, "")
-        )
-        if best[1] != inner and best[0] > _FOLLOWS:
-            pairs.append((best[1], inner))
+        # a loop does not follow itself
+        match, outer = max((_follows(record, slave), name) for name, record in records.items())
+        if match > _FOLLOWS:
+            pairs.append((outer, inner))
     return pairs
 
 

@@ -1,4 +1,4 @@
-"""A valve that sticks for part of a record is found for that part."""
+"""A valve that sticks for part of a record is detected in that part."""
 
 from itertools import pairwise
 

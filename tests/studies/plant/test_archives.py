@@ -1,4 +1,4 @@
-"""Quiet loops are as quiet as they are said to be, and every third one sticks."""
+"""The panel of archives is printed."""
 
 from results.studies.plant import archives
 

@@ -1,6 +1,4 @@
-"""Loops of the study of causes are what they say: stamped in weeks of their own, archived as said,
-and counted as named.
-"""
+"""Loops of the study of causes have separate weeks and archives, and are counted by cause."""
 
 import numpy as np
 import pytest

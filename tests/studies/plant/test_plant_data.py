@@ -1,4 +1,4 @@
-"""Without a baseline: what MV, samples and set point show is said, the likelier plant is taken;
+"""Without a baseline: what MV, samples and set point show is reported, the likelier plant is taken;
 plant records are counted.
 """
 
@@ -68,16 +68,6 @@ def test_friction_that_mv_shows_is_named_without_a_baseline():
     assert report.effect == "stiction"
 
 
-@pytest.mark.slow
-def test_a_valve_lag_that_mv_shows_is_named_without_a_baseline():
-    assessed = without_baseline(
-        record_of(
-            SHORT | {"effect": [{"name": "valve_lag", "tau": 8.0}]}, "self-regulating", mv=True
-        )
-    )
-    assert assessed.chosen[0] == "valve_lag"
-
-
 def test_no_effect_of_a_valve_that_mv_shows_healthy_is_named():
     assessed = without_baseline(record_of(SHORT, "self-regulating", mv=True))
     assert not {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"} & set(
@@ -92,28 +82,6 @@ def test_a_valve_no_map_explains_is_strange_without_a_baseline_too():
     assert record.mv is not None
     wandering = record.mv + 3.0 * np.sin(np.arange(record.n) / 7.0)
     assert list(without_baseline(replace(record, mv=wandering)).unexplained) == ["valve"]
-
-
-@pytest.mark.parametrize("table", [FLOW | STICKY, LEVEL])
-def test_plant_type_is_identified_where_it_is_not_given(table):
-    kick = 6.0 if "valve" in table else 0.0
-    assert identify(record_of(table, kick=kick)).plant.type == table["plant"]["type"]
-
-
-def test_a_given_plant_type_is_kept():
-    assert identify(record_of(LEVEL, "self-regulating")).plant.type == "foptd"
-    assert identify(record_of(FLOW, "integrating")).plant.type == "integrating"
-
-
-def test_tuning_is_identified_proportional_alone_too():
-    P = {"type": "P", "Kc": 1.5}
-    assert identify(record_of(SHORT | {"controller": P}, "self-regulating")).controller.type == "P"
-    controller = identify(record_of(SHORT, "self-regulating")).controller
-    assert (controller.type, controller.Kc, controller.Ti) == (
-        "PI",
-        pytest.approx(1.5, rel=1e-3),
-        pytest.approx(20.0, rel=1e-3),
-    )
 
 
 def test_a_sticky_level_loop_of_unknown_process_names_friction_and_the_assumed_process():
@@ -139,13 +107,6 @@ def test_a_healthy_record_without_a_baseline_is_none_also_where_luck_is_kind():
         record_of(FLOW | {"sampling": {"Ts": 1.0, "n": 400}}, "self-regulating"), None
     )
     assert report.effect == "none"
-
-
-@pytest.mark.slow
-def test_decimals_that_hide_nothing_are_no_effect():
-    record = record_of(FLOW | STICKY, "self-regulating", kick=6.0)
-    written = replace(record, op=np.round(record.op, 2), pv=np.round(record.pv, 5))
-    assert {"quantisation", "op_quantisation"}.isdisjoint(without_baseline(written).chosen)
 
 
 def test_unit_groups_count_alike_and_doubtful_labels_do_not_count():

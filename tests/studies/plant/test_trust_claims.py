@@ -46,18 +46,6 @@ def test_only_small_friction_is_called_invisible():
     assert "plainly visible: below the smallest that detectors show 0 of 1" in lines[3]
 
 
-def test_a_probability_is_held_against_the_share_that_sticks():
-    rows = [
-        {"sticky": i % 2 == 0, "probability": 0.999 if i % 2 == 0 else 0.001, "procedure": False}
-        for i in range(8)
-    ]
-    lines = claims._probability(rows)
-    assert lines[0] == "probability of stiction, 8 loops, 4 sticky: claimed, share sticky, loops"
-    assert [line.split()[1:] for line in lines[1:3]] == [["0.00", "4"], ["1.00", "4"]]
-    assert "trust 1.00, procedure 0.50" in lines[4]
-    assert "4 of 4 (0.51 to 1.00) of the sticky, 0 of 4 (0.00 to 0.49) of the healthy" in lines[5]
-
-
 def test_who_is_right_is_counted_on_the_same_loops():
     lines = claims.who_is_right(
         [*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}]

@@ -182,7 +182,7 @@ def test_the_page_names_every_range_as_the_grid_has_it():
     as_chapter = ("sine", "propagated", "steps", "random_walk")
     on_page = dict(
         re.findall(
-            r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:own|source|records)",
+            r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:chosen here|source|records)",
             PAGE.read_text(),
             flags=re.M,
         )

@@ -1,5 +1,5 @@
-"""Records against a grid: no difference is found where there is none, a planted one is, and its
-name stands first.
+"""Records against a grid: no difference is reported where there is none, a planted one is, and its
+name ranks first.
 """
 
 import json
@@ -135,7 +135,7 @@ def test_a_killed_study_goes_on_and_leaves_only_its_page(planted, tmp_path, monk
     page, asked, whole = tmp_path / "study.html", [], plant_study._diagnosed
     keep = tmp_path / "study.html.diagnosed"
 
-    @wraps(whole)  # what it returns is told by its annotations
+    @wraps(whole)  # the annotations state what it returns
     def until_the_third(record, baseline):
         asked.append(record.tag)
         if len(asked) == 3:
@@ -159,7 +159,7 @@ def test_a_strength_is_that_of_a_loop_that_has_the_effect(grid_loops):
         hit = joining._hit(s, "oscillation", {"amplitude": 0.2, "period": 1.0})
         effect, size = hit.loop.to_table()["effect"][-1], Size.of(hit.record)
         measured = effect["amplitude"] / size.op
-        # one that resonates is given no more than twice what it would be by its own size
+        # one that resonates is given no more than twice what it would be by its size
         assert measured == pytest.approx(0.2, rel=0.1) or effect["amplitude"] == pytest.approx(
             0.4 * s.size.op
         )

@@ -18,27 +18,19 @@ def line(shares, ratio=1.0):
     return [Cell(s, ratio * s, f, 0.0, 1.0) for s, f in zip((1.0, 2.0, 4.0, 8.0), shares)]
 
 
-def test_the_smallest_visible_lies_between_the_cells_that_bracket_it():
-    S, J = smallest_visible(line([0.0, 0.6, 1.0, 1.0])) or (0.0, 0.0)
-    assert S == pytest.approx(2 * 2**0.5)
-    assert J == S
-
-
-def test_no_size_is_visible_where_the_shares_are_small():
-    assert smallest_visible(line([0.0, 0.1, 0.3, 0.7])) is None
-
-
-def test_a_lucky_small_cell_is_not_believed_against_the_larger_ones():
-    assert smallest_visible(line([1.0, 0.0, 0.1, 0.2])) is None
-
-
-def test_of_two_slip_jumps_the_one_that_shows_at_the_smaller_band_counts():
-    S, J = smallest_visible([*line([0.0, 0.0, 0.0, 0.9], 0.25), *line([0.0, 0.9, 1.0, 1.0])]) or (
-        0.0,
-        0.0,
-    )
-    assert S < 2.0
-    assert J == S
+@pytest.mark.parametrize(
+    ("cells", "smallest"),
+    [
+        (line([0.0, 0.6, 1.0, 1.0]), 2 * 2**0.5),  # between the cells that bracket it
+        (line([0.0, 0.1, 0.3, 0.7]), None),
+        (line([1.0, 0.0, 0.1, 0.2]), None),  # a lucky small cell
+        # of two slip-jumps the one that shows at the smaller band
+        ([*line([0.0, 0.0, 0.0, 0.9], 0.25), *line([0.0, 0.9, 1.0, 1.0])], 2 ** (8 / 9)),
+    ],
+)
+def test_the_smallest_visible_size_is_interpolated_between_cells(cells, smallest):
+    visible = smallest_visible(cells)
+    assert visible == (None if smallest is None else pytest.approx((smallest, smallest)))
 
 
 def test_cells_count_only_their_twins():

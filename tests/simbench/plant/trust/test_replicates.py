@@ -1,4 +1,4 @@
-"""Twins are the record's own loop again: its length, its sampling, its set point, and no more
+"""Twins are the loop of the record again: its length, its sampling, its set point, and no more
 signals than it has.
 """
 

@@ -1,4 +1,4 @@
-"""trust(): the contract's keys, three answers, and what a reader is told."""
+"""trust(): the contract's keys, three answers, and the text for readers."""
 
 import json
 from pathlib import Path
@@ -123,19 +123,6 @@ def test_the_text_states_where_no_method_agrees_with_the_probability(sticky, mon
     trusted = trust(sticky, methods=["he"], healthy=15, each=2, help_wanted=False)
     assert trusted.best.verdict_here == STICTION
     assert "none agrees with the probability" in trusted.as_text()
-
-
-@pytest.mark.slow
-def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, trusted):
-    other = LoopRecord(
-        op=sticky.op,
-        pv=8.0 * sticky.pv - 64.0,
-        sp=8.0 * sticky.sp - 64.0,
-        Ts=sticky.Ts,
-        process=sticky.process,
-        op_span=sticky.op_span,
-    )
-    assert trust(other, **FEW).conclusion.verdict == trusted.conclusion.verdict
 
 
 def test_a_dead_record_is_no_error_and_no_verdict():
