@@ -277,7 +277,7 @@ class _Course:
         where = f", in samples {part[0]} to {part[1] - 1}" if part else ""
         return (
             "yes",
-            f"period {o.period_s:.4g} s, r = {o.regularity:.1f}{where}",
+            f"period {o.period_s:.4g} s, regularity r = {o.regularity:.1f}{where}",
             "Its most likely origin is the valve; continue.",
         )
 
@@ -325,7 +325,8 @@ class _Course:
             )
         self.indices |= {"ngi": test.ngi, "nli": test.nli}
         numbers = (
-            f"NGI = {test.ngi:.3f}, NLI = {test.nli:.3f} (peak {test.height:.2f} times its bound)"
+            f"non-Gaussianity index {test.ngi:.3f}, nonlinearity index {test.nli:.3f} (peak"
+            f" {test.height:.2f} times its bound)"
         )
         if test.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."

@@ -120,7 +120,7 @@ def compare_books(
     unseen = (*_unseen(tests, basis), *untold)
     said = (
         f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be"
-        " found in 8 of 10 such runs"
+        " detectable in 8 of 10 such runs"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
@@ -204,7 +204,7 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
 
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
-    tests = f"exact paired tests, a drop of {100 * margin:g} points is allowed, Holm-corrected"
+    tests = f"exact paired tests with Holm's correction allow a drop of {100 * margin:g} percentage points"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
         return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"

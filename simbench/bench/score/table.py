@@ -71,7 +71,7 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         return [*title, "", *_sentences(scores, truth, where)]
     first = rows.iloc[0]
     title += _wrapped(
-        f"{first.n} of them have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
+        f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
         f" (truth {truth!r}). The table is on these {first.n}."
     )
     room = _LINES - _BESIDES - len(title) - len(tail) - 3
@@ -119,11 +119,13 @@ def _title(scores: Any) -> list[str]:
         f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear")
     )
     lines += _wrapped(
-        f"{counts[OF_OSCILLATING]} loops oscillate. Loops that cycle by themselves: {said}."
+        f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
+        f" {said}."
     )
     if left_out := unmatched(m):
-        matched = "no healthy oscillation matches a sticky loop's"
-        lines += _wrapped(f"{left_out} planned scenarios are left out, as {matched}.")
+        lines += _wrapped(
+            f"{left_out} scenarios were left out, as no matching healthy oscillation was found."
+        )
     return lines
 
 
@@ -145,8 +147,9 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     else:
         apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
-            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank; an"
-            f" exact test separates {apart} of {len(stable.pairs)} adjacent pairs (McNemar, Holm)."
+            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank."
+            f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar test,"
+            " Holm)."
         )
         said.append(
             f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the"
@@ -200,7 +203,7 @@ def _group(r: Any, scores: Any) -> str:
         return _KINDS[r.kind]
     if r.method in scores.failing:
         return "-- failed on more records than allowed, not ranked"
-    covered = "" if r.applicable == r.n else f"made for {r.applicable} of these loops, "
+    covered = "" if r.applicable == r.n else f"applicable to {r.applicable} of these loops, "
     return f"-- {'with MV, ' * (r.kind == 1)}{covered}not ranked"
 
 

@@ -295,8 +295,8 @@ def _no_need(
     )
     if probability[first] >= _SETTLED and not unsettled:
         return (
-            f"{first} has a probability of {probability[first]:.2f}; another record would sooner"
-            " unsettle it than tell more"
+            f"no further test is recommended: {first} has probability {probability[first]:.2f},"
+            " and another test is unlikely to add information"
         )
     if first == UNKNOWN and assessment.worst_test[0] >= _CERTAIN:
         why = assessment.unexplained[assessment.worst_test[1]]

@@ -162,13 +162,16 @@ def _margins(loops: CandidateLoops) -> Margins | None:
 def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
     p = loops.probability
     word = "better" if loops.gain > 0 else "worse"
-    better = f"friction explains the record {word} than none (log-likelihood {loops.gain:+.0f})"
+    better = (
+        f"a model with valve friction explains the record {word} than one without (log-likelihood"
+        f" difference {loops.gain:+.0f})"
+    )
     if p <= 0.5:
         return Cause(STICKING, p, (), (better,))
     size = (
         ""
         if loops.fitted is None
-        else f"; its best size is S = {loops.fitted[0]:.2g}, J = {loops.fitted[1]:.2g} %"
+        else f"; estimated S = {loops.fitted[0]:.2g}, J = {loops.fitted[1]:.2g} % of travel"
     )
     bare = loops.fitted is not None and loops.fitted[1] < _BARE * loops.fitted[0]
     if bare and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
@@ -216,11 +219,11 @@ def _outside(loops: CandidateLoops, swing: Oscillation, keeps: float, periods: f
             (),
             (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",),
         )
-    kept = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
+    kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < _KEPT[0]:
-        return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}the load's spectrum shows no line",))
+        return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))
     gained = (
-        "an oscillation from outside explains the record better than none (log-likelihood"
+        "an external oscillation explains the record better than none (log-likelihood difference"
         f" +{loops.outside:.0f})"
     )
     sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(

@@ -30,7 +30,7 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
 _NEXT = {
-    why.STICKING: f"confirm it: {_GAIN}, or do a valve travel test by hand; repair the valve if confirmed",
+    why.STICKING: f"{_GAIN}, or do a valve travel test by hand; repair the valve if it sticks",
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
     why.NEIGHBOUR: "see to the loop that drives this oscillation first, then record again",
@@ -154,10 +154,7 @@ def from_posterior(
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
-        (
-            "among the known effects (without unknown ones), those with"
-            f" friction hold {p:.2f}"
-        ),
+        (f"among the known effects (without unknown ones), those with friction hold {p:.2f}"),
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
     if answer != STICTION:

@@ -97,15 +97,12 @@ class Trust:
         """Return what simulated replicates of the loop would have shown."""
         if not self.twins:
             return f"no simulated replicates: {self.notes[0]}"
-        return (
-            f"in this record {self._visible()} would have shown to the best method in 4 of 5"
-            " simulated replicates"
-        )
+        return f"smallest stiction detected in 4 of 5 simulated replicates: {self._visible()}"
 
     def _visible(self) -> str:
         seen = self.smallest_visible
-        return "no stiction of any size tried" if seen is None else (
-            f"stiction from S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit} on"
+        return "none of the sizes tried" if seen is None else (
+            f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit}"
         )  # fmt: skip
 
     def _asides(self) -> list[str]:
@@ -137,7 +134,7 @@ class Trust:
         if best is not None:
             agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
-                "of those that agree with the probability"
+                "of the methods that agree with the conclusion"
                 if agrees
                 else "though none agrees with the probability,"
             )

@@ -237,7 +237,7 @@ def test_the_table_against_another_truth_counts_that_truth(scores, joined):
         (one.predicted == True).sum(),  # noqa: E712
     )
     assert (
-        f"{row.n} of them have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
+        f"{row.n} loops have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
         " a limit cycle" in text
     )
 

@@ -202,7 +202,7 @@ def test_a_slow_load_however_sure_asks_for_lab_samples_which_alone_tell_it_from_
     likely = {"load_steps": 0.93, "none": 0.05, "drift": 0.02}
     assert plan(assessment, likely, LOOPS, most=2).best.trial.id == "lab"
     assessment.asked = ("lab",)
-    assert "would sooner unsettle it" in plan(assessment, likely, LOOPS, most=2).why
+    assert "no further test is recommended" in plan(assessment, likely, LOOPS, most=2).why
 
 
 def test_a_plan_that_asks_nothing_explains_why_and_draws_no_table():

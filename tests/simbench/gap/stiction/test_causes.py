@@ -34,7 +34,7 @@ def test_a_sine_from_outside_is_a_disturbance_and_not_tuning():
     result = causes_of(disturbance=[*LOOP["disturbance"], SINE])
     assert result.named.name == causes.FROM_OUTSIDE
     against = next(c for c in result.weighed if c.name == causes.TIGHT).against
-    assert "of its phase" in against[0]
+    assert "phase coherence" in against[0]
 
 
 def test_a_sticky_valve_is_stiction_with_its_size():

@@ -115,7 +115,7 @@ def test_of_methods_that_agree_with_the_probability_the_best_on_the_twins_is_tru
     agreeing = [m for m in made if m.verdict_here == STICTION]
     assert trusted.best.rule.right == max(m.rule.right for m in agreeing)
     assert trusted.best in agreeing
-    assert "of those that agree with the probability" in trusted.as_text()
+    assert "of the methods that agree with the conclusion" in trusted.as_text()
 
 
 def test_the_text_states_where_no_method_agrees_with_the_probability(sticky, monkeypatch):
