@@ -204,7 +204,8 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
 
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
-    tests = f"exact paired tests with Holm's correction allow a drop of {100 * margin:g} percentage points"
+    points = f"{100 * margin:g} percentage points"
+    tests = f"exact paired tests with Holm's correction allow a drop of {points}"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
         return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"

@@ -148,8 +148,8 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
         apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
             f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank."
-            f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar test,"
-            " Holm)."
+            f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar"
+            " test, Holm)."
         )
         said.append(
             f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the"
