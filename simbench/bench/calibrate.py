@@ -16,7 +16,7 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.grid import load_grid
-from simbench.bench.execute.run import run_grid
+from simbench.bench.execute.run import choose_with_oracle, run_grid
 from simbench.bench.statistics import auc, wilson
 from simbench.bench.store.reading import RunArrays
 from simbench.files import folder, whole_file, write_table
@@ -122,6 +122,7 @@ def calibrate(
     """
     if not 0.0 < false_alarm < 1.0:
         raise ParameterError(f"false_alarm = {false_alarm}; a share between 0 and 1 is needed")
+    chosen = choose_with_oracle(methods, ())  # a wrong name is refused before a folder is made
     sets = dict(settings.pop("sets", None) or {})
     seed_b = load_grid(grid, sets).content.seed
     seed_a = seed_b + OTHER_SEEDS
@@ -132,7 +133,7 @@ def calibrate(
                 run_grid(
                     grid,
                     where / name,
-                    methods,
+                    chosen,
                     jobs,
                     resume=True,
                     sets={**sets, "seed": seed},

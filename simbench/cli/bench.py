@@ -80,7 +80,8 @@ def run(
         ),
     ] = None,
     raw: Annotated[
-        bool, Option("--raw", help="Report only the verdicts without the test for oscillation.")
+        bool,
+        Option("--raw", help="Judge every record, without first testing whether it oscillates."),
     ] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
@@ -121,7 +122,7 @@ def run(
     full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate a grid of scenarios, judge every record by every method, and score."""
+    """Simulate a grid of scenarios, judge every record by the chosen methods, and score."""
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.execute.run import run_grid
     from simbench.bench.scenario.oracle import ORACLE

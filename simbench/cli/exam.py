@@ -22,12 +22,11 @@ from simbench.cli.common import (
 )
 
 Folder = Annotated[Path, Argument(metavar="EXAM", help="Read the exam in this folder.")]
-Key = Annotated[
+NewKey = Annotated[
     Path,
-    Option(
-        metavar="FILE", help="Write or read the key in this file, outside the folder of the exam."
-    ),
+    Option("--key", metavar="FILE", help="Write the key to this file, outside the exam's folder."),
 ]
+Key = Annotated[Path, Option(metavar="FILE", help="Read the key from this file.")]
 
 
 @exam_app.command(
@@ -46,14 +45,14 @@ def make(
             help="Write the exam to this folder, which must not exist.",
         ),
     ],
-    key: Key,
+    key: NewKey,
     n: Annotated[
         int | None, Option("--n", metavar="N", help="Draw this many records at random [all].")
     ] = None,
     jobs: Jobs = 1,
     seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
 ) -> None:
-    """Draw fresh seeds, and write the records without their labels and the key to another place."""
+    """Simulate new records, and write them without labels; the key goes to a separate file."""
     from simbench.bench.exam.making import make_exam
 
     print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")

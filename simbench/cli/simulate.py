@@ -47,10 +47,14 @@ def simulate(
     ] = 0.0,
     from_run: Annotated[
         Path | None,
-        Option("--from", metavar="RUN", help="Read the results of the run in this folder."),
+        Option(
+            "--from",
+            metavar="RUN",
+            help="Simulate a scenario of the run in this folder again; choose it by --id.",
+        ),
     ] = None,
     scenario: Annotated[
-        str | None, Option("--id", help="Simulate this scenario of the run.")
+        str | None, Option("--id", help="Name the scenario of the run that is simulated.")
     ] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,

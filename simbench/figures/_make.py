@@ -7,6 +7,7 @@ from pathlib import Path
 
 from detectors.errors import RecordError, UnknownName
 from detectors.records.io import RECORD_FILES
+from simbench.bench.store.manifest import read_manifest
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table
 
@@ -64,6 +65,8 @@ def make_figures(
     fault = "" if isdb is None else _no_records(Path(isdb))
     if fault:
         raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
+    if run is not None:  # before a folder is made
+        read_manifest(run)
     target = folder(out)
     remove_stale_temporaries(target)
     return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
