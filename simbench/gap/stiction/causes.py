@@ -191,8 +191,8 @@ def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: fl
         return Cause(TIGHT, 0.0, (), ("the loop does not swing", margins_text))
     if keeps > _KEPT[0]:
         kept = (
-            f"the phase coherence over {periods:.0f} periods is {keeps:.2f}, more than noise in a tight"
-            " loop gives"
+            f"the phase coherence over {periods:.0f} periods is {keeps:.2f}, more than noise in a"
+            " tight loop gives"
         )
         return Cause(TIGHT, 0.1, (), (kept, margins_text))
     if np.isnan(keeps):
