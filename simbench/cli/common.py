@@ -376,9 +376,8 @@ def wrapped(text: str) -> str:
 
     A row of a table, known by two blanks in a row, stays whole.
 
-    >>> print(wrapped("note: " + "word " * 22))
-    note: word word word word word word word word word word word word word word word word word word
-      word word word word
+    >>> wrapped("word " * 24).splitlines()[1]
+    '  word word word word'
     """
     lines = []
     for line in text.splitlines():
