@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import click
+from typing import Any
+
 from typer.core import TyperCommand
 
 COMMON = "Options"
@@ -55,7 +56,7 @@ def group_of(name: str) -> str:
 class GroupedCommand(TyperCommand):
     """A verb whose help lists its options under headings."""
 
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments first, then the options of each group."""
         listed: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
