@@ -156,6 +156,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 def test_strict_type_checking_passes_right_names_and_reports_wrong_ones(tmp_path):
     (tmp_path / "right.py").write_text(f"# pyright: strict\n{STRICT}")
     lines = "\n".join(WRONG)

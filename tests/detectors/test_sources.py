@@ -187,6 +187,7 @@ def test_what_is_no_detector_is_refused(methods, words):
         sb.detect(FRAME, methods)
 
 
+@pytest.mark.slow
 def test_a_function_judges_a_grid_in_any_process(tmp_path):
     tables = []
     for jobs in (1, 2):

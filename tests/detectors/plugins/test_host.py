@@ -93,7 +93,15 @@ def test_a_plug_in_that_goes_on_losing_its_worker_is_asked_no_more(ask):
     assert f"lost {STRIKES} times" in reasons[-1]
 
 
-def test_an_interrupted_question_leaves_no_answer_for_the_next(ask):
+@pytest.fixture
+def ctrl_c():
+    """Make Ctrl-C raise: a process that was started in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interrupted_question_leaves_no_answer_for_the_next(ask, ctrl_c):
     ask(
         "import time; time.sleep(6.0 * (prepared.record.op[0] < 90)); return say('x',"
         " prepared.record.op[0])",

@@ -304,6 +304,7 @@ def test_a_scenario_of_a_run_is_repeated_with_its_valve(here):
     refused(words, "'mine'")
 
 
+@pytest.mark.slow
 def test_a_run_in_which_nothing_can_be_simulated_says_so(here):
     hostile(here, PLAY, *LOUD)
     grid_file("g.toml", "mine")

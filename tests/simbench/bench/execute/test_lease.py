@@ -85,6 +85,7 @@ def test_without_a_lease_only_what_nobody_touched_for_an_hour_goes(tmp_path):
         assert {f.name for f in tmp_path.iterdir()} == {LEASE, ".b.2"}
 
 
+@pytest.mark.slow
 def test_of_many_who_find_a_stale_lease_one_gets_it(tmp_path):
     (tmp_path / LEASE).write_text('{"pid": 1}')
 

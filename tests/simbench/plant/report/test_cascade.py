@@ -23,6 +23,7 @@ PAIR = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("two_methods")
 def test_inner_loop_leads_its_oscillation_though_the_outer_one_looks_as_sticky(
     tmp_path, monkeypatch
