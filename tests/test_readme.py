@@ -144,7 +144,7 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
             run = subprocess.run(what, cwd=tmp_path, env=path, capture_output=True, text=True)
             assert run.returncode == 0, (what, run.stderr)
             done.append(what)
-    assert len(done) > 12
+    assert len(done) >= 12
     written = {
         "verdict.html",
         "trust.html",

@@ -49,7 +49,7 @@ RIGHT = [
     "confirm travel LOOP --picture PIC",
     "gap diagnose REC --baseline LOOP --html OUT -j 1",
     "gap plan REC --baseline LOOP --html OUT",
-    "gap predict REC --baseline LOOP --set controller.Kc=2",
+    "gap predict REC --baseline LOOP --set controller.Kc=1",
     "gap discover REC --baseline LOOP --html OUT",
     "gap leave-out NEW -n 1 -j 1",
     "gap study RECS --grid smoke --html OUT -j 1",
