@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -154,8 +153,9 @@ class Fleet:
         for rank, m in enumerate(self.members[:_LISTED], 1):
             p = "" if m.trust.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
-            cause, name = m.cause.name, textwrap.shorten(m.name, 34, placeholder="...")
-            lines.append(f"{rank:<4} {name:<34} {p:>11} {S:>5}  {cause:<24} {m.advice.job}")
+            lines.append(
+                f"{rank:<4} {_short(m.name):<34} {p:>11} {S:>5}  {m.cause.name:<24} {m.advice.job}"
+            )
         hidden = len(self.members) - _LISTED
         lines += [f"{hidden} more loops are on the page and in the table."] if hidden > 0 else []
         lines += ["", *(f"Next for {m.name}: {m.advice.do}." for m in self.members[:_ADVISED])]
@@ -165,6 +165,11 @@ class Fleet:
         return "\n".join(
             [*lines, *(f"left out {n}: {why}" for n, why in [*self.refused.items()][:_SENTENCES])]
         )
+
+
+def _short(name: str) -> str:
+    """Return a name in 34 columns; tags differ at either end, so what is left out is the middle."""
+    return name if len(name) <= 34 else f"{name[:15]}...{name[-16:]}"
 
 
 def _some(names: Sequence[str]) -> str:
