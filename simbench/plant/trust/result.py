@@ -97,7 +97,9 @@ class Trust:
         """Return what simulated replicates of the loop would have shown."""
         if not self.twins:
             return f"no simulated replicates: {self.notes[0]}"
-        return f"smallest stiction detected in 4 of 5 simulated replicates: {self._visible()}"
+        return (
+            f"smallest stiction detected in at least 4 of 5 simulated replicates: {self._visible()}"
+        )
 
     def _visible(self) -> str:
         seen = self.smallest_visible
@@ -134,15 +136,16 @@ class Trust:
         if best is not None:
             agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
-                "of the methods that agree with the conclusion"
+                "the highest of the methods that agree with the conclusion"
                 if agrees
-                else "though none agrees with the probability,"
+                else "the highest of all methods, though none agrees with the probability"
             )
             lines += [
                 (
-                    f"Trust {_reading(best.rule)}: {why} it is right most often on simulated"
-                    f" replicates of this loop ({best.rule.right:.0%}, sticky and healthy weighted"
-                    f" equally). Its verdict here: {best.verdict_here.replace('_', ' ')}."
+                    f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
+                    f" {best.verdict_here.replace('_', ' ')}. Its accuracy on simulated"
+                    f" replicates of this loop is {best.rule.right:.0%} (sticky and healthy"
+                    f" weighted equally), {why}."
                 ),
                 "",
                 *_table(self.methods),
