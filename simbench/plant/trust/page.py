@@ -1,5 +1,5 @@
-"""The page of a trust: the answer, what this record could have shown, whom to believe, what would
-help.
+"""The HTML page of `simbench trust`: the conclusion, the stiction that this record could have
+shown, the reliability of each method, and what would help.
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ def write_page(trust: Trust, path: str | Path) -> None:
     tiles = []
     if trust.probability is not None:
         tiles.append(
-            (f"{trust.probability:.2f}", "probability of stiction, even odds before looking")
+            (f"{trust.probability:.2f}", "probability of stiction (prior probability 0.5)")
         )
-        tiles.append((f"{len(trust.twins)}", "twins of this loop simulated and judged"))
+        tiles.append(
+            (f"{len(trust.twins)}", "simulated replicates of this loop, judged by every method")
+        )
     if trust.smallest_visible is not None:
         tiles.append(
             (
                 f"{trust.smallest_visible[0]:.2g}",
-                f"smallest S ({record.S_unit}) that shows in 4 of 5 such records",
+                f"smallest S ({record.S_unit}) detected in 4 of 5 replicates",
             )
         )
     parts = [section("answer", "The answer", answer, tiles=tiles)]
@@ -51,11 +53,11 @@ def write_page(trust: Trust, path: str | Path) -> None:
     parts.append(section("record", "The record", pictures=seen))
     if trust.power:
         best = [m for m in trust.methods if m.verdict.applicable is not False][:_SHOWN]
-        curves = {"as best read": trust.power} | {m.verdict.method: m.power for m in best}
+        curves = {"most accurate": trust.power} | {m.verdict.method: m.power for m in best}
         caption = (
-            "Share of twins called stiction over S; the band is the 95 % interval of the method"
-            " most often right on the twins, as best read, the others by their published rules, the"
-            " dashed line 0.8"
+            "Share of replicates called stiction, over S. Black: the reading most often right on"
+            " the replicates, with its 95 % interval. Other colours: methods with their published"
+            " thresholds. Dashed: 0.8"
         )
         ratios = sorted({round(c.J / c.S, 6) for c in trust.power})
         pictures = [
@@ -77,8 +79,8 @@ def write_page(trust: Trust, path: str | Path) -> None:
         parts.append(section("next", "What would help, and what to know", points=points))
     write(
         path,
-        f"Stiction in {record.tag or 'this loop'}: what can be believed",
-        "Detectors on twins of one loop",
+        f"Stiction in {record.tag or 'this loop'}: which method to trust",
+        "Detectors on simulated replicates of one loop",
         parts,
     )
 
@@ -88,16 +90,20 @@ def _table(trust: Trust) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "method": m.verdict.method,
-            "verdict here": (
-                "not made for it"
+            "verdict (published)": (
+                "not applicable"
                 if m.verdict.applicable is False
                 else m.verdict.verdict.replace("_", " ")
             ),
-            "right on twins": m.rule.right,
-            "false alarms": m.false_alarms,
-            "sensitivity": sum(c.share for c in m.power) / len(m.power) if m.power else None,
+            "accuracy as advised": m.rule.right,
+            "false positives (published)": m.false_alarms,
+            "sensitivity (published)": sum(c.share for c in m.power) / len(m.power)
+            if m.power
+            else None,
             "likelihood ratio": m.likelihood_ratio,
-            "read by": "published rule" if m.rule.cut is None else f"score above {m.rule.cut:.3g}",
+            "advised threshold": "as published"
+            if m.rule.cut is None
+            else f"score above {m.rule.cut:.3g}",
             "reason": summary.own_reason(m.verdict, shared),
         }
         for m in trust.methods
