@@ -66,8 +66,8 @@ class Action:
     def sentence(self) -> str:
         """Return what it would do in words."""
         return (
-            f"{self.what}: PV variance {self.variance:.0%} of today's ({self.lo:.0%} to"
-            f" {self.hi:.0%})"
+            f"{self.what} (simulated PV variance then: {self.variance:.0%} of today's,"
+            f" {self.lo:.0%} to {self.hi:.0%})"
         )
 
 
