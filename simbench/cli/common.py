@@ -1,4 +1,6 @@
-"""What the verbs share: the applications they belong to, options, and how an answer is printed."""
+"""What the verbs of the command line share: the application, common options, and how an answer is
+printed.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop
-file out.
+"""Run the gap diagnosis on files: read records and a loop file, write the report, its page and the
+corrected loop file.
 """
 
 from __future__ import annotations

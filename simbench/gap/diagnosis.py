@@ -1,4 +1,5 @@
-"""`diagnose`: one record compared with one loop file, from the check to the report.
+"""Diagnose one record against one loop file, from the check of the data to the report (`simbench
+gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
 with each effect (`ClosedLoops`), weigh the effects (`classify`), refuse an effect that does not

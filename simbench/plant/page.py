@@ -1,5 +1,5 @@
-"""What the pages of this subpackage share: sections with sentences, tiles, pictures and tables, and
-the writing of the file.
+"""What the HTML pages of this subpackage share: sections with sentences, tiles, pictures and
+tables.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The page of a detection: what the methods say together, the record, every method's answer with
-its reason.
+"""Write the HTML page of `simbench detect`: the conclusion, the record, and the verdict of every
+method with its reason.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Section: the run in a few numbers, and the score table."""
+"""Section of the report: the run in a few numbers, and the score table."""
 
 import math
 from typing import Any

@@ -1,5 +1,5 @@
-"""The answer of a verification: what was compared, what contradicts the run, and how much can
-escape.
+"""The result of a verification: what was compared, what contradicts the run, and what was not
+checked.
 """
 
 from __future__ import annotations

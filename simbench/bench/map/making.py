@@ -1,5 +1,5 @@
-"""Map of a grid: simulate a random sample of its scenarios, and predict every method's accuracy
-over its axes.
+"""Make the map of a grid: simulate a random sample of its scenarios, and predict the accuracy of
+every method over its axes.
 """
 
 from __future__ import annotations

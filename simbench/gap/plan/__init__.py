@@ -1,1 +1,3 @@
-"""Which test to run next: the menu, sized for a loop, and what each may be expected to tell."""
+"""Choose the next test on the plant: the possible tests, sized for the loop, and what each is
+expected to tell (`simbench gap plan`).
+"""

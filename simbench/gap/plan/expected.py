@@ -1,5 +1,5 @@
-"""What a test may be expected to tell: today's explanations simulated under it, and judged by one
-another.
+"""Compute what a test is expected to tell: simulate it under each explanation that is still
+probable, and see which ones it separates.
 """
 
 from __future__ import annotations

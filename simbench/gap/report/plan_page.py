@@ -1,4 +1,4 @@
-"""The page of a plan: which test to run next, what each would tell and cost."""
+"""Write the HTML page of `gap plan`: which test to run next, and what each would tell and cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GapReport: the answer of a diagnosis as one data object, as text and as JSON."""
+"""`GapReport`: the answer of a diagnosis, as text and as JSON."""
 
 from __future__ import annotations
 

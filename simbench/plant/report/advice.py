@@ -1,5 +1,5 @@
-"""Whose job a loop is next: valve, tuning, upstream, measurement, or nobody's; what to do is the
-conclusion's next step.
+"""Choose who works on a loop next (valve, tuning, upstream, measurement or nobody), and what to
+do.
 """
 
 from __future__ import annotations

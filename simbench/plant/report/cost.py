@@ -1,6 +1,4 @@
-"""What a loop's motion costs: the share of its variance that the cycle causes, and what the valve
-travels for it.
-"""
+"""Measure what an oscillation costs: its share of the variance of PV, and the valve travel."""
 
 from __future__ import annotations
 

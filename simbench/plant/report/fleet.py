@@ -1,5 +1,5 @@
-"""A plant's loops, judged side by side: probability and size of stiction, shared oscillations,
-whose job is next.
+"""Judge the loops of a plant: probability and size of stiction, shared oscillations, and the rank
+of each loop.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A plant's loops on one page, and the same as a table."""
+"""Write the page of a plant's loops, and the same as a table."""
 
 from __future__ import annotations
 

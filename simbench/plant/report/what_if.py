@@ -1,5 +1,5 @@
-"""What would help: the identified loop simulated with its valve repaired, retuned, compensated,
-resized, or left alone.
+"""Simulate what would help a loop: valve repaired, controller retuned, dead-band compensated, valve
+resized, or nothing changed.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What would help: the same loop recorded otherwise, simulated, until stiction too small for this
-record shows.
+"""Simulate other ways to record a loop that would make a stiction visible that this record cannot
+show.
 """
 
 from __future__ import annotations
