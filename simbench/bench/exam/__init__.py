@@ -1,1 +1,1 @@
-"""Exams: records of a benchmark without labels, the answers to them, and the key that opens them."""
+"""Exams: records of a benchmark without labels, the answers to them, and the key to the labels."""

@@ -1,4 +1,4 @@
-"""Recognise derivative action: the controller law explains OP if it has a term in the rate of PV."""
+"""Recognise derivative action: the controller law explains OP with a term in the rate of PV."""
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.exact import shown

@@ -15,14 +15,26 @@ from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.trust.result import Trust
 
 _SHOWN = 3  # detectors drawn with the best reading
+_SHARES = (
+    "accuracy (as advised)",
+    "false positives (published)",
+    "sensitivity (published)",
+    "likelihood ratio",
+)
+_COLUMNS = (
+    "Accuracy (as advised): share of simulated replicates judged rightly with the advised"
+    " threshold; healthy and sticky replicates are weighted equally.",
+    "False positives and sensitivity (published): shares of the healthy and of the sticky"
+    " replicates"
+    " called stiction with the published threshold.",
+    "Likelihood ratio: how much more often sticky replicates than healthy ones get the verdict of"
+    " the record; 1 means that the verdict tells nothing.",
+)
 
 
 def write_page(trust: Trust, path: str | Path) -> None:
     """Write a trust as one self-contained HTML page."""
     record = trust.record
-    answer = trust.conclusion.as_lines()
-    if trust.best is not None:
-        answer.append(f"{trust.power_line()[0].upper()}{trust.power_line()[1:]}.")
     tiles = []
     if trust.probability is not None:
         tiles.append(
@@ -38,6 +50,7 @@ def write_page(trust: Trust, path: str | Path) -> None:
                 f"smallest S ({record.S_unit}) detected in 4 of 5 replicates",
             )
         )
+    answer = [*trust.conclusion.as_lines(), *trust.advice()]
     parts = [section("answer", "The answer", answer, tiles=tiles)]
     when = trust.over_time
     shaded = (
@@ -69,7 +82,8 @@ def write_page(trust: Trust, path: str | Path) -> None:
         section(
             "methods",
             "Which method to trust on this loop",
-            table=SectionTable(_table(trust), ["reason"]),
+            table=SectionTable(_table(trust), ["reason"], shares=_SHARES),
+            points=_COLUMNS if trust.twins else (),
         )
     )
     points = [*(r.sentence() for r in trust.helps), *trust.notes]
@@ -95,7 +109,7 @@ def _table(trust: Trust) -> pd.DataFrame:
                 if m.verdict.applicable is False
                 else m.verdict.verdict.replace("_", " ")
             ),
-            "accuracy as advised": m.rule.right,
+            "accuracy (as advised)": m.rule.right,
             "false positives (published)": m.false_alarms,
             "sensitivity (published)": sum(c.share for c in m.power) / len(m.power)
             if m.power

@@ -1,4 +1,4 @@
-"""Draw a loop: its trend, PV against OP, and the share of each size of stiction that is detected."""
+"""Draw a loop: its trend, PV against OP, and the share of each size of stiction detected."""
 
 from __future__ import annotations
 

@@ -135,8 +135,17 @@ class Trust:
         """Return the conclusion, the most reliable method, the table of methods, what would help
         and the notes.
         """
-        lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
-        best = self.best
+        lines = [*self.conclusion.as_lines(), *self.advice()]
+        if self.best is not None:
+            lines += ["", *_table(self.methods, self.record.S_unit), self._legend()]
+        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
+        more = [*(r.sentence() for r in self.helps), *notes]
+        return "\n".join([*lines, *([""] if more else []), *more])
+
+    def advice(self) -> list[str]:
+        """Return the smallest visible stiction and the most reliable method, a line each."""
+        seen = self._seen()
+        lines, best = [f"{seen[0].upper()}{seen[1:]}."], self.best
         if best is not None:
             agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
@@ -144,19 +153,12 @@ class Trust:
                 if agrees
                 else "the highest of all methods, though none agrees with the probability"
             )
-            lines += [
-                (
-                    f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
-                    f" {best.verdict_here.replace('_', ' ')}. Its accuracy on the replicates is"
-                    f" {best.rule.right:.0%}, {why}."
-                ),
-                "",
-                *_table(self.methods, self.record.S_unit),
-                self._legend(),
-            ]
-        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
-        more = [*(r.sentence() for r in self.helps), *notes]
-        return "\n".join([*lines, *([""] if more else []), *more])
+            lines.append(
+                f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
+                f" {best.verdict_here.replace('_', ' ')}. Its accuracy on the replicates is"
+                f" {best.rule.right:.0%}, {why}."
+            )
+        return lines
 
     def _legend(self) -> str:
         """Return what the columns of the table mean."""
