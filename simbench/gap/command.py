@@ -74,6 +74,7 @@ def diagnose_files(
     Returns
     -------
     GapReport
+        The diagnosis; the files that `wanted` names are written.
 
     Raises
     ------

@@ -98,6 +98,8 @@ def diagnose(
     Returns
     -------
     GapReport
+        Effect, block and parameters that the simulation lacks, with probabilities and
+        shrinkage of the gap.
 
     Raises
     ------

@@ -192,6 +192,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     Returns
     -------
     Prediction
+        Intervals of the record's statistics under the settings, or why none can be given.
 
     Raises
     ------

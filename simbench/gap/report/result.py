@@ -77,6 +77,7 @@ class GapReport:
     ranking : tuple of Ranked
         All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
     gap : Gap
+        Distance of record and simulation before and after each correction (-).
     shrinkage : dict or None
         value, lo, hi; None without a resolvable gap.
     blocks : dict
@@ -85,10 +86,12 @@ class GapReport:
         The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its
         reason in the notes, where nothing on the menu would help.
     notes : tuple of str
+        What else a reader must know, a sentence each.
     conclusion : Conclusion
         Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
         the records.
     behind : DiagnosisDetails
+        Records, fits and loops from which the answer follows.
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
     """
@@ -162,6 +165,7 @@ class GapReport:
         Returns
         -------
         matplotlib.axes.Axes
+            Bars of probability, the most probable effect on top.
         """
         rows = self.to_frame().head(most).set_index("effect")[::-1]
         return rows[["probability"]].plot.barh(
@@ -190,6 +194,7 @@ class GapReport:
         Returns
         -------
         Loop
+            A loop to simulate in place of the baseline.
         """
         return self.behind.loops.corrected(self.named)
 
@@ -199,6 +204,7 @@ class GapReport:
         Returns
         -------
         str
+            Effect, block, parameters with units, probability and share of the gap.
         """
         if self.effect == NONE:
             if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
@@ -238,6 +244,7 @@ class GapReport:
         Returns
         -------
         str
+            The answer, the valve, the ranking, the gap and the next test, a line each.
         """
         lines = [
             self.sentence(),

@@ -86,6 +86,8 @@ def trust(
     Returns
     -------
     Trust
+        The conclusion, each method's accuracy on simulated twins of the loop, and what its
+        record could show.
 
     Raises
     ------
