@@ -80,8 +80,8 @@ def naming(place: object) -> Iterator[None]:
 
 
 _SECRETS = re.compile(
-    r"""(?P<before>[a-z][\w+.-]*:/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
-    r"""|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s"']+""",
+    r"""(?P<before>(?<=[\w+.-]):/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
+    r"""|(?P<key>[?&](?=[\w-]*(?:pass|secret|token|key|sig|credential))[\w-]+=)[^&\s"']+""",
     re.IGNORECASE,
 )
 
