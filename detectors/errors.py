@@ -93,15 +93,15 @@ def masked(text: object) -> str:
     )
 
 
-def printable(text: object) -> str:
+def printable(text: object, kept: str = "") -> str:
     r"""Return a text with what would move a terminal's cursor, turn its direction or be no Unicode
-    written as an escape.
+    written as an escape; `kept` are characters that stay.
 
     >>> printable("FIC\x1b[31m\u202e")
     'FIC\\x1b[31m\\u202e'
     """
     return "".join(
-        c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1]
+        c if c.isprintable() or c in kept or unicodedata.category(c) == "Zs" else ascii(c)[1:-1]
         for c in str(text)
     )
 
