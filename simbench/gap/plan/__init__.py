@@ -1,1 +1,1 @@
-"""Which test to run next: the menu, sized for a loop, and what each may be expected to tell."""
+"""Which test to run next: a fixed order, and the menu of tests sized for a loop."""

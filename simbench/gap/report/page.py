@@ -192,11 +192,6 @@ def _open(report: GapReport) -> Markup:
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
     answers = {e["effect"] for e in report.effects}
-    after = report.behind.after_tests
-    right = "right after it"
-    tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(
-        right, ascending=False
-    )
     return render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
@@ -210,7 +205,6 @@ def _open(report: GapReport) -> Markup:
         else f"{report.next_test['test']}: {report.next_test['says']}",
         notes=report.notes,
         resolvable=report.gap.resolvable,
-        tests=sortable(tests) if len(tests) else None,
         table=sortable(pd.DataFrame(rows)) if rows else None,
         hidden=hidden,
     )

@@ -48,15 +48,13 @@ class Gap:
 class DiagnosisDetails:
     """What an answer rests on, for text, page and loop file.
 
-    `detectable` holds, per effect, the smallest size that would have shown, with its unit;
-    `after_tests`, per test, the probability that the first answer is right after it.
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit.
     """
 
     found: Assessment
     loops: ClosedLoops
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
-    after_tests: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +80,8 @@ class GapReport:
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
     next_test : dict or None
-        The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its
-        reason in the notes, where nothing on the menu would help.
+        The next test of a fixed order: test, size, hold_s, settings, says; None, with its reason in
+        the notes, where none is recommended.
     notes : tuple of str
     conclusion : Conclusion
         Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
