@@ -139,7 +139,7 @@ def gap_plan(
     *,
     about: dict,
 ) -> None:
-    """Recommend the next tests on the plant, each with its size, its duration and its effect on PV."""
+    """Recommend the next tests on the plant, each with its size, duration and effect on PV."""
     from simbench.gap.command import plan_files
 
     plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
