@@ -208,7 +208,7 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
     tests = f"exact paired tests with Holm's correction allow a drop of {points}"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
-        return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"
+        return f"all {pairs.now.size} records equal the baseline's, bit for bit; {tests}"
     if pairs.now.size:
         ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
         moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
