@@ -370,7 +370,10 @@ class _Course:
             f"{votes.count(STICTION)} for, {votes.count(NO_STICTION)} against,"
             f" {votes.count(NO_DECISION)} undecided"
         )
-        numbers = f"log-odds {odds:+.1f} from {', '.join(terms) or 'nothing'} ({len(votes)} methods asked: {count})"
+        numbers = (
+            f"log-odds {odds:+.1f} from {', '.join(terms) or 'nothing'}"
+            f" ({len(votes)} methods asked: {count})"
+        )
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."
         level = self.verdicts["hammerstein"]

@@ -96,8 +96,9 @@ class _Calibration:
             (
                 "Ranges are 95 % intervals. False positives (FP): share of loops that do not cycle"
                 " called stiction. Sens.: sensitivity, the share of cycling loops called stiction."
-                " AUC: area under the ROC curve. Two thresholds: the method gives no decision between"
-                " them; decided: share of loops decided; wrong: share of wrong answers among these."
+                " AUC: area under the ROC curve. Two thresholds: between them the method gives no"
+                " decision; decided: share of loops decided; wrong: share of wrong answers among"
+                " these."
             ),
         ]
         vague = [r.method for r in self.table.itertuples() if not r.informative]

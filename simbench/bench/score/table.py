@@ -53,7 +53,8 @@ _DETECTION = {
 }
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
-    " grid, + on a related grid. no_waveform: a classifier that sees period, amplitude and noise, but no waveform."
+    " grid, + on a related grid. no_waveform: a classifier that sees period, amplitude and noise,"
+    " but no waveform."
 )
 
 
