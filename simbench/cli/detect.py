@@ -122,6 +122,8 @@ def detect(
         report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
         as_json,
     )
+    if not (as_json or report.conclusions) and len(report.groups()) > 1:
+        print("For a conclusion on each record, add --method all,likelihood.")
     if labels is not None and report.conclusions:
         from detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
