@@ -82,6 +82,7 @@ class Verdict:
         Returns
         -------
         Verdict
+            A new verdict; this one stays as it is.
         """
         other = object.__new__(Verdict)
         other.__dict__.update(self.__dict__, **changes)

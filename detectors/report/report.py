@@ -86,6 +86,7 @@ class Report:
         Returns
         -------
         str
+            One line per verdict, and how many methods said what.
         """
         concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
         text = summary.as_text(self.groups(), concluded, why=why, colour=colour)

@@ -32,6 +32,7 @@ def lfilter(
     Returns
     -------
     ndarray, shape (n,)
+        Output in its own units; the samples before the first are 0 but for `before`.
 
     Notes
     -----

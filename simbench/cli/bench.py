@@ -34,6 +34,7 @@ from simbench.cli.common import (
     number,
     pairs,
     refuse_picture,
+    say,
     show,
     show_result,
     threshold_file,
@@ -342,7 +343,7 @@ def score(
         from simbench.report.data import RunData
 
         write_report(folder, report, RunData(folder, book, scores))
-        print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+        say(f"report: {report.resolve()}", as_json)
     _end(failed, allow_failed)
 
 
@@ -389,7 +390,7 @@ def check(
 
     refuse_own_input([junit, markdown], [folder, against])
     if update:
-        print(update_baseline(folder, against))
+        say(update_baseline(folder, against))
         return
     result = check_and_ask_again(folder, against, margin, exact)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):

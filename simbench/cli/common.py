@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from detectors.errors import ParameterError, masked
+from detectors.errors import ParameterError, masked, printable
 from simbench.cli.help import GroupedCommand
 
 if TYPE_CHECKING:
@@ -402,11 +402,16 @@ def show_result(result: Any, as_json: bool) -> None:
     show(result.as_json() if as_json else result.as_text(), as_json)
 
 
-def show(content: Any, as_json: bool) -> None:
-    """Print an answer, as JSON where asked."""
+def show(content: Any, as_json: bool, kept: str = "") -> None:
+    """Print an answer, as JSON where asked; `kept` are characters that `say` would escape."""
     text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
-    print(masked(text))
+    print(printable(masked(text), f"\n{kept}"))
     sys.stdout.flush()
+
+
+def say(text: object, aside: bool = False) -> None:
+    """Print a text (aside: on stderr) with secrets masked and what is not printable escaped."""
+    print(printable(masked(text), "\n"), file=sys.stderr if aside else sys.stdout)
 
 
 def wrapped(text: str) -> str:

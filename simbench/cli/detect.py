@@ -21,6 +21,7 @@ from simbench.cli.common import (
     method_completion,
     reads,
     refuse_picture,
+    say,
     say_assumed,
     show,
     threshold_file,
@@ -121,6 +122,7 @@ def detect(
     show(
         report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
         as_json,
+        kept="\x1b",  # of the colours; names of records are escaped where they are read
     )
     if not (as_json or report.conclusions) and len(report.groups()) > 1:
         print("For a conclusion on each record, add --method all,likelihood.")
@@ -139,7 +141,7 @@ def detect(
         from simbench.plant.verdict_page import write_page
 
         write_page(report, html, _conclude)
-        print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
+        say(f"page: {html.resolve()}", as_json)
     if power:
         _print_power(path, asked, as_json, **about)
 

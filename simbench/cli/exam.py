@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +17,7 @@ from simbench.cli.common import (
     Resume,
     exam_app,
     examples,
+    say,
     show,
 )
 
@@ -96,7 +96,7 @@ def answer(
     """Judge every record of an exam by installed detectors or plug-ins, and write their answers."""
     from simbench.bench.exam.answering import answer_exam
 
-    print(
+    say(
         f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records"
         f" answered: {out}"
     )
@@ -160,4 +160,4 @@ def open_(
             as_json,
         )
         if report is not None:
-            print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+            say(f"report: {report.resolve()}", as_json)

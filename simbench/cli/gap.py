@@ -147,7 +147,7 @@ def gap_plan(
     *,
     about: dict,
 ) -> None:
-    """Recommend the next test on the plant: its size, its duration and what it would tell.
+    """Recommend the next tests on the plant, each with its size, duration and effect on PV.
 
     Use it when `simbench gap diagnose` leaves more than one effect probable.
     """

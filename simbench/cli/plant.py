@@ -14,6 +14,7 @@ from simbench.cli.common import (
     app,
     examples,
     reads,
+    say,
     say_assumed,
     show,
     show_result,
@@ -124,4 +125,4 @@ def report_(
     )
     show(fleet.as_text(), as_json=False)
     say_assumed([m.trust.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}\ntable: {table.resolve()}")
+    say(f"page: {out.resolve()}\ntable: {table.resolve()}")

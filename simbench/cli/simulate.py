@@ -18,6 +18,7 @@ from simbench.cli.common import (
     app,
     examples,
     pairs,
+    say,
     show,
 )
 
@@ -97,10 +98,10 @@ def simulate(
     if result.outer is not None:
         outer = out.with_name(f"{out.stem}_outer{out.suffix}")
         write_record(result.outer, outer)
-        print(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
+        say(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
     r = result.record
     friction = "has friction" if result.sticky else "is without friction"
-    print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
+    say(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
     for note in result.notes:
         print(f"note: {note}")
 

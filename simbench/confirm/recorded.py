@@ -110,6 +110,8 @@ def confirm(
     Returns
     -------
     TravelTest or GainChange
+        The valve's travel test, or of two records the change of amplitude and period;
+        either has a verdict.
 
     Raises
     ------

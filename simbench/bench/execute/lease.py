@@ -15,7 +15,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from detectors.errors import masked
+from detectors.errors import masked, printable
 from simbench.bench.store.checksums import RunError
 
 LEASE = ".lease"
@@ -34,7 +34,7 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
         "host": socket.gethostname(),
         "pid": os.getpid(),
         "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-        "command": masked(" ".join(sys.argv))[:200],
+        "command": printable(masked(" ".join(sys.argv)))[:200],
         "token": uuid.uuid4().hex,
     }
     folders = [folder / sub for sub in subfolders]

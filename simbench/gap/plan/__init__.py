@@ -1,3 +1,3 @@
-"""Choose the next test on the plant: the possible tests, sized for the loop, and what each is
-expected to tell (`simbench gap plan`).
+"""Recommend the next tests on the plant in a fixed order, each sized for the loop
+(`simbench gap plan`).
 """

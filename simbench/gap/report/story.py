@@ -51,7 +51,6 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         "story.html",
         believed=before.sentence(),
         asked="" if asked is None else asked["says"],
-        separates=[] if asked is None else [words(e) for e in asked["separates"]],
         run=[f"{t.name}{f' ({t.id})' if t.id else ''}" for t in tests],
         refused=[n for n in report.notes if n.startswith("test:")],
         now=report.sentence(),

@@ -86,6 +86,8 @@ def trust(
     Returns
     -------
     Trust
+        The conclusion, each method's accuracy on simulated twins of the loop, and what its
+        record could show.
 
     Raises
     ------
@@ -136,7 +138,7 @@ def _trust(
     healthy, each = counts
     refuse_wrong_forms(names)
     verdicts = judge(record, names)
-    prepared, diagnosis = Prepared(replace(record, mv=None)), None
+    prepared, diagnosis, assessment = Prepared(replace(record, mv=None)), None, None
     try:
         refuse_unweighable(record)
     except UserError as why:
@@ -144,12 +146,10 @@ def _trust(
     try:
         if loop is not None:
             # with a loop file, friction is compared with every other effect
-            diagnosis = diagnose_all(
-                [in_percent(record)[0]], with_sound_valve(loop), describe=False
-            )
-        candidates = candidate_loops(
-            record, loop, None if diagnosis is None else diagnosis.behind.found
-        )
+            diagnosis = diagnose_all([in_percent(record)[0]], loop, describe=False)
+            # replicates of a valve with friction begin from a sound one, which is fitted anew
+            assessment = diagnosis.behind.found if with_sound_valve(loop) is loop else None
+        candidates = candidate_loops(record, loop, assessment)
     except UserError as why:
         if loop is not None:
             raise
