@@ -95,11 +95,11 @@ def gap_diagnose(
 ) -> None:
     """Report where record and simulation differ, and which missing effect explains the gap.
 
-    The gap is the distance between the record and simulations of the loop file. It is printed
-    before and after the plant's parameters are fitted again (recalibrated), after the effect is
-    added, and as the floor: the distance between two simulations with different seeds, which no
-    model can go below. Shrinkage is the share of the gap above the floor that the effect removes.
-    The table lists the effects with their probabilities and estimated parameters.
+    The gap is the distance between the record and simulations of the loop file. The output states
+    it with the model as given, with the parameters K, T and Td of the plant fitted again, and with
+    the missing effect added. The repeatability floor is the distance between two simulations that
+    differ only in their seeds; no model comes nearer. The table lists the effects with their
+    probabilities and estimated parameters.
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
