@@ -33,7 +33,7 @@ _STATED = {"slow": 0.05, "K": 0.05, "Td": 0.05, "load": 0.20, "load_time": 0.30,
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """One simulated record of the loop; S and J in % of travel, both 0 with a sound valve."""
+    """One simulated replicate of a loop, with its S and J (%)."""
 
     S: float
     J: float
@@ -74,7 +74,7 @@ def draw_twins(
     change: Change | None = None,
     seed: int = 0,
 ) -> list[Twin]:
-    """Simulate twins of a record."""
+    """Simulate replicates of a loop with a healthy valve and with stiction of several sizes."""
     plan = [(0.0, 0.0)] * healthy + [
         cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)
     ]
