@@ -1,9 +1,9 @@
-"""Valve families: what each method finds of every friction model, and its false alarms on every
-healthy valve.
+"""Valve families: sensitivity of each method to every friction model, and its false-positive rate
+on every healthy valve.
 
-Rows are methods, best first; columns are valve families in the same cells: left, the share of the
+Rows are methods, best first. Columns are valve families in the same cells: left, the share of the
 cycling loops that are called sticky; right, the share of the loops that do not cycle and are called
-sticky all the same. Behind a name: * fitted on this grid, + on its siblings.
+sticky. *: fitted on this grid, +: fitted on a related grid.
 """
 
 from pathlib import Path
