@@ -158,7 +158,7 @@ def diagnose(
     *,
     about: dict,
 ) -> None:
-    """Find the cause of one loop's oscillation: stiction, tuning, a disturbance or another cause.
+    """Find what makes a loop oscillate: stiction, tuning, a disturbance or another cause.
 
     The output has three parts: the conclusion with its probability of stiction; every cause with
     the confidence (0 to 1) that the evidence for it gives; and the diagnosis procedure of the book
