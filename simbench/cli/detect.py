@@ -178,9 +178,9 @@ def diagnose(
         draw_path(diagnosis, picture)
     text = [
         *concluded.as_lines(),
-        "Causes, each judged separately (several may act, so they need not add up to 1):",
+        "Causes with their confidence (0 to 1). Several may act, so they need not add up to 1:",
         *causes.as_lines(),
-        "The chapter's procedure, one method among others:",
+        "The diagnosis procedure of the book chapter (one method among others):",
     ]
     whole = diagnosis.as_json()
     procedure_json = {
