@@ -44,7 +44,7 @@ from simbench.plant.trust.trust import trust
 
 # ends the name of the folder next to a page in which the answers on its loops are kept
 JUDGED = ".judged"
-HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
+HEALTHY, EACH = 16, 2  # replicates per loop: enough to rank a plant; `simbench trust` draws more
 # of a loop's own cost, where another drives it, and confidence where no cause is named
 _FOLLOWER, _OPEN = 0.2, 0.3
 # rows, sentences of each kind, and loops with advice that a terminal shows; the page has everything
