@@ -132,7 +132,7 @@ def valve(
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:
-    """Drive one valve model with the controller output of a table, and write the valve position."""
+    """Drive one valve model with a recorded controller output; write the valve position."""
     from simbench.files import refuse_own_input
     from simbench.loop.hosted import hosted_parts, response
     from simbench.loop.response import valve_file
@@ -149,7 +149,7 @@ def predict(
     ],
     as_json: Json = False,
 ) -> None:
-    """Predict from theory whether valve stiction makes a loop cycle, with period and amplitude.
+    """Predict from theory whether valve stiction makes a loop cycle.
 
     The output compares four answers: Table 11.3 of the book chapter that simbench implements, the
     same table with its conditions on the loop checked, the describing function (approximate

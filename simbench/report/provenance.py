@@ -27,7 +27,7 @@ _SHOWN = {
 
 
 def section(run: RunData) -> Markup:
-    """Show the manifest and the commands that repeat the run."""
+    """Return the manifest of the run and the commands that repeat it."""
     manifest = run.book.manifest
     rows = [(title, manifest.get(key)) for key, title in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]

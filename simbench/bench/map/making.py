@@ -43,7 +43,9 @@ _AT_ONCE = 4000  # cells that are predicted at once: memory
 
 @dataclass(frozen=True)
 class GridMap:
-    """A map of a grid: a table of cells for every method, and what follows for the whole grid."""
+    """A map of a grid: predicted results in each cell for every method, and estimates for the whole
+    grid.
+    """
 
     folder: Path
     sample: Sample  # of the grid, that was simulated

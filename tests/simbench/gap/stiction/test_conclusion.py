@@ -292,7 +292,7 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
     """Simulated loops of three simulators, with and without loop file, and recorded ones;
     replicates change no conclusion.
     """
-    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
     monkeypatch.setattr("simbench.plant.trust.trust.over_time", lambda *a: None)
     monkeypatch.setattr("simbench.plant.report.fleet.what_if", lambda *a: ())
     monkeypatch.setattr("simbench.plant.report.fleet.judge", lambda *a: [])
