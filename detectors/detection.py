@@ -1,4 +1,5 @@
-"""What notebooks and command lines call: a record, a file or a simulated run in, verdicts out.
+"""Run detectors on a record, a file, a folder or a simulated run: the functions that notebooks and
+the command line call.
 
 The steps of `detect`: name the methods, start the plug-ins' processes, read the record
 (`as_record`, or `read_records` and `read_folder` for files), judge it by every method (`judge`),

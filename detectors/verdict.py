@@ -1,4 +1,4 @@
-"""Verdict: the one answer type of every detector."""
+"""`Verdict`: the answer of a detector about one record."""
 
 from __future__ import annotations
 

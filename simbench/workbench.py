@@ -1,5 +1,5 @@
-"""What a notebook calls: a loop that simulates itself, and runs with the command line's
-defaults.
+"""Functions for notebooks: a loop that simulates and plots itself, and runs with the defaults of
+the command line.
 """
 
 from __future__ import annotations

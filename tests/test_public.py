@@ -217,7 +217,7 @@ def test_reasons_are_given_on_request():
     text = shown.as_text()
     assert (
         text.splitlines()[1]
-        == "Methods: 2 of 2 methods say stiction, 0 no stiction, 0 no decision."
+        == "Methods: 2 of 2 methods report stiction, 0 no stiction, 0 no decision."
     )
     assert "OP is triangular" not in text
     assert "OP is triangular" in shown.as_text(why=True)

@@ -1,4 +1,6 @@
-"""Report: verdicts as text, JSON objects, a data frame and a score table."""
+"""`Report`: the verdicts of several methods on one or several records, as text, JSON, a data frame
+and a score table.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A world: an independent simulator that draws records with hidden effects and can run their loops
-again.
+"""The interface of an independent plant simulator: it draws records with hidden effects and can
+simulate their loops again.
 """
 
 from __future__ import annotations

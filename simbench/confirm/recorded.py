@@ -1,5 +1,5 @@
-"""The confirmation tests on records of a plant: two records with another controller gain, or one of
-a travel test by hand.
+"""Evaluate confirmation tests that were recorded in a plant: a gain change in two records, or a
+travel test in one.
 """
 
 from __future__ import annotations

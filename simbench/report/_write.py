@@ -1,4 +1,4 @@
-"""Write the report of a run as one HTML file that asks for nothing."""
+"""Write the report of a run as one self-contained HTML file."""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""How an effect is recognised: one effect per file, next to the file that simulates it."""
+"""Recognise effects in a record: one file per effect with its fit; the file that simulates the
+effect has the same name.
+"""
 
 from __future__ import annotations
 

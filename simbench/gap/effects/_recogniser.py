@@ -1,4 +1,4 @@
-"""What an effect's file states of how the effect is recognised."""
+"""`Recogniser`: the description of how one effect is fitted, which each effect file contains."""
 
 from __future__ import annotations
 

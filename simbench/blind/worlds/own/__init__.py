@@ -1,5 +1,5 @@
-"""The first independent simulator of the blind check: with valve physics, controllers,
-historian, faults and oracle.
+"""The first independent plant simulator of the blind test, with its own valve physics, controllers,
+archive and faults.
 """
 
 from __future__ import annotations
