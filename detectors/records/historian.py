@@ -65,6 +65,7 @@ _SPANS = {
     "‰": ("‰", 0.0, 1e3),
 }  # that a unit of OP fixes
 _OTHER_SPANS = set(entries("v, volt, bar, mbar, kpa, psi, psig, mm, deg, rpm, hz, counts"))
+_SHARE_OVER = 1.1  # what an output that is a share of 1 may read, 10 % over its range
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
 _LIKELY_SPANS = {
     "v": "1 5",
@@ -87,10 +88,13 @@ _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNO
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
 # a cell with its unit: 12,3 m3/h
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
-# a historian's mark after a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
+# a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad]
+_MARK = "|".join(map(re.escape, sorted(_GOOD | _BAD | _UNSURE)))
 _MARKED, _MARK_ENDS = (
-    re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
-    ("?", "*", ")"),
+    re.compile(
+        rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|[(\[](?:[A-Z?]|{_MARK})[)\]])", re.IGNORECASE
+    ),
+    ("?", "*", ")", "]"),
 )
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
@@ -244,11 +248,12 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
             f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span"
             f" {likely}"
         ]
-    if _CURRENT[0] <= lo < hi <= _CURRENT[1]:
-        return [
-            f"{runs}, taken as %; if it is in mA, sizes are 6.25 times as large: add --op-span 4 20"
-        ]
-    return []
+    other = "in mA, sizes are 6.25 times as large: add --op-span 4 20"
+    if lo < hi <= _SHARE_OVER:
+        other = "a share of 1, sizes are 100 times as large: add --op-span 0 1"
+    elif not _CURRENT[0] <= lo < hi <= _CURRENT[1]:
+        return []
+    return [f"{runs}, taken as %; if it is {other}"]
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
@@ -273,14 +278,14 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
             )
             for text in (str(v).strip() for v in sheet.columns[name])
         ]
-        words = Counter(plain(mark.strip("()")) for mark in marks if mark)
+        words = Counter(plain(mark.strip("()[]")) for mark in marks if mark)
         doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
         sheet.notes += (
             [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"]
             if doubted
             else []
         )
-        bad = [plain(mark.strip("()")) in _BAD for mark in marks]
+        bad = [plain(mark.strip("()[]")) in _BAD for mark in marks]
         sheet.notes += (
             [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"]
             if any(bad)

@@ -806,7 +806,7 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
 
 
-@pytest.mark.parametrize("mark", [" ?", " (Q)", "*"])
+@pytest.mark.parametrize("mark", [" ?", " (Q)", "*", "[?]", " (uncertain)"])
 def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark):
     marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
@@ -982,6 +982,9 @@ def test_an_output_that_may_be_in_milliamperes_or_counts_is_noted(tmp_path):
     low = written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(4 + 0.16 * OP, 3)), "csv")
     assert "add --op-span 4 20" in read_record(low).notes[-1]
     assert read_record(low, op_span=(4, 20)).op_percent == pytest.approx(OP, abs=0.01)
+    share = [1.04, *np.round(OP[1:] / 100, 5)]  # a share of 1 that overruns once
+    over = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), PV, share), "csv"))
+    assert "add --op-span 0 1" in over.notes[-1]
     counts = read_record(
         written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(40.95 * OP)), "txt")
     )
