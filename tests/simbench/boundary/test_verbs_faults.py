@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from simbench.bench.execute.lease import LEASE
 from simbench.blind import leave_out
 from simbench.files import HOST
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
@@ -196,12 +197,12 @@ def test_a_table_that_grows_keeps_its_digits(home, cheap, monkeypatch):
     assert set(pd.read_csv(folder / "left" / "leave_out.csv").before) == {1 / 3}
 
 
-def started(words, folder):
+def started(words, folder, stderr=subprocess.DEVNULL):
     return subprocess.Popen(
         [sys.executable, "-m", "simbench.cli", *words],
         cwd=folder,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=stderr,
         start_new_session=True,
     )
 
@@ -253,3 +254,51 @@ def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
 def whole_exam(verb, folder, expected) -> bool:
     """Whether a kill came after all of an exam was there, which is not made again."""
     return verb in ("exam make", "withheld make") and contents(folder) == expected
+
+
+RESUMED = ["run", "map", "report", "exam answer", "calibrate", "detect"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", RESUMED)
+def test_two_processes_at_one_thing_leave_what_one_leaves(home, verb):
+    words = ({**QUICK, **HEAVY}[verb]).split()
+    folder = begun(home, "whole", words)
+    assert started(words, folder).wait() == 0
+    expected, folder = contents(folder), begun(home, "twice", words)
+    both = [started(words, folder, stderr=subprocess.PIPE) for _ in range(2)]
+    ends = [(p.communicate()[1].decode(), p.returncode) for p in both]
+    assert 0 in [code for _, code in ends], ends
+    for message, code in ends:  # the second is refused in a sentence, or does the same
+        assert code == 0 or (code == 2 and "works there" in message), message
+    assert contents(folder) == expected
+    assert started(words, folder).wait() == 0
+    assert contents(folder) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", ["run", "map"])
+@pytest.mark.parametrize("woken", ["afterwards", "meanwhile"])
+def test_a_process_that_was_stopped_and_goes_on_spoils_nothing(home, verb, woken):
+    """As a laptop that sleeps, or a job that a batch system suspends and starts once more."""
+    words = ({**QUICK, **HEAVY}[verb]).split()
+    folder = begun(home, "whole", words)
+    assert started(words, folder).wait() == 0
+    expected, folder = contents(folder), begun(home, "twice", words)
+    first = started(words, folder)
+    until = time.monotonic() + 120.0
+    while not list(folder.rglob(LEASE)) and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    os.killpg(first.pid, signal.SIGSTOP)
+    second = started(words, folder)
+    if woken == "meanwhile":  # once the second holds the lease
+        held = next(folder.rglob(LEASE)).read_bytes()
+        while next(folder.rglob(LEASE)).read_bytes().partition(b"token")[2][:40] in held:
+            time.sleep(0.05)
+    else:
+        assert second.wait() == 0
+        assert contents(folder) == expected
+    os.killpg(first.pid, signal.SIGCONT)
+    assert (first.wait(), second.wait()) == (0, 0)
+    assert contents(folder) == expected
