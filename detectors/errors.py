@@ -1,5 +1,6 @@
-"""Errors a user can cause, each one sentence: what, where, the value, what is allowed, the nearest
-match.
+"""Errors that a user can cause.
+
+Each message is one sentence: what, where, the value, what is allowed, and the nearest valid name.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Loaders: CSV, parquet, Excel and ISDB .mat files become LoopRecords; every bad file is one clear
-sentence.
+"""Load CSV, parquet, Excel and ISDB .mat files as `LoopRecord`; a file that cannot be read gives
+one clear sentence.
 """
 
 from __future__ import annotations

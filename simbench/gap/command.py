@@ -1,5 +1,5 @@
-"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop
-file out.
+"""Run the gap diagnosis on files: read records and a loop file, write the report, its page and the
+corrected loop file.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.discover.recognise import effects_known
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
+from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
@@ -74,6 +74,7 @@ def diagnose_files(
     Returns
     -------
     GapReport
+        The diagnosis; the files that `wanted` names are written.
 
     Raises
     ------
@@ -219,7 +220,7 @@ def plan_files(
     html: str | Path | None = None,
     **about: Any,
 ) -> PlannedTests:
-    """Say which test to run next on the loop of a record."""
+    """Return the tests that are recommended next on the loop of a record."""
     refuse_own_input([html], [record, baseline, limits])
     within = None if limits is None else read_limits(limits)
     report = diagnose_files([record], baseline, tests=tests, **about)

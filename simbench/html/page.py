@@ -1,4 +1,4 @@
-"""Templates of the pages: those of one package, and those that all pages share."""
+"""Load the templates of HTML pages: those of one package, and those that all pages share."""
 
 from functools import cache
 from pathlib import PurePath

@@ -1,5 +1,5 @@
-"""Who works on a run's folder: a file with a heartbeat, which every machine that reaches the folder
-can watch.
+"""Lock the folder of a run: a file with a heartbeat shows every machine that the folder is in
+use.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Run a grid: pieces in parallel, each on disk as soon as it is whole, so that nothing finished is
-ever lost.
+"""Run a grid: compute its pieces in parallel and write each to disk when it is complete, so that an
+interrupted run can continue.
 
 `run_grid` names the steps from a grid to the two tables: read the grid, host the plug-ins, choose
 the methods, refuse what cannot run, describe the run in its manifest, work all pieces (`work` in
