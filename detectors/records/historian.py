@@ -261,37 +261,23 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
-    texts = {
-        n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])
-    }
-    out: dict[str, np.ndarray] = {
-        n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts
-    }
-    for name, column in texts.items():
-        _refuse_thousands(column, name, where)
-    for name in texts:
-        marks = [
-            (
-                _MARKED.fullmatch(text)[2]
-                if text[-1:] in _MARK_ENDS and _MARKED.fullmatch(text)
-                else ""
-            )
-            for text in (str(v).strip() for v in sheet.columns[name])
-        ]
-        words = Counter(plain(mark.strip("()[]")) for mark in marks if mark)
-        doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
-        sheet.notes += (
-            [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"]
-            if doubted
-            else []
-        )
-        bad = [plain(mark.strip("()[]")) in _BAD for mark in marks]
-        sheet.notes += (
-            [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"]
-            if any(bad)
-            else []
-        )
-        texts[name] = ["" if wrong else text for wrong, text in zip(bad, texts[name], strict=True)]
+    out: dict[str, np.ndarray] = {}
+    texts: dict[str, list[str]] = {}
+    for name in names:
+        cells = sheet.columns[name]
+        if _is_numeric(cells):
+            out[name] = np.array(cells, dtype=np.float64)
+            continue
+        bare, marks = zip(*map(_taken_apart, cells), strict=True) if len(cells) else ((), ())
+        _refuse_thousands(bare, name, where)
+        texts[name] = ["" if m in _BAD else text for text, m in zip(bare, marks, strict=True)]
+        bad = sum(m in _BAD for m in marks)
+        doubted = sum(m != "" and m not in _GOOD | _BAD for m in marks)
+        for count, what in (
+            (doubted, "that carry a mark of doubt are kept"),
+            (bad, "marked as bad count as missing"),
+        ):
+            sheet.notes += [f"quality: {count} samples of {name} {what}"] if count else []
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
@@ -437,13 +423,13 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 
-def _bare(value: object) -> str:
-    text = "" if value is None else str(value).strip()
+def _taken_apart(value: object) -> tuple[str, str]:
+    """Return a cell without separators of thousands, and the mark that follows its value."""
+    text, mark = "" if value is None else str(value).strip(), ""
     if text[-1:] in _MARK_ENDS and (marked := _MARKED.fullmatch(text)):
-        text = marked[1].rstrip()
-    if text.isascii() and "'" not in text and " " not in text:
-        return text
-    return _APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text
+        text, mark = marked[1].rstrip(), plain(marked[2].strip("()[]"))
+    apart = not text.isascii() or "'" in text or " " in text
+    return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text, mark
 
 
 def _is_numeric(column: object) -> bool:
@@ -451,7 +437,7 @@ def _is_numeric(column: object) -> bool:
 
 
 def _numeric(text: str) -> bool:
-    bare = _bare(text)
+    bare = _taken_apart(text)[0]
     return any(c.isdigit() for c in bare) and bool(_POINT.fullmatch(bare) or _COMMA.fullmatch(bare))
 
 
