@@ -49,8 +49,8 @@ _SHARE = 0.1  # share of the draws that may run away
 # upper over lower end of the interval of PV, from which the record tells too little. Of 110 answers
 # with a narrower interval .86 were right, of the wider ones .38 (the same records).
 _WIDEST = 1.6
-# times the recorded standard deviation of PV or OP: farther moves, such as the swings of a loop that
-# gets unstable between the limits of OP, are of no range that the record shows
+# times the recorded standard deviation of PV or OP: farther moves, such as the swings of a loop
+# that gets unstable between the limits of OP, are of no range that the record shows
 _FARTHER = 2.5
 
 
