@@ -38,8 +38,8 @@ _QUANTILES = (0.05, 0.95)  # ends of a 90 % interval, as probabilities
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
 # the one number calibrated: error of any corrected model before and after the change, as a standard
 # deviation of the logarithm. With it 90 % intervals of PV, OP and travel held .91, .85 and .89 of
-# fresh records in the 110 valid of 144 answers for development records of the three simulators (seeds
-# 957001 to 957003).
+# fresh records in the 110 valid of 144 answers for development records of the three simulators
+# (seeds 957001 to 957003).
 MODEL_ERROR = 0.03
 _LEAST = 1e-12  # smallest value that a logarithm is taken of
 # draws that oscillate before and after the change, from which the two periods are compared
