@@ -75,12 +75,11 @@ def law_section(discovery: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]
-    shaded = f": {discovery.regime}" if discovery.regime else ""
     caption = "record with the law's spells shaded"
     items = [
         {
             "svg": inline_svg(law_pictures.draw_windows(discovery), "windows", caption),
-            "caption": f"Where it acts, shaded{shaded}.",
+            "caption": "Where it acts, shaded.",
         }
     ]
     if law_pictures.law_curve(discovery) is not None:
