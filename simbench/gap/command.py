@@ -1,5 +1,5 @@
-"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop
-file out.
+"""Run the gap diagnosis on files: read records and a loop file, write the report, its page and the
+corrected loop file.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.compiled import one_thread
-from detectors.errors import ParameterError, RecordError
+from detectors.errors import ParameterError, RecordError, printable
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
@@ -74,6 +74,7 @@ def diagnose_files(
     Returns
     -------
     GapReport
+        The diagnosis; the files that `wanted` names are written.
 
     Raises
     ------
@@ -280,9 +281,9 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
         lines.append(
             f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there"
         )
-    # a name may hold a line break, which would end the comment
+    # a name may hold a line break, which would end the comment, or what TOML allows nowhere
     return (
-        "".join(f"# {' '.join(line.split())}\n" for line in lines)
+        "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines)
         + "\n"
         + report.fixed_loop().to_toml()
     )

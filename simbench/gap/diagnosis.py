@@ -1,4 +1,5 @@
-"""`diagnose`: one record compared with one loop file, from the check to the report.
+"""Diagnose one record against one loop file, from the check of the data to the report (`simbench
+gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
 with each effect (`ClosedLoops`), weigh the effects (`classify`), refuse an effect that does not
@@ -92,6 +93,8 @@ def diagnose(
     Returns
     -------
     GapReport
+        Effect, block and parameters that the simulation lacks, with probabilities and
+        shrinkage of the gap.
 
     Raises
     ------
@@ -144,15 +147,7 @@ def diagnose_all(
         weights, like = judged_by, None
         if describe and named_by(judged_by, assessment) == [UNKNOWN]:
             weights, like = _locate_unknown(judged_by, assessment, seed)
-        out = replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
-        if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
-            # what a simulation with friction does not model is not the friction that the valve has
-            tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
-            sound = diagnose_all(
-                records, with_sound_valve(baseline), tested, jobs, seed, describe=False
-            )
-            return replace(out, conclusion=sound.conclusion)
-        return out
+        return replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
 
 
 def _locate_unknown(
@@ -472,6 +467,11 @@ def report(
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
+        )
+    if situation.trusted and with_sound_valve(situation.baseline) is not situation.baseline:
+        notes.append(
+            "the loop file's valve has friction: the probability of stiction is that of more"
+            " friction than it states"
         )
     sizes = smallest_detectable(situation, assessment.base, load_memory(situation))
     if situation.trusted and not loops:

@@ -1,5 +1,5 @@
-"""What the plant will do under other settings: the corrected model of a diagnosis, simulated with
-intervals and a range.
+"""Predict the plant under other settings from the corrected model of a diagnosis, with intervals
+(`simbench gap predict`).
 
 Draws of the model stand for what the record leaves open: the effect by its probability, the fitted
 numbers by their curvature, load and noise by their seeds. Each draw runs twice, as the record was
@@ -189,6 +189,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     Returns
     -------
     Prediction
+        Intervals of the record's statistics under the settings, or why none can be given.
 
     Raises
     ------

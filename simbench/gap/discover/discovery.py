@@ -1,5 +1,5 @@
-"""discover(): one record and one loop file, from where it differs to a law that can be
-simulated.
+"""Find an empirical model of a missing effect from one record and one loop file, in a form that can
+be simulated.
 """
 
 from __future__ import annotations

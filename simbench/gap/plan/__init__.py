@@ -1,1 +1,3 @@
-"""Which test to run next: a fixed order, and the menu of tests sized for a loop."""
+"""Recommend the next tests on the plant in a fixed order, each sized for the loop
+(`simbench gap plan`).
+"""

@@ -1,5 +1,5 @@
-"""The menu of tests, sized for one loop and kept within limits; each simulated on a loop file as a
-person would do it.
+"""The tests that can be made on a loop, sized for it and kept within limits, each simulated as a
+person would carry it out.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The page of a diagnosis: one HTML file that asks for nothing, from the answer in one sentence to
-what to do next.
+"""Write the HTML page of a diagnosis: one self-contained file, from the answer in one sentence to
+the next step.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The page of a plan: which tests to run next, how long each lasts, and how far it moves PV."""
+"""Write the HTML page of `gap plan`: which tests to run next, how long each lasts, and how far it
+moves PV.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GapReport: the answer of a diagnosis as one data object, as text and as JSON."""
+"""`GapReport`: the answer of a diagnosis, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -76,6 +76,7 @@ class GapReport:
     ranking : tuple of Ranked
         All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
     gap : Gap
+        Distance of record and simulation before and after each correction (-).
     shrinkage : dict or None
         value, lo, hi; None without a resolvable gap.
     blocks : dict
@@ -84,10 +85,12 @@ class GapReport:
         The next test of a fixed order: test, size, hold_s, settings, says; None, with its reason in
         the notes, where none is recommended.
     notes : tuple of str
+        What else a reader must know, a sentence each.
     conclusion : Conclusion
         Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
         the records.
     behind : DiagnosisDetails
+        Records, fits and loops from which the answer follows.
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
     """
@@ -161,6 +164,7 @@ class GapReport:
         Returns
         -------
         matplotlib.axes.Axes
+            Bars of probability, the most probable effect on top.
         """
         rows = self.to_frame().head(most).set_index("effect")[::-1]
         return rows[["probability"]].plot.barh(
@@ -189,6 +193,7 @@ class GapReport:
         Returns
         -------
         Loop
+            A loop to simulate in place of the baseline.
         """
         return self.behind.loops.corrected(self.named)
 
@@ -198,6 +203,7 @@ class GapReport:
         Returns
         -------
         str
+            Effect, block, parameters with units, probability and share of the gap.
         """
         if self.effect == NONE:
             if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
@@ -234,6 +240,7 @@ class GapReport:
         Returns
         -------
         str
+            The answer, the valve, the ranking, the gap and the next test, a line each.
         """
         lines = [
             self.sentence(),

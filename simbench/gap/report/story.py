@@ -1,5 +1,5 @@
-"""The story of a diagnosis that asked: what was believed before, which tests were run, what they
-changed.
+"""Describe a diagnosis that used tests: the probabilities before, the tests that were run, and what
+they changed.
 """
 
 from __future__ import annotations
