@@ -181,16 +181,8 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
 
-@styled
-def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure:
-    """Draw candidates as bars of their probability."""
-    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(names))
-    fill_ranking(grid[0, 0], names, probabilities)
-    return figure
-
-
 def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
-    """Draw candidates as bars of their probability, as `draw_ranking`."""
+    """Draw candidates as bars of their probability."""
     _bars(axes, names, probabilities, [RED, *[GREY] * (len(names) - 1)])
     axes.set(xlim=(0, 1.12), xlabel="probability")
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from simbench.gap.report import page
@@ -15,9 +16,9 @@ from simbench.gap.report.pictures import (
     draw_blocks,
     draw_gap,
     draw_loops,
-    draw_ranking,
     draw_spectra,
     draw_traces,
+    fill_ranking,
     spectrum,
 )
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
@@ -71,7 +72,8 @@ def test_the_axes_hold_the_record_and_what_is_near():
 
 
 def test_bars_are_as_long_as_their_numbers_from_the_top_down():
-    axes = draw_ranking(["stiction", "noise"], [0.91, 0.05]).axes[0]
+    axes = Figure().add_subplot()
+    fill_ranking(axes, ["stiction", "noise"], [0.91, 0.05])
     assert [p.get_width() for p in axes.patches] == pytest.approx([0.91, 0.05])
     assert axes.patches[0].get_y() > axes.patches[1].get_y()
     assert [t.get_text() for t in axes.texts] == ["0.91", "0.05"]
