@@ -86,7 +86,7 @@ def _answer(report: GapReport) -> Markup:
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    caption = "control loop; probability of each block: " + ", ".join(
+    caption = "probability of each block: " + ", ".join(
         f"{b} {100 * p:.0f} %" for b, p in shares.items()
     )
     return render(
