@@ -1,5 +1,5 @@
-"""Kernels of the prediction error: which pieces of a signal are nearest to which, exactly, all
-pairs compared.
+"""Compiled kernels of the prediction error: find for each segment of a signal its nearest segments,
+by comparing all pairs.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. Pieces
 stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree does not pay
@@ -25,40 +25,59 @@ def predicted(x, embedding, horizon, neighbours):
     m = x.size - horizon - embedding + 1
     far = _distances(x, embedding, m)
     edge = nearest(far, embedding, m, neighbours)
-    ahead = x[embedding - 1 + horizon :]
-    guess, count = np.zeros(m), np.zeros(m)
-    for lag in range(embedding, m):
-        row = far[lag, LANES:]
-        for i in range(m - lag):
-            if row[i] <= edge[i]:
-                guess[i] += ahead[i + lag]
-                count[i] += 1.0
-        for i in range(lag, m):
-            if row[i - lag] <= edge[i]:
-                guess[i] += ahead[i - lag]
-                count[i] += 1.0
+    # what follows each piece; beyond the ends no piece is near
+    ahead = np.zeros(m + 3 * LANES)
+    ahead[LANES : LANES + m] = x[embedding - 1 + horizon :]
+    guess, count, bound = lanes(), lanes(), lanes()
     total = 0.0
-    for i in range(m):
-        if count[i] > 0.0:
-            total += (ahead[i] - guess[i] / count[i]) ** 2
+    for start in range(0, m, LANES):
+        for c in range(LANES):
+            guess[c] = count[c] = 0.0
+            bound[c] = edge[start + c]
+        for lag in range(embedding, m):
+            row = far[lag]
+            # an unsigned index: a negative one would be looked up one by one
+            for at, other in ((start, start + lag), (start - lag, start - lag)):
+                if -LANES < at < m - lag:
+                    here, there = np.uintp(LANES + at), np.uintp(LANES + other)
+                    for c in range(LANES):
+                        near = row[here + np.uintp(c)] <= bound[c]
+                        guess[c] += ahead[there + np.uintp(c)] if near else 0.0
+                        count[c] += 1.0 if near else 0.0
+        for c in range(min(LANES, m - start)):
+            if count[c] > 0.0:
+                total += (ahead[LANES + start + c] - guess[c] / count[c]) ** 2
     return total
 
 
 def _distances(x, embedding, m):
     """Return far[lag, LANES + i], the squared distance of pieces i and i + lag of `m`; infinite
-    beyond the last pair.
+    beyond the first and the last pair.
     """
-    far = np.full((m, m + 2 * LANES), np.inf)
-    square = np.empty(x.size)
+    far = np.empty((m, m + 3 * LANES))
+    square, pair = np.zeros(x.size + 2 * LANES), np.zeros(x.size + 2 * LANES)
+    total = lanes()
     for lag in range(embedding, m):
-        for t in range(m - lag + embedding - 1):
-            square[t] = (x[t] - x[t + lag]) * (x[t] - x[t + lag])
-        row = far[lag, LANES:]
-        for i in range(m - lag):
-            row[i] = square[i]
-        for t in range(1, embedding):
-            for i in range(m - lag):
-                row[i] += square[i + t]
+        row, later, pairs = far[lag], x[lag:], m - lag
+        for t in range(pairs + embedding - 1):
+            square[t] = (x[t] - later[t]) * (x[t] - later[t])
+        # two samples at a time: half as many sums
+        for t in range(pairs + embedding - 1):
+            pair[t] = square[t] + square[t + 1]
+        for c in range(LANES):
+            row[c] = np.inf
+        for start in range(0, pairs, LANES):
+            for c in range(LANES):
+                total[c] = square[start + c] if embedding % 2 == 1 else 0.0
+            for t in range(start + embedding % 2, start + embedding, 2):
+                at = np.uintp(t)
+                for c in range(LANES):
+                    total[c] += pair[at + np.uintp(c)]
+            at = np.uintp(LANES + start)
+            for c in range(LANES):
+                row[at + np.uintp(c)] = total[c]
+        for i in range(LANES + pairs, 2 * LANES + pairs):
+            row[i] = np.inf
     return far
 
 

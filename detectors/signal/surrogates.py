@@ -1,5 +1,5 @@
-"""Surrogates: signals with the spectrum and the values of a record but random phases; the
-nonlinearity index NPI.
+"""Make surrogate signals (same spectrum and values as a record, random phases) and compute the
+nonlinearity index NPI from them.
 """
 
 from __future__ import annotations
@@ -49,13 +49,34 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     amplitude = np.abs(np.fft.rfft(x))
     phases = np.exp(2j * np.pi * rng.random((count, amplitude.size)))
     y = np.fft.irfft(np.fft.rfft(x) * phases, x.size, axis=1)
-    ranked, row = np.empty_like(y), np.arange(count)[:, None]
+    ranked, order = np.empty_like(y), np.argsort(y, axis=1)
     for _ in range(_ITERATIONS):
-        ranked[row, np.argsort(y, axis=1)] = values
+        compiled(ranked_again)(y, order, values, ranked)
         spectrum = np.fft.rfft(ranked, axis=1)
         size = np.abs(spectrum)
         y = np.fft.irfft(spectrum * (amplitude / np.where(size > 0.0, size, 1.0)), x.size, axis=1)
     return ranked
+
+
+def ranked_again(y, order, values, ranked):
+    """Sort `order`, the indices of each row of `y`, and fill `ranked` with `values` in the order of
+    `y`.
+
+    By insertion: from one iteration to the next a row changes its order a little only.
+    """
+    sorted_row = np.empty(values.size)
+    for r in range(len(y)):
+        for k in range(values.size):
+            i = order[r, k]
+            value, place = y[r, i], k
+            while place > 0 and sorted_row[place - 1] > value:
+                sorted_row[place] = sorted_row[place - 1]
+                order[r, place] = order[r, place - 1]
+                place -= 1
+            sorted_row[place] = value
+            order[r, place] = i
+        for k in range(values.size):
+            ranked[r, order[r, k]] = values[k]
 
 
 def prediction_error(

@@ -24,6 +24,7 @@ _PLACE = Choice(
     says="input: in % of travel, between MV and plant; output: in PV units, on PV",
 )
 _AMPLITUDE = Number("% or PV units", low=0.0, says="size of the load")
+_KEPT = 100_000  # samples of a signal that is kept for the next run of the same loop
 _START = Number("s", low=0.0, default=0.0, says="when it begins")
 
 
@@ -198,12 +199,19 @@ PARAMETERS = {
 
 
 def disturbance_signal(
-    part: Part, total: int, Ts: float, rng: np.random.Generator
+    part: Part, total: int, Ts: float, stream: tuple[int, ...]
 ) -> tuple[str, np.ndarray]:
-    """Return where a disturbance acts and its signal."""
+    """Return where a disturbance acts and its signal, drawn from a random stream (its seed)."""
     if part.name not in DISTURBANCES:
         raise UnknownName("disturbance", part.name, DISTURBANCES)
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
+    draw = _drawn if total <= _KEPT else _drawn.__wrapped__
+    return _AT[int(p.at)], draw(part.name, p, total, Ts, stream)
+
+
+@lru_cache(maxsize=16)  # a loop, its tails and its twin see the same
+def _drawn(name: str, p: Any, total: int, Ts: float, stream: tuple[int, ...]) -> np.ndarray:
     t = np.arange(total) * Ts - p.start
-    signal = np.where(t >= 0, DISTURBANCES[part.name](t, Ts, p, rng), 0.0)
-    return _AT[int(p.at)], signal
+    signal = np.where(t >= 0, DISTURBANCES[name](t, Ts, p, np.random.default_rng(stream)), 0.0)
+    signal.flags.writeable = False
+    return signal

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,12 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
         raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
     if not (np.isfinite(Ts) and Ts > 0):
         raise ParameterError(f"sampling: Ts = {Ts} s; a number above 0 is needed")
-    A, B, C = _state_space(num, den)
+    return _sampled(tuple(num.tolist()), tuple(den.tolist()), float(Td), float(Ts))
+
+
+@lru_cache(maxsize=64)  # a loop is run with several seeds, and with and without its loads
+def _sampled(num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: float) -> SampledPlant:
+    A, B, C = _state_space(np.array(num), np.array(den))
     if (
         len(A) == 1
         # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy

@@ -25,11 +25,10 @@ def resolve_loop(
     """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(
-            part, setup.sp.size, setup.Ts, np.random.default_rng([seed, _DISTURBANCE + i])
-        )
+        where, signal = disturbance_signal(part, setup.end, setup.Ts, (seed, _DISTURBANCE + i))
         load = setup.load_in if where == "input" else setup.load_out
-        load += setup.hold(signal)
+        load[: setup.end] += signal
+        load[setup.end :] += signal[-1]
     _apply_effects(setup)
     # last, because effects may change the strength of the noise
     setup.draw_noise(quiet)

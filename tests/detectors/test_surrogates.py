@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from detectors.compiled import compiled
 from detectors.errors import ParameterError
 from detectors.signal import look_alikes
-from detectors.signal.surrogates import end_matched, iaaft, nonlinearity_index, prediction_error
+from detectors.signal.surrogates import (
+    end_matched,
+    iaaft,
+    nonlinearity_index,
+    prediction_error,
+    ranked_again,
+)
 
 
 def test_values_are_kept_exactly_and_the_spectrum_nearly():
@@ -30,6 +37,18 @@ def test_surrogates_repeat_with_their_seed():
     assert (
         nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
     )
+
+
+@pytest.mark.parametrize("run", [ranked_again, compiled(ranked_again)])
+def test_ranks_from_an_earlier_order_equal_those_of_a_sort(run):
+    rng = np.random.default_rng(2)
+    y, values = rng.standard_normal((4, 60)), np.sort(rng.standard_normal(60))
+    for order in (np.argsort(y + 0.1 * rng.standard_normal(y.shape), axis=1), np.argsort(-y)):
+        ranked, wanted = np.empty_like(y), np.empty_like(y)
+        run(y, order, values, ranked)
+        np.put_along_axis(wanted, np.argsort(y, axis=1), values[None], axis=1)
+        assert np.array_equal(ranked, wanted)
+        assert np.array_equal(order, np.argsort(y, axis=1))
 
 
 def by_tree(x, E, H, k):

@@ -29,7 +29,7 @@ from simbench.bench.scenario.swing import (
     significant,
     steadied,
 )
-from simbench.bench.scenario.truth import least_swing
+from simbench.bench.scenario.truth import least_swing, run_once
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import plain_setup
@@ -231,7 +231,7 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
     same = draft.loop.valve.name == twin.valve.name
     undriven = cycle.exists and same and not draft.loads and not draft.moves and not group.matched
     for _ in range(0 if undriven or per is None else _PASSES):
-        record = simulate(loop, draft.seed).record
+        record = run_once(loop, draft.seed).record
         # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and
         # costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None

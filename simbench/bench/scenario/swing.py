@@ -19,7 +19,7 @@ from scenarios.cell import CycleScale, WantedOscillation
 from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
-from simbench.loop.simulate import simulate
+from simbench.loop.simulate import simulated_op
 
 _SHORTEST = 4.0  # samples per period of an oscillation
 _DIGITS = 3  # ids must not hang on the last bits of a simulation
@@ -91,7 +91,7 @@ def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> N
     )
     table["disturbance"] = [*table.get("disturbance", []), load]
     for _ in range(2):  # the first is exact in a linear loop
-        std = float(np.std(simulate(Loop.from_table(table, "cell")).record.op))
+        std = float(np.std(simulated_op(Loop.from_table(table, "cell"))))
         if std == 0.0:  # OP stands at a limit
             raise UnmatchedError
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
@@ -150,13 +150,14 @@ def steadied(loop: Loop, swing: WantedOscillation, cycle: Cycle, seed: int) -> t
     for own in (seed + k for k in range(_NOISES)):
         (lo, hi), share = _SHARES, 1.0
         for _ in range(_TRIES):
-            tuned = loop.with_("controller.Kc", significant(share * Kc, _FINE))
-            noisy = simulate(_excited(tuned, 0.0), own).record.op
-            excited = simulate(_without_loads(tuned), own).record.op
+            control = loop.controller.model_copy(update={"Kc": significant(share * Kc, _FINE)})
+            tuned = loop.model_copy(update={"controller": control})
+            noisy = simulated_op(_excited(tuned, 0.0), own)
+            excited = simulated_op(_without_loads(tuned), own)
             factor, grows = _size_of_excitation(noisy, excited - excited.mean(), wanted)
             if factor < _LARGEST_EXCITATION:
                 candidate = _excited(tuned, significant(factor))
-                op = simulate(candidate, own).record.op
+                op = simulated_op(candidate, own)
                 begin, end = (
                     math.log(max(float(np.std(x)), 1e-9) / max(float(np.std(op)), 1e-9))
                     for x in (op[: op.size // 5], op[-op.size // 5 :])
@@ -216,13 +217,18 @@ def _excitation(loop: Loop) -> float:
 
 def _excited(loop: Loop, factor: float) -> Loop:
     """Return the loop with the excitation at its start multiplied by a factor."""
-    rest, table = loop.setpoint.value, loop.to_table()
-    table["setpoint"]["steps"] = [
-        [t, rest + (v - rest) * factor if t == 0.0 else v] for t, v in loop.setpoint.steps
-    ]
-    for load in table["disturbance"]:
-        load["amplitude"] *= factor if load["type"] == "ramp" else 1.0
-    return Loop.from_table(table, "cell")
+    rest = loop.setpoint.value
+    steps = tuple(
+        (t, rest + (v - rest) * factor if t == 0.0 else v) for t, v in loop.setpoint.steps
+    )
+    setpoint = loop.setpoint.model_copy(update={"steps": steps})
+    loads = tuple(_larger(d, factor) if d.name == "ramp" else d for d in loop.disturbance)
+    return loop.model_copy(update={"setpoint": setpoint, "disturbance": loads})
+
+
+def _larger(load: Part, factor: float) -> Part:
+    amplitude = float(load.parameters["amplitude"]) * factor  # type: ignore[arg-type]
+    return Part(name=load.name, parameters={**load.parameters, "amplitude": amplitude})
 
 
 def _without_loads(loop: Loop) -> Loop:

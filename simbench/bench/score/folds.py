@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.bench.statistics import class_counts
-
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
@@ -47,25 +45,33 @@ def risk_coverage(
     influence function.
     """
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
-    for k in np.unique(fold):
-        known = (fold != k) & (ranks >= 0)
-        here = (fold == k) & (ranks >= 0)
-        if not known.any():
-            continue
-        ups, downs = class_counts(ranks[known], positive[known])
-        # errors when the lowest 0, 1, ... different scores are called healthy
-        errors = np.r_[0, np.cumsum(ups)] + downs.sum() - np.r_[0, np.cumsum(downs)]
-        levels = np.unique(ranks[known])
-        best = int(errors.argmin())
-        share = np.r_[0, np.cumsum(ups + downs)] / known.sum()
-        place = 0.5 * (
-            share[np.searchsorted(levels, ranks[here])]
-            + share[np.searchsorted(levels, ranks[here], side="right")]
+    known = np.flatnonzero(ranks >= 0)
+    if known.size:
+        place, fold = np.unique(ranks[known], return_inverse=True)[1], fold[known]
+        folds, levels = int(fold.max()) + 1, int(place.max()) + 1
+        cell = fold * levels + place
+        # how many of all and of the positives stand at every rank, in the other folds
+        counts, ups = (
+            some.sum(axis=0) - some
+            for some in (
+                np.bincount(cells, minlength=folds * levels).reshape(folds, levels)
+                for cells in (cell, cell[positive[known]])
+            )
         )
-        wrong[here] = (place > share[best]) != positive[here]
-        sure[here] = np.abs(place - share[best])
+        below, missed = (np.pad(x.cumsum(axis=1), ((0, 0), (1, 0))) for x in (counts, ups))
+        # errors when the lowest 0, 1, ... different scores are called healthy, but for a constant
+        best = (2 * missed - below).argmin(axis=1)
+        with np.errstate(invalid="ignore"):  # a fold beside which there is nothing to learn from
+            share = below / below[:, -1:]
+        cut = share[np.arange(folds), best][fold]
+        middle = 0.5 * (share[fold, place] + share[fold, place + 1])
+        learned = below[fold, -1] > 0
+        at = known[learned]
+        wrong[at] = (middle > cut)[learned] != positive[at]
+        sure[at] = np.abs(middle - cut)[learned]
     order = np.argsort(-sure, kind="stable")
-    _, tied, size = np.unique(-sure[order], return_inverse=True, return_counts=True)
+    tied = np.cumsum(np.diff(sure[order], prepend=sure[order[:1]]) != 0.0)
+    size = np.bincount(tied)
 
     def shared(values: np.ndarray) -> np.ndarray:
         # answers equally sure come in any order

@@ -1,5 +1,5 @@
-"""One conclusion about one valve: stiction, no stiction or cannot tell, with its probability,
-cause, reason and next step.
+"""Conclude about one valve: stiction, no stiction or cannot tell, with probability, cause, reason
+and next step.
 
 Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand
 below it as evidence.

@@ -1,5 +1,5 @@
-"""Probability of stiction: what one record's likelihood measured of friction, weighed by numbers
-learned on simulated loops.
+"""Turn the likelihood evidence of one record into a probability of stiction, with weights fitted to
+simulated loops.
 """
 
 from __future__ import annotations

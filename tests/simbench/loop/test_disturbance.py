@@ -9,9 +9,7 @@ from simbench.loop.disturbance import disturbance_signal
 
 
 def coloured(n=200_000, Ts=1.0, seed=0, **parameters):
-    return disturbance_signal(
-        Part(name="coloured", parameters=parameters), n, Ts, np.random.default_rng(seed)
-    )[1]
+    return disturbance_signal(Part(name="coloured", parameters=parameters), n, Ts, (seed,))[1]
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,12 @@ from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
 
 
-def simulated(parts, n, rng):
+def simulated(parts, n, seed):
     """Return the load, in PV units, that a loop file with these parts makes."""
     kind = [{"amplitude": std, "period": period, "lag": lag} for std, period, lag in parts]
     return sum(
-        disturbance_signal(Part(name="coloured", parameters=p), n, 1.0, rng)[1] for p in kind
+        disturbance_signal(Part(name="coloured", parameters=p), n, 1.0, (seed, i))[1]
+        for i, p in enumerate(kind)
     )
 
 
@@ -39,7 +40,7 @@ def fitted(theta, n, rng):
 def test_a_smooth_load_keeps_its_size_and_memory(times):
     theta = {"load": 2.0, "load_time": times[0], "load_lag": times[1]}
     n, rng = 200_000, np.random.default_rng(1)
-    want, got = fitted(theta, n, rng), simulated(load_parts(theta), n, rng)
+    want, got = fitted(theta, n, rng), simulated(load_parts(theta), n, 2)
     ((std, period, lag),) = load_parts(theta)
     assert (period, lag) == times
     assert np.std(want) == pytest.approx(std, rel=0.05)
@@ -57,7 +58,7 @@ def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
         (2.0, 0.0),
     ]
     assert np.hypot.reduce([std for std, _, _ in parts]) == pytest.approx(2.0)
-    signal = simulated(parts, 200_000, np.random.default_rng(2))
+    signal = simulated(parts, 200_000, 2)
     assert np.std(signal) == pytest.approx(2.0, rel=0.03)
     # the filter that whitens such a load in the engine whitens this one
     model = kernels.NoiseModel(1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 1e-3, 0.0, 5.0)
