@@ -31,10 +31,9 @@ from results.studies.asking import THREE, Mixture
 from results.studies.worlds import WORLDS
 from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
-from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.classify import classify
-from simbench.gap.diagnosis import closing, named_by
+from simbench.gap.diagnosis import named_by
 from simbench.gap.intake.check import check
 from simbench.gap.situation import Situation
 from simbench.loop.effects import NONE, UNKNOWN
@@ -50,11 +49,10 @@ REMOVED: dict[str, Callable[..., Any]] = {
     "closed_loop.gap.as_archived": lambda situation, op, pv: (op, pv),
     "controller.pi_law._behind_a_mean": lambda *signals: None,
     "controller.pi_law.skips_scans": lambda *signals: False,
-    "controller.pi_law.leak": lambda *signals: 0.0,
     "controller.pi_law.with_derivative": lambda *signals: np.inf,
 }
-# modules whose constants change no fit, so that the assessment that was made is judged anew ...
-_JUDGING = ("decide.classify", "diagnosis")
+# modules whose constants change no fit, so that the assessment is judged as it was made ...
+_JUDGING = ("decide.classify",)
 # ... and those that work before any fit: a record is assessed anew where its check differs
 _CHECKING = ("controller", "sensor", "intake")
 _COMPILED = "kernels"  # constants in compiled code cannot be changed
@@ -74,7 +72,7 @@ class Answer(NamedTuple):
 
     effect: str
     block: str = ""
-    behind: tuple[Assessment, ClosedLoops] | None = None
+    assessment: Assessment | None = None
     check: str = ""
 
 
@@ -100,16 +98,16 @@ def answered(case: Case, before: Answer | None = None) -> Answer:
         if before is not None and checked == before.check:
             return before
         assessment = assess(situation)
-        return judged(assessment, ClosedLoops(assessment, 0), checked)
+        return judged(assessment, checked)
     except UserError as why:
         return Answer(f"refused: {why}")
 
 
-def judged(assessment: Assessment, runs: ClosedLoops, checked: str) -> Answer:
+def judged(assessment: Assessment, checked: str) -> Answer:
     """Return the answer that an assessment leads to."""
-    weights = closing(classify(assessment), assessment, runs)
+    weights = classify(assessment)
     first = named_by(weights, assessment)[0]
-    return Answer(first, weights.block(first), (assessment, runs), checked)
+    return Answer(first, weights.block(first), assessment, checked)
 
 
 def _text(s: Situation) -> str:
@@ -120,8 +118,8 @@ def _text(s: Situation) -> str:
 
 def again(case: Case, before: Answer, name: str) -> Answer:
     """Return the answer under a change, from as much of the last one as that leaves as it was."""
-    if name.startswith(_JUDGING) and before.behind is not None:
-        return judged(*before.behind, before.check)
+    if name.startswith(_JUDGING) and before.assessment is not None:
+        return judged(before.assessment, before.check)
     return answered(case, before if name.startswith(_CHECKING) else None)
 
 

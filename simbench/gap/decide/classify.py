@@ -14,8 +14,6 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 # factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
 # quite true
 TEMPERATURE = 0.35
-SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
-PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 # slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
 _SHARPNESS = 0.7
 
@@ -39,14 +37,6 @@ class Classified:
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 
-    def refuted(self, effect: str, block: str = "") -> Classified:
-        """Return the same with the probability of an effect, or of none, given to `unknown`, in the
-        given block or that of the effect.
-        """
-        p = dict(self.probability)
-        p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
-        return Classified(p, block or block_of(effect))
-
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
         return self.unknown_block if answer == UNKNOWN else block_of(answer)
@@ -64,15 +54,6 @@ def classify(assessment: Assessment) -> Classified:
     subtler, the probabilities are too high.
     """
     gains = {e: assessment.log_likelihood_gains[e] for e in EFFECTS}
-    if assessment.chosen:
-        first = assessment.chosen[0]
-        # evidence that comes on top of the first effect's, which gains over no effect at all do not
-        # show
-        on_top = assessment.log_likelihood_gains_on_top or gains
-        others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
-        most = max(PLAIN_SECOND_NATS, *others.values())
-        for effect, gain in others.items():
-            gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
     ratio, block = assessment.worst_test
     q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
