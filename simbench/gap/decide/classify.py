@@ -14,6 +14,10 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 # factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
 # quite true
 TEMPERATURE = 0.35
+# No answer hangs on these two (doubled or halved they change none of 72), only the probability that
+# is printed beside a second effect.
+SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
+PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 # slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
 _SHARPNESS = 0.7
 
@@ -54,6 +58,15 @@ def classify(assessment: Assessment) -> Classified:
     subtler, the probabilities are too high.
     """
     gains = {e: assessment.log_likelihood_gains[e] for e in EFFECTS}
+    if assessment.chosen:
+        first = assessment.chosen[0]
+        # evidence that comes on top of the first effect's, which gains over no effect at all do not
+        # show
+        on_top = assessment.log_likelihood_gains_on_top or gains
+        others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
+        most = max(PLAIN_SECOND_NATS, *others.values())
+        for effect, gain in others.items():
+            gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
     ratio, block = assessment.worst_test
     q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))

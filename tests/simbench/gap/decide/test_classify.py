@@ -10,7 +10,12 @@ import pytest
 from random_case import random_case
 
 from simbench.gap.decide.assess import LEAST_NATS, RESIDUAL_LIMITS, Assessment, assess
-from simbench.gap.decide.classify import TEMPERATURE, classify
+from simbench.gap.decide.classify import (
+    PLAIN_SECOND_NATS,
+    SECOND_EFFECT_NATS,
+    TEMPERATURE,
+    classify,
+)
 from simbench.gap.intake.check import check
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
@@ -82,6 +87,36 @@ def test_what_needs_no_statistics_makes_the_answer_unknown_and_gives_its_block(c
     assert max(weights.probability, key=lambda e: weights.probability[e]) == UNKNOWN
     assert weights.block(UNKNOWN) == "controller"
     assert strange.worst_test[0] > 1.0
+
+
+def test_a_second_effect_follows_the_first_by_what_it_brings_on_top(case):
+    alone = quiet(case, noise=40.0)
+    rows = []
+    for nats in (-3.0, 3.0, 9.0, 16.0, 200.0):
+        on_top = {**alone.log_likelihood_gains_on_top, "stiction": nats}
+        p = classify(replace(alone, log_likelihood_gains_on_top=on_top)).probability
+        rows.append(p["stiction"] / p["noise"])
+        if nats > 0.0:
+            assert sorted(EFFECTS, key=lambda e: -p[e])[:2] == ["noise", "stiction"]
+    assert np.diff(rows).min() > -1e-12
+    assert rows[-1] == pytest.approx(rows[-2])
+    assert 0.1 < rows[-1] < 0.5
+    assert rows[0] < 0.01
+
+
+def test_no_second_effect_of_the_first_ones_block_follows_it(case):
+    alone = quiet(case, noise=40.0)
+    on_top = {**alone.log_likelihood_gains_on_top, "outliers": 30.0}
+    p = classify(replace(alone, log_likelihood_gains_on_top=on_top)).probability
+    assert p["outliers"] / p["noise"] < 1e-4
+
+
+def test_with_an_effect_that_needs_no_fit_every_gain_came_on_top(case):
+    proven = quiet(case, quantisation=1000.0, stiction=15.0)
+    p = classify(replace(proven, log_likelihood_gains_on_top={})).probability
+    assert p["stiction"] / p["quantisation"] == pytest.approx(
+        np.exp(-TEMPERATURE * (SECOND_EFFECT_NATS + PLAIN_SECOND_NATS - 15.0))
+    )
 
 
 def test_residual_tests_do_not_judge_a_plant_that_was_identified(case):
