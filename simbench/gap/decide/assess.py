@@ -268,10 +268,8 @@ RESIDUAL_LIMITS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
-    "dynamics nats": (8.0, "process"),
     "shape nats": (8.0, "valve"),
     "aging nats": (8.0, "process"),
-    "level nats": (8.0, "process"),
 }
 _GUESSED = 4.0  # factor on the limits where a valve's slips in the record are guessed
 _PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for

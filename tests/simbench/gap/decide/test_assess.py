@@ -17,10 +17,8 @@ BLOCKS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
-    "dynamics nats": (8.0, "process"),
     "shape nats": (8.0, "valve"),
     "aging nats": (8.0, "process"),
-    "level nats": (8.0, "process"),
 }
 QUIET = dict.fromkeys(BLOCKS, 0.0)
 
