@@ -26,7 +26,6 @@ from simbench.gap.controller.regression import (
     about_zero,
     by_steps,
     by_sums,
-    leak,
     spread,
     with_derivative,
 )
@@ -47,7 +46,6 @@ _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 _NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
-_LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
 # share of PV on straight lines from which the archive is known to have been thinned
 _THINNED = 0.25
 
@@ -324,11 +322,6 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
     if fitted.plain:
         seen = recover_pv(asked.op, fitted.e, asked.pv, free.inside, fit.a, fit.b, Ti is None)
         law = replace(law, recovered_pv=seen)
-        obeys = free.rows & ~np.isin(np.arange(1, asked.op.size), fit.strays)
-        if Ti and leak(asked.op, fitted.e, obeys, asked.Kc, asked.Ki, free.size) > _LEAKS:
-            law = replace(
-                law, foreign="OP leans back to one level beside the law: the integral leaks"
-            )
     # a baseline that explains OP as well is the simpler truth
     if (fit.base < fitted.tolerance and fitted.coarse) or fit.base < 1.5 * fit.residual:
         law = replace(law, Kc=asked.Kc, Ti=Ti or np.inf)
