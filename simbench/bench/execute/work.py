@@ -187,7 +187,8 @@ def judge_both(
     declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    blind = prepare(record.without_mv(), front_end)
+    unsighted = record.without_mv()
+    blind = prepare(unsighted, front_end)
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -196,7 +197,7 @@ def judge_both(
         method: Method = registry.load(name).METHOD
         since = time.perf_counter()
         # one that takes MV without needing it is ranked with those that do not see it
-        prepared = blind.seen_by(method, record if method.needs_mv else record.without_mv())
+        prepared = blind.seen_by(method, record if method.needs_mv else unsighted)
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
         verdicts, error = answers(name, prepared, modes, dict(values))
