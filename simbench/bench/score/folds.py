@@ -49,16 +49,15 @@ def risk_coverage(
     if known.size:
         place, fold = np.unique(ranks[known], return_inverse=True)[1], fold[known]
         folds, levels = int(fold.max()) + 1, int(place.max()) + 1
-        cell = fold * levels + place
-        # how many of all and of the positives stand at every rank, in the other folds
-        counts, ups = (
-            some.sum(axis=0) - some
+        cell = fold * (levels + 1) + place + 1
+        # how many of all and of the positives stand below every rank, in the other folds
+        below, missed = (
+            (some.sum(axis=0) - some).cumsum(axis=1)
             for some in (
-                np.bincount(cells, minlength=folds * levels).reshape(folds, levels)
+                np.bincount(cells, minlength=folds * (levels + 1)).reshape(folds, levels + 1)
                 for cells in (cell, cell[positive[known]])
             )
         )
-        below, missed = (np.pad(x.cumsum(axis=1), ((0, 0), (1, 0))) for x in (counts, ups))
         # errors when the lowest 0, 1, ... different scores are called healthy, but for a constant
         best = (2 * missed - below).argmin(axis=1)
         with np.errstate(invalid="ignore"):  # a fold beside which there is nothing to learn from
