@@ -19,7 +19,7 @@ from detectors.judge import answers, check_thresholds
 from detectors.method import Method
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
-from detectors.prepared import Prepared, prepare
+from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report.summary import level_ends
 from detectors.sources import as_plugin
@@ -35,6 +35,7 @@ from simbench.bench.execute.plugin_host import (
     theory,
     truth,
 )
+from simbench.bench.scenario.kept import prepare_once
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
@@ -187,8 +188,7 @@ def judge_both(
     declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    unsighted = record.without_mv()
-    blind = prepare(unsighted, front_end)
+    unsighted, blind = record.without_mv(), prepare_once(record, front_end)
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
