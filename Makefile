@@ -54,10 +54,10 @@ leak: $(READY)             ## can a scenario's settings alone predict its label?
 
 perf: $(READY_TEST)        ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
 	@failed=0; for part in perf perf_detectors perf_shares; do \
-		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
+		$(BIN)/python benchmarks/$$part.py || failed=1; done; exit $$failed
 
 shares: $(READY_TEST)      ## what a scenario is made of, against the committed shares: never times
-	$(BIN)/python tests/reference/perf_shares.py
+	$(BIN)/python benchmarks/perf_shares.py
 
 docs: $(READY_TEST)        ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures

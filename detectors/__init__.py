@@ -1,5 +1,6 @@
-"""What can be concluded about a control loop from its signals; usable alone by an engineer who has
-only plant data.
+"""Judge from the signals of a control loop whether its valve sticks.
+
+This package works alone, for an engineer who has plant data and needs no simulator.
 """
 
 from detectors.errors import ParameterError, RecordError, UnknownName, UserError

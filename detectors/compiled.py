@@ -1,5 +1,5 @@
-"""Compiled kernels: plain Python functions that numba compiles when they are first asked for,
-cached on disk as a whole.
+"""Compile plain Python functions with numba when they are first called, and cache the machine code
+on disk.
 """
 
 from __future__ import annotations

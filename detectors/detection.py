@@ -1,4 +1,5 @@
-"""What notebooks and command lines call: a record, a file or a simulated run in, verdicts out.
+"""Run detectors on a record, a file, a folder or a simulated run: the functions that notebooks and
+the command line call.
 
 The steps of `detect`: name the methods, start the plug-ins' processes, read the record
 (`as_record`, or `read_records` and `read_folder` for files), judge it by every method (`judge`),
@@ -159,7 +160,7 @@ def judge_files(
         Record, folder of records, or ISDB .mat file.
     methods : iterable of str
         Method ids, "all", "fast", "full".
-    raw, front_end, plugins, thresholds
+    raw, front_end, plugins, thresholds : bool, str, iterable, dict
         As in `detect`.
     time_limit : float
         Seconds that a plug-in may take for one record.
@@ -173,6 +174,7 @@ def judge_files(
     Returns
     -------
     Report
+        One verdict per record and method; `to_frame()` has all of them as a table.
 
     Raises
     ------
@@ -298,6 +300,7 @@ def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagn
     Returns
     -------
     Diagnosis
+        Verdict, cause and advice, with every step of the path and its evidence.
 
     Raises
     ------

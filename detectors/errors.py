@@ -1,5 +1,6 @@
-"""Errors a user can cause, each one sentence: what, where, the value, what is allowed, the nearest
-match.
+"""Errors that a user can cause.
+
+Each message is one sentence: what, where, the value, what is allowed, and the nearest valid name.
 """
 
 from __future__ import annotations
@@ -80,8 +81,8 @@ def naming(place: object) -> Iterator[None]:
 
 
 _SECRETS = re.compile(
-    r"""(?P<before>[a-z][\w+.-]*:/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
-    r"""|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s"']+""",
+    r"""(?P<before>(?<=[\w+.-]):/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
+    r"""|(?P<key>[?&](?=[\w-]*(?:pass|secret|token|key|sig|credential))[\w-]+=)[^&\s"']+""",
     re.IGNORECASE,
 )
 
@@ -93,15 +94,15 @@ def masked(text: object) -> str:
     )
 
 
-def printable(text: object) -> str:
+def printable(text: object, kept: str = "") -> str:
     r"""Return a text with what would move a terminal's cursor, turn its direction or be no Unicode
-    written as an escape.
+    written as an escape; `kept` are characters that stay.
 
     >>> printable("FIC\x1b[31m\u202e")
     'FIC\\x1b[31m\\u202e'
     """
     return "".join(
-        c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1]
+        c if c.isprintable() or c in kept or unicodedata.category(c) == "Zs" else ascii(c)[1:-1]
         for c in str(text)
     )
 

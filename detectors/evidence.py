@@ -1,4 +1,4 @@
-"""What the procedure weighs: which index of which detector counts, and how much."""
+"""Weights of the diagnosis procedure: which index of which detector counts, and how much."""
 
 from __future__ import annotations
 

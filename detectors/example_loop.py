@@ -1,5 +1,5 @@
-"""A plain control loop with a sticky valve, one sample at a time: records to try a detector on
-without a simulator.
+"""Simulate a simple control loop with a sticky valve, to try a detector on without the simulator of
+simbench.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Judge one record by one or several methods: does it apply, is the record fit, does it oscillate,
-then the method.
+"""Judge one record by one or several methods: check that the method applies, that the record is fit
+and that it oscillates, then run the method.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Method: a detector's description of itself, in its file."""
+"""`Method`: the description of a detector, which each detector file contains."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Prepared: a record with what several methods need of it, each piece computed once, when first
-asked for.
+"""`Prepared`: a record with the quantities that several methods need, such as the oscillation and
+filtered signals; each is computed once, when first needed.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The chapter's diagnosis procedure on one record: question after question, each answer with its
-evidence and reason.
+"""The diagnosis procedure of the chapter, applied to one record: a sequence of questions, each
+answered with its evidence and reason.
 
 FLOW is the procedure: which question comes first and where every answer leads. `diagnose` walks it,
 Figure 11.27 draws it, so that picture and program cannot differ.

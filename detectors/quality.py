@@ -1,5 +1,5 @@
-"""Data quality: is the record fit to be judged, and what in it would mislead a method? Flags with
-their evidence.
+"""Data quality: check whether a record can be judged, and flag with evidence what would mislead a
+method.
 """
 
 from __future__ import annotations

@@ -221,6 +221,7 @@ class LoopRecord:
         Returns
         -------
         ndarray of matplotlib.axes.Axes, shape (2,)
+            PV with SP above, OP with MV below.
 
         Raises
         ------
@@ -274,6 +275,7 @@ class LoopRecord:
         Returns
         -------
         LoopRecord
+            The samples with everything else that is known of the record.
 
         Raises
         ------
@@ -295,6 +297,7 @@ class LoopRecord:
         Returns
         -------
         LoopRecord
+            Signals of shape (m,), and the other fields as they were or as given.
 
         Raises
         ------
@@ -328,6 +331,7 @@ class LoopRecord:
         Returns
         -------
         LoopRecord
+            One record, its signals of shape (n,) in the units of the table.
 
         Raises
         ------

@@ -1,5 +1,5 @@
-"""What counts in Python as a record, and as a detector: arrays, tables and runs; functions and
-objects with `detect`.
+"""Convert what a Python user passes to `detect`: arrays, tables and runs to a record, functions and
+objects to a detector.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What every command line here does with an error: one sentence on stderr and an exit code, never a
-traceback.
+"""Handle the errors of every command line: print one sentence on stderr and return an exit code,
+without a traceback.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TextIO
 
 from detectors.errors import UserError, masked, printable
 from detectors.records.roles import column_pairs
@@ -35,10 +36,7 @@ def exit_code(
     """Run a command and return its exit code; a refusal that options would help ends with the
     command that has them.
     """
-    # a daemon may have closed them
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
+    _open_closed_streams()
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
@@ -52,8 +50,7 @@ def exit_code(
     except MemoryError:
         return complain("not enough memory for this; ask for fewer samples or scenarios")
     except BrokenPipeError:
-        # what is still held back would raise once more when the interpreter ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop(sys.stdout)
         return 0
     except OSError as error:
         kind = {
@@ -76,6 +73,19 @@ def exit_code(
         return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
         return complain(_fault(error))
+
+
+def _open_closed_streams() -> None:
+    """Give standard streams that a daemon has closed to nobody: else the next file that is opened
+    has the number of one, and what is written to that ends up in the file.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None and number:
+            setattr(sys, name, open(number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 @contextlib.contextmanager
@@ -117,12 +127,19 @@ def cured(command: Sequence[str], cure: str) -> str:
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
     text = printable(masked(" ".join(sentence.split())))
-    print(
-        "error:"
-        f" {text if len(text) <= _LONGEST else f'{text[: _LONGEST - 300]} [...] {text[-290:]}'}",
-        file=sys.stderr,
-    )
+    short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 300]} [...] {text[-290:]}"
+    try:
+        print(f"error: {short}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it, or its disk is full; the exit code still tells
+        _drop(sys.stderr)
     return 2
+
+
+def _drop(stream: TextIO) -> None:
+    """Send a stream to nobody: what it still holds would raise once more when the interpreter
+    ends.
+    """
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _fault(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""Verdict: the one answer type of every detector."""
+"""`Verdict`: the answer of a detector about one record."""
 
 from __future__ import annotations
 
@@ -82,6 +82,7 @@ class Verdict:
         Returns
         -------
         Verdict
+            A new verdict; this one stays as it is.
         """
         other = object.__new__(Verdict)
         other.__dict__.update(self.__dict__, **changes)

@@ -1,4 +1,4 @@
-"""How results look in a notebook: one sentence above one table."""
+"""Show results in a notebook as one sentence above one table."""
 
 from __future__ import annotations
 

@@ -334,10 +334,12 @@ class Loop(_Table):
     ----------
     plant, controller, sampling : table
         As in a loop file.
-    operating_point, noise, setpoint : table, optional
+    operating_point : table, optional
         As in a loop file.
     valve : Part
         The valve model; ideal when absent.
+    noise, setpoint : table, optional
+        As in a loop file.
     disturbance, effect : tuple of Part
         What acts on the loop or its record.
     outer : Outer, optional
@@ -422,6 +424,7 @@ class Loop(_Table):
         Returns
         -------
         Loop
+            The loop, every value of it checked.
 
         Raises
         ------
@@ -445,6 +448,7 @@ class Loop(_Table):
         Returns
         -------
         dict
+            Section to its keys and values; lists of tables for disturbance and effect.
         """
         table = self.model_dump(exclude_none=True)
         for section, key in _NAME_KEY.items():
@@ -458,6 +462,7 @@ class Loop(_Table):
         Returns
         -------
         str
+            TOML that `load_loop` reads as the same loop.
         """
         lines = []
         for section, content in self.to_table().items():
@@ -474,12 +479,13 @@ class Loop(_Table):
         ----------
         key : str
             section.name.
-        value
-            The new value.
+        value : object
+            The new value, as a loop file has it.
 
         Returns
         -------
         Loop
+            A new loop; this one stays as it is.
 
         Raises
         ------
@@ -500,6 +506,7 @@ class Loop(_Table):
         Returns
         -------
         Loop
+            A new loop; this one stays as it is.
 
         Raises
         ------
@@ -569,6 +576,7 @@ def load_loop(path: str | Path) -> Loop:
     Returns
     -------
     Loop
+        The loop, every value of it checked.
 
     Raises
     ------

@@ -1,4 +1,5 @@
-"""simbench: a closed-loop simulation testbench for valve-stiction detectors.
+"""simbench: simulate control loops with sticking valves, benchmark stiction detectors, and diagnose
+records from a plant.
 
 The public names stand in `__init__.pyi`; each is loaded when first asked for.
 """

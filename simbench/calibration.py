@@ -1,4 +1,6 @@
-"""How far stated probabilities are from what happens."""
+"""Measure the calibration of probabilities: how far stated probabilities differ from observed
+frequencies.
+"""
 
 from __future__ import annotations
 

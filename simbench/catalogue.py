@@ -1,4 +1,6 @@
-"""What there is: detectors, valves, grids, effects and figures, one line and source each."""
+"""List the available detectors, valves, grids, effects and figures, with one line and the source of
+each (`simbench list`).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Write files completely or not at all, and refuse to overwrite what a command reads."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Records handed out without their truth: the key kept elsewhere, the commitment that binds it, and
-how answers are asked for.
+"""Hand out records without their truth: write the key elsewhere, bind it by a commitment
+(checksum), and ask for answers.
 
 `gap withheld` and `exam` share these steps. Whoever answers holds no key; whoever opens shows by
 the commitment that the key was fixed before anybody answered.

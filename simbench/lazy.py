@@ -1,5 +1,5 @@
-"""Names of a package that are loaded when first asked for; the package's stub (.pyi) is the one
-list of them.
+"""Load the public names of a package when they are first used; the package's stub (.pyi) is the
+only list of them.
 """
 
 from __future__ import annotations

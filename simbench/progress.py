@@ -1,5 +1,5 @@
-"""Progress of long work on stderr: a bar on a terminal, elsewhere (a log file, cron) at most one
-line a minute.
+"""Show the progress of long work on stderr: a bar on a terminal, at most one line a minute
+elsewhere.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What every command line here does with an error: one sentence on stderr and an exit code, never a
-traceback.
+"""Handle the errors of every command line: print one sentence on stderr and return an exit code,
+without a traceback.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What a notebook calls: a loop that simulates itself, and runs with the command line's
-defaults.
+"""Functions for notebooks: a loop that simulates and plots itself, and runs with the defaults of
+the command line.
 """
 
 from __future__ import annotations
@@ -143,6 +143,7 @@ class Loop(spec.Loop):
         Returns
         -------
         Loop
+            The loop, every value of it checked.
 
         Raises
         ------
@@ -179,6 +180,7 @@ class Loop(spec.Loop):
         Returns
         -------
         dict
+            Prediction by theory to its result, as `simbench.predict` returns it.
         """
         return predict(self)
 
@@ -218,6 +220,7 @@ def load_loop(path: str | Path) -> Loop:
     Returns
     -------
     Loop
+        The loop, every value of it checked.
 
     Raises
     ------
@@ -286,6 +289,7 @@ def score(folder: str | Path, *, raw: bool = False) -> Scores:
     Returns
     -------
     Scores
+        Tables of every method; `to_frame()` is the ranking.
 
     Raises
     ------

@@ -149,7 +149,6 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
         "verdict.html",
         "trust.html",
         "plant.html",
-        "w.xlsx",
         "fixed.toml",
         "again.csv",
     }

@@ -1,1 +1,3 @@
-"""What every detector must keep, tried on plain, rescaled and dead records."""
+"""Tests that every detector must pass, on plain, rescaled and dead records; `simbench contract
+FILE` runs them.
+"""

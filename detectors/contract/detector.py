@@ -1,5 +1,5 @@
-"""The contract every detector keeps: what it says of itself, and how it behaves on plain, on
-rescaled and on dead records.
+"""Test a detector against its contract: its description, and its behaviour on plain, rescaled and
+dead records.
 """
 
 from __future__ import annotations

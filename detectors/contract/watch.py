@@ -1,5 +1,5 @@
-"""Watch: a plug-in's function called, and what it did besides answering: raise, warn, print, write
-into its input.
+"""Call a function of a plug-in and record its side effects: exceptions, warnings, printed text, and
+changes to its input.
 """
 
 from __future__ import annotations

@@ -73,6 +73,8 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     Returns
     -------
     Verdict
+        Stiction where the score, the share of the camel's error in both errors (-), exceeds
+        `bound`.
 
     Examples
     --------

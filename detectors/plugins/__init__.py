@@ -1,1 +1,1 @@
-"""How a plug-in's file is located, kept apart and judged."""
+"""Find the file of a plug-in, run it in a separate process, and check its answers."""

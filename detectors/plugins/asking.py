@@ -1,4 +1,4 @@
-"""One question to the worker process of a plug-in detector, and the check of its answer."""
+"""Send one record to the worker process of a plug-in detector, and check its answer."""
 
 from __future__ import annotations
 

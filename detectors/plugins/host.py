@@ -1,5 +1,4 @@
-"""The worker process of a third-party plug-in, seen from the run: it is asked, timed, restarted
-and, at the end, stopped.
+"""Start, time, restart and stop the worker process of a third-party plug-in.
 
 A plug-in is trusted code with the user's privileges. Its worker protects the other results against
 mistakes (an exception, a crash, a hang, memory, output, an answer that cannot be used), not against

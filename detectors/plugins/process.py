@@ -1,4 +1,4 @@
-"""What runs in a plug-in's worker process: `python -m detectors.plugins.process BYTES MESSAGE
+"""The program in a plug-in's worker process: `python -m detectors.plugins.process BYTES MESSAGE
 FOLDER`, started by `Host`.
 """
 

@@ -1,5 +1,5 @@
-"""Plug-ins by name: the files of a folder, entry points of other distributions, and single files a
-user points at.
+"""Find plug-ins by name: in a folder of the package, among the entry points of installed
+distributions, or in a file that the user names.
 """
 
 from __future__ import annotations

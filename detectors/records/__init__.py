@@ -1,1 +1,3 @@
-"""How a file becomes a record: tables, times, holes, and the words of historians."""
+"""Read the records of control loops from files: tables, time columns, gaps, and the column names of
+plant historians.
+"""

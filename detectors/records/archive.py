@@ -1,5 +1,5 @@
-"""Archives that store a value only when it changes: what lies between two stored values is the
-first of them.
+"""Restore a signal from an archive that stores a value only when it changes: between two stored
+values the first one holds.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Time columns: seconds, time stamps with day or month first, AM and PM, and what spreadsheets and
-computers count in.
+"""Read time columns: seconds, time stamps with day or month first, AM and PM, and the day counts of
+spreadsheets.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Holes in a record: short ones are bridged, long ones split it, too many refuse it."""
+"""Treat gaps in a record: bridge short ones, split the record at long ones, and refuse it if too
+many samples are missing.
+"""
 
 from __future__ import annotations
 

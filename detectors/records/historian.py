@@ -1,5 +1,5 @@
-"""What plant historians export: units rows, states in place of numbers, quality columns, long
-tables, numbers as written.
+"""Read the exports of plant historians: rows of units, states in place of numbers, quality columns,
+long tables and number formats.
 """
 
 from __future__ import annotations

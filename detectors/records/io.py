@@ -1,11 +1,12 @@
-"""Loaders: CSV, parquet, Excel and ISDB .mat files become LoopRecords; every bad file is one clear
-sentence.
+"""Load CSV, parquet, Excel and ISDB .mat files as `LoopRecord`; a file that cannot be read gives
+one clear sentence.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -196,11 +197,8 @@ def read_folder(
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
         # a tag given for many files picks a loop that their columns name, and names none
-        sources = {
-            printable(f.stem): (f, None)
-            for f in sorted(path.iterdir())
-            if f.suffix.lower() in RECORD_FILES
-        }
+        files = [f for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES]
+        sources = {name: (f, None) for name, f in zip(_names(files), files, strict=True)}
     elif path.is_file():
         sources = {printable(path.stem): (path, tag)}
     else:
@@ -242,6 +240,18 @@ def read_folder(
         first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
         raise RecordError(f"{path}: no loop record found ({first})")
     return records, refused
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    """Return a name for each file: without its ending where no other has that name, and numbered
+    where two look alike even with it.
+    """
+    stems = Counter(printable(f.stem) for f in files)
+    names: list[str] = []
+    for f in files:
+        name = printable(f.stem if stems[printable(f.stem)] == 1 else f.name)
+        names.append(name if name not in names else f"{name} ({len(names)})")
+    return names
 
 
 def _merged(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,4 @@
-"""ISDB: the International Stiction Data Base, isdb10.mat with cdata.<sector>.<loopN>, loop by
-loop.
-"""
+"""Read the International Stiction Data Base (isdb10.mat), loop by loop."""
 
 from __future__ import annotations
 

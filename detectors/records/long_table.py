@@ -1,4 +1,4 @@
-"""Tables whose signals have separate times: one row per time, tag and value, or a column of
+"""Read tables whose signals have separate times: one row per time, tag and value, or a column of
 times next to every signal.
 """
 

@@ -1,4 +1,6 @@
-"""What a plant knows of its loops: a TOML file with a `[[loop]]` table per tag."""
+"""Read a TOML file that states what is known of each loop, with one `[[loop]]` table per tag
+(option `--loops`).
+"""
 
 from __future__ import annotations
 

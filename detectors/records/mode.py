@@ -1,5 +1,5 @@
-"""Mode of a controller, sample by sample: in the words and numbers of control systems, as AUTO, MAN
-or CAS.
+"""Translate the mode of a controller, sample by sample, from the words and numbers of control
+systems to AUTO, MAN or CAS.
 """
 
 from __future__ import annotations

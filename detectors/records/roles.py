@@ -1,5 +1,5 @@
-"""Which column is what: names of signals, units, quality and tags, as historians and control
-systems write them.
+"""Find out which column of a table is which signal, from the names that historians and control
+systems use for signals, units, quality and tags.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tables: a CSV, parquet or Excel file becomes named columns, wherever in it they begin."""
+"""Read a CSV, parquet or Excel file as named columns, wherever in the file the table begins."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Verdicts for people and programs: text, JSON, tables, notebook cells."""
+"""Show verdicts as text, JSON, tables and notebook cells."""

@@ -1,4 +1,6 @@
-"""Report: verdicts as text, JSON objects, a data frame and a score table."""
+"""`Report`: the verdicts of several methods on one or several records, as text, JSON, a data frame
+and a score table.
+"""
 
 from __future__ import annotations
 
@@ -84,6 +86,7 @@ class Report:
         Returns
         -------
         str
+            One line per verdict, and how many methods said what.
         """
         concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
         text = summary.as_text(self.groups(), concluded, why=why, colour=colour)

@@ -1,4 +1,6 @@
-"""Verdicts for people: one sentence, one table, every note once; the reasons on request."""
+"""Print the verdicts of `detect`: one sentence, one table, every note once; the reasons on
+request.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +22,34 @@ if TYPE_CHECKING:
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
 _COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
 _SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
-_LEGEND = "S stiction, - no stiction, ? no decision, blank: the method is not made for this loop"
+_LEGEND = "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to this"
+" loop."
+_COLUMNS = (
+    "Score: each method has its own scale; a larger score makes stiction more likely. S, J:"
+    " estimated"
+    " stick band and slip-jump."
+)
+_CONCLUDED_FROM = (
+    "The conclusion does not count these verdicts. It compares models of the loop with and without"
+    " valve friction (method likelihood)."
+)
 _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
-    """Count what the methods say; they are evidence, no conclusion."""
+    """Count the verdicts of the methods; they are evidence, no conclusion."""
     if len(verdicts) == 1:
-        return f"{verdicts[0].method} says {VERDICT_WORDS[verdicts[0].verdict]}"
+        return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
     asked = [v for v in verdicts if not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]
     count = Counter(v.verdict for v in others)
     left_out = len(asked) - len(others)
     text = (
-        f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'}"
-        " stiction, "
+        f"{count[STICTION]} of {len(others)} methods"
+        f" {'reports' if count[STICTION] == 1 else 'report'} stiction, "
     )
     text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
-    return text + (f"; {left_out} not made for this loop" if left_out else "")
+    return text + (f"; {left_out} not applicable to this loop" if left_out else "")
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
@@ -75,6 +87,8 @@ def as_text(
             f"Methods: {sentence(verdicts)}.",
             "",
             *_drawn(_table(verdicts), colour),
+            _COLUMNS if any(v.S is not None for v in verdicts) else _COLUMNS.partition(" S,")[0],
+            *([_CONCLUDED_FROM] if name in concluded else []),
         ]
         lines += [
             "",
@@ -82,7 +96,14 @@ def as_text(
         ]
     elif records:
         lines += [f"{name}: {concluded[name][0]}" for name, _, _ in records if name in concluded]
-        lines += [*_drawn(_matrix(records), colour), _LEGEND]
+        methods = [f"{i} {v.method}" for i, v in enumerate(records[0][1], 1)]
+        lines += [
+            f"{len(records)} records were judged by {len(methods)} methods; the columns are"
+            f" numbered.",
+            *_drawn(_matrix(records), colour),
+            _LEGEND,
+            f"Methods: {', '.join(methods)}.",
+        ]
     if why:
         for name, verdicts, record in records:
             shared = set(notes_of(verdicts, record))
@@ -155,7 +176,7 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
     # of a loop of unknown kind a note says so once
     any_known = any(v.applicable is not None for v in verdicts)
     if any_known:
-        table.add_column("made for this loop", no_wrap=True)
+        table.add_column("applicable", no_wrap=True)
     for v in verdicts:
         score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
         fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
@@ -176,10 +197,8 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
 
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("record", no_wrap=True)
-    methods = [v.method for v in groups[0][1]]
-    for name in methods:  # a name of 15 letters over a column of one sign: four letters a line
-        parts = [part[i : i + 4] for part in name.split("_") for i in range(0, len(part), 4)]
-        table.add_column("\n".join(parts), justify="center", no_wrap=True)
+    for i in range(1, len(groups[0][1]) + 1):  # a name is too wide for a column of one sign
+        table.add_column(str(i), justify="right", no_wrap=True)
     for name, verdicts, _ in groups:
         signs = [
             " " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]"

@@ -1,1 +1,1 @@
-"""Pure functions on signals that several detectors share."""
+"""Functions of signals that several detectors share; they depend on nothing but their arguments."""

@@ -1,5 +1,5 @@
-"""Autocorrelation of a signal and what is read from it: zero crossings, decay per half period, how
-long it lasts.
+"""Compute the autocorrelation of a signal and read from it zero crossings, decay per half period
+and duration.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Bicoherence: do pairs of frequencies in a signal drive their sum? The nonlinearity indices NGI
-and NLI from it.
+"""Bicoherence test for nonlinearity: measure whether pairs of frequencies in a signal drive their
+sum; gives the indices NGI and NLI.
 """
 
 from __future__ import annotations

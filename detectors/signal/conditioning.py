@@ -1,6 +1,4 @@
-"""Conditioning: take slow drift and fast noise off an oscillating signal without shifting it in
-time.
-"""
+"""Remove slow drift and fast noise from an oscillating signal without shifting it in time."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Ellipse: direct least-squares fit to a PV-OP plot, its width along OP (apparent stiction) and how
-well it fits.
+"""Fit an ellipse to a PV-OP plot by direct least squares; gives its width along OP (apparent
+stiction) and the quality of the fit.
 """
 
 from __future__ import annotations

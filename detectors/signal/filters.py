@@ -1,5 +1,6 @@
-"""A rational filter run over a signal, as scipy.signal.lfilter, without loading scipy.signal (two
-thirds of a start).
+"""Apply a rational filter to a signal, as `scipy.signal.lfilter` does.
+
+Loading scipy.signal would take two thirds of the start-up time.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ def lfilter(
     Returns
     -------
     ndarray, shape (n,)
+        Output in its own units; the samples before the first are 0 but for `before`.
 
     Notes
     -----

@@ -1,5 +1,5 @@
-"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and
-shapes fitted to all of them at once.
+"""Cut an oscillation at its zero crossings, bring each half cycle to one length, and fit shapes
+(sine, triangle) to all of them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Holds: how long a signal stays exactly where it is, and whether longer than chance lets it."""
+"""Detect a signal that stays exactly constant for longer than chance explains."""
 
 from __future__ import annotations
 

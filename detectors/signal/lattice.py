@@ -1,5 +1,5 @@
-"""The steps a signal is written in: the decimals of a file, and the lattice of a transmitter or of
-a coarse OP.
+"""Estimate the step in which a signal is written: the decimals of a file, or the resolution of a
+transmitter or of OP.
 """
 
 from __future__ import annotations

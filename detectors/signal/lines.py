@@ -1,4 +1,6 @@
-"""Straight lines: samples that an archive drew between those it kept."""
+"""Find the samples that an archive interpolated on straight lines between the values that it
+stored.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Hagglund's front end: an oscillation is more load disturbances in the control error than a quiet
-loop has.
+"""Hagglund's test for oscillation: count load disturbances in the control error; an oscillating
+loop has more of them than a quiet one.
 """
 
 from __future__ import annotations

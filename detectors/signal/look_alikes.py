@@ -1,5 +1,5 @@
-"""Kernels of the prediction error: which pieces of a signal are nearest to which, exactly, all
-pairs compared.
+"""Compiled kernels of the prediction error: find for each segment of a signal its nearest segments,
+by comparing all pairs.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. Pieces
 stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree does not pay

@@ -1,4 +1,6 @@
-"""Whether an oscillation keeps its phase: with another one, or with a single sine."""
+"""Measure whether an oscillation keeps its phase relative to another oscillation or to a single
+sine.
+"""
 
 from __future__ import annotations
 

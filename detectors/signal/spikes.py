@@ -1,4 +1,4 @@
-"""Spikes: samples that stand alone, off the line through their neighbours."""
+"""Find spikes: single samples that lie off the line through their neighbours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standstill: the stretches of time in which a valve does not move while its command does."""
+"""Find the intervals in which a valve does not move although OP does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stiction map: OP in, valve position out, by the two-parameter (S, J) automaton; plain Python,
+"""Compute the valve position from OP by the two-parameter (S, J) stiction model; plain Python,
 compiled on demand.
 """
 

@@ -1,5 +1,5 @@
-"""Surrogates: signals with the spectrum and the values of a record but random phases; the
-nonlinearity index NPI.
+"""Make surrogate signals (same spectrum and values as a record, random phases) and compute the
+nonlinearity index NPI from them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tails: is the largest of a noise part of it, or something that hit it now and then?"""
+"""Test whether the largest samples of a noise belong to it or are outliers."""
 
 from __future__ import annotations
 

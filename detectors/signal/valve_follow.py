@@ -1,5 +1,5 @@
-"""Valve follow: does the valve's position follow OP through a straight line or through a dead band?
-Needs no oscillation.
+"""Test whether the valve position follows OP through a straight line or through a dead-band; the
+loop need not oscillate.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A diagnosis that asks: sealed records of every world, scored alone, after tests it chose, a fixed
-pair and a random one.
+"""A diagnosis that asks: sealed records of every world, scored alone, after one and two tests of
+its order, and after two at random.
 
 `python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and
 opens what is not there yet (a call that was cut off goes on where it was) and prints a table a
@@ -40,14 +40,14 @@ from simbench.blind.world import PLANNED
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.gap.command import one_file
-from simbench.loop.effects import NONE, UNKNOWN
+from simbench.loop.effects import NONE
 
 # named before anything was answered: the first world's, the next ones' are the next numbers
 SEED = 423041
 THREE = ("own", "mill", "refinery")
 TESTS = 2
-PAIR = ("mv", "bump")  # the best fixed pair on development draws of another simulator
-FIXED, RANDOM = " + ".join(PAIR), "two at random"
+_COLUMNS = ("alone", "one test", "two tests")
+RANDOM = "two at random"
 _FRESH = 3  # records of the true loop on which a claimed shrinkage is looked at
 _NEEDS_T = "time_constant_mismatch"
 _OF_KIND = {
@@ -102,8 +102,8 @@ class Mixture:
 
 
 def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
-    """Make, answer with tests that the diagnosis chose and open a world's records, as far as it is
-    not done.
+    """Make, answer with the tests that the diagnosis asks for and open a world's records, as far as
+    it is not done.
     """
     check, key = folder / world, folder / f"{world}.key"
     if not (check / "records").exists():
@@ -121,16 +121,14 @@ def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
         open_(check, key, folder / f"{world}-score", world)
 
 
-def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> None:
-    """Write answers after two tests that the diagnosis did not choose; nothing is known of the
-    record.
-    """
-    place, rng, todo = _answers_by(check, strategy), np.random.default_rng(seed), []
+def answer_at_random(check: Path, seed: int, jobs: int = 1) -> None:
+    """Write answers after two tests drawn at random; nothing is known of the record."""
+    place, rng, todo = _at_random(check), np.random.default_rng(seed), []
     for record in sorted((check / "records").glob("*.csv")):
         ids = [str(x) for x in rng.choice(MENU, TESTS, replace=False)]
         if not (place / f"{record.stem}.json").exists():
-            todo.append((record, list(PAIR) if strategy == FIXED else ids))
-    bar = tqdm(todo, desc=f"{check.name}, {strategy}", file=sys.stderr, delay=1.0)
+            todo.append((record, ids))
+    bar = tqdm(todo, desc=f"{check.name}, {RANDOM}", file=sys.stderr, delay=1.0)
     Parallel(n_jobs=jobs)(
         delayed(_answer_one)(check, make_folder(place), record, ids) for record, ids in bar
     )
@@ -140,22 +138,22 @@ def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> N
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
     try:
         report = one_file(record, record.with_suffix(".toml"), tests)
-    # where a test is refused the answer before it remains, as it does where the diagnosis chose it
+    # where a test is refused the answer before it remains, as it does where the diagnosis asked
     except UserError:
         report = _read(answers_after(check, 0) / f"{record.stem}.json")
     with whole_file(place / f"{record.stem}.json") as f:
         f.write(json.dumps(report))
 
 
-def _answers_by(check: Path, strategy: str) -> Path:
-    return check.parent / f"{check.name}-{strategy.replace(' ', '')}"
+def _at_random(check: Path) -> Path:
+    return check.parent / f"{check.name}-{RANDOM.replace(' ', '')}"
 
 
-def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
-    """Return the answers of a strategy judged as `open_` judges the others."""
+def judged(check: Path, score: Path) -> pd.DataFrame:
+    """Return the answers after random tests judged as `open_` judges the others."""
     rows = []
     for truth in truths(score):
-        scored = _read(_answers_by(check, strategy) / f"{truth['id']}.json")
+        scored = _read(_at_random(check) / f"{truth['id']}.json")
         rows.append(
             judge_record(
                 truth, scored, true_circumstances(truth, *_baseline_and_record(check, truth))
@@ -170,35 +168,6 @@ def truths(score: Path) -> list[dict[str, Any]]:
     return [
         {str(k): json.loads(v) if v.startswith("{") else v for k, v in row.items()} for row in rows
     ]
-
-
-def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
-    """Return of every test asked for what it was to add to a right answer's probability, and added
-    to the truth's.
-    """
-    pairs = []
-    for world in worlds:
-        for truth, tests in [
-            (t, i) for t in truths(folder / f"{world}-score") for i in range(TESTS)
-        ]:
-            before, after = (
-                _read(answers_after(folder / world, tests + i) / f"{truth['id']}.json")
-                for i in (0, 1)
-            )
-            expected = (before.get("next_test") or {}).get("p_right_after")
-            if expected is not None and "ranking" in after:
-                ranks = [
-                    {r["effect"]: r["probability"] for r in rows["ranking"]}
-                    for rows in (before, after)
-                ]
-                name = UNKNOWN if truth["foreign"] else truth["effect"]
-                pairs.append(
-                    (
-                        expected - max(ranks[0].values()),
-                        ranks[1].get(name, 0.0) - ranks[0].get(name, 0.0),
-                    )
-                )
-    return pairs
 
 
 def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, float, float]]:
@@ -251,7 +220,7 @@ def _read(file: Path) -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = ()) -> pd.DataFrame:
+def table(folder: Path, worlds: Sequence[str] = THREE) -> pd.DataFrame:
     """Return shares by figure, a column per way of testing, for each world and for all worlds
     together.
     """
@@ -261,11 +230,11 @@ def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = 
         for tests in range(TESTS + 1):
             file = score / (f"records-{tests}.csv" if tests else "records.csv")
             if file.exists():
-                columns.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = (
-                    pd.read_csv(file, keep_default_na=False)
+                columns.setdefault(_COLUMNS[tests], {})[world] = pd.read_csv(
+                    file, keep_default_na=False
                 )
-        for strategy in against:
-            columns.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
+        if _at_random(folder / world).exists():
+            columns.setdefault(RANDOM, {})[world] = judged(folder / world, score)
     for by_world in columns.values():
         if len(by_world) > 1:
             by_world["all"] = pd.concat(by_world.values())
@@ -313,27 +282,20 @@ def _share(x: pd.Series) -> str:
     )
 
 
-def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
-    """Print the table of every world, the effect of tests, and whether claimed shrinkages hold."""
+def print_sealed(folder: Path, worlds: Sequence[str]) -> None:
+    """Print the table of every world, and whether claimed shrinkages hold."""
     print(
-        "chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record"
-        " asks for none"
+        "one test, two tests: the first ones of the fixed order that the diagnosis asks for; an"
+        " answer that is settled asks for none"
     )
     print("95 % Wilson intervals")
-    counts = table(folder, worlds, against)
+    counts = table(folder, worlds)
     for world in counts.index.unique(0):
         print(f"\n{world}\n{counts.loc[world].to_string()}")
-    pairs = np.array(learned(folder, worlds)).reshape(-1, 2)
-    rank = stats.spearmanr(*pairs.T).statistic if len(pairs) > 2 else np.nan
-    print(
-        "\nwhat tests were to add to the probability of a right answer, and added to the truth's:"
-        f" {len(pairs)} tests,"
-    )
-    print(f"rank correlation {rank:.2f}")
     value, lo, hi, true = np.array(shrinkages(folder, worlds)).reshape(-1, 4).T
     rank = stats.spearmanr(value, true).statistic if true.size > 2 else np.nan
     print(
-        f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size}"
+        f"\nshrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size}"
         " claims,"
     )
     print(
@@ -372,11 +334,7 @@ def main() -> None:
     )
     parser.add_argument("--worlds", nargs="*", default=THREE, choices=THREE)
     parser.add_argument(
-        "--against",
-        nargs="*",
-        default=[],
-        choices=(FIXED, RANDOM),
-        help="Answer with such tests too.",
+        "--random", action="store_true", help="Answer after two random tests of each record too."
     )
     parser.add_argument(
         "--contradictions",
@@ -414,15 +372,14 @@ def main() -> None:
             Mixture(seed, given.single, given.none, given.two, given.foreign),
             given.jobs,
         )
-    for strategy in given.against:
-        for world, seed in seeds.items():
-            answer_otherwise(given.folder / world, strategy, seed, given.jobs)
+        if given.random:
+            answer_at_random(given.folder / world, seed, given.jobs)
     print(
         f"answered sealed; of each world {given.single} single effects (medium, strong),"
         f" {given.none} none, {given.two} two,"
     )
     print(f"{given.foreign} foreign")
-    print_sealed(given.folder, list(seeds), given.against)
+    print_sealed(given.folder, list(seeds))
 
 
 if __name__ == "__main__":

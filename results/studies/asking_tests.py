@@ -33,8 +33,8 @@ from simbench.gap.closed_loop.gap import closed, measure
 from simbench.gap.diagnosis import assess_with_tests, diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import read_test
-from simbench.gap.plan.expected import plan
 from simbench.gap.plan.menu import Limits
+from simbench.gap.plan.order import plan
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE
 

@@ -1,3 +1,3 @@
-"""Who can be trusted? Grids of scenarios simulated with their truth, judged by detectors, scored,
-compared, defended.
+"""The benchmark: simulate grids of scenarios with known truth, judge them by detectors, score,
+compare and verify the results.
 """

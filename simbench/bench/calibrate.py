@@ -1,5 +1,5 @@
-"""Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another,
-compared with the published ones.
+"""Calibrate thresholds: chosen for each method on one seed of a grid, measured on another, compared
+with the published ones.
 """
 
 from __future__ import annotations
@@ -65,28 +65,46 @@ class _Calibration:
         }
 
     def as_text(self) -> str:
-        """Return one line per method."""
+        """Return one line per method, and what the columns mean."""
         a = self.about
         lines = [
             (
-                f"grid {a['grid']}: cuts from seed {a['seed_a']}, measured on seed {a['seed_b']}"
-                f" ({a['positives']} cycling, {a['negatives']} not), wanted false alarms"
-                f" {self.false_alarm:g}"
+                f"Thresholds for a false-positive rate of {self.false_alarm:g}, chosen on seed"
+                f" {a['seed_a']} of grid {a['grid']}, measured on seed {a['seed_b']}"
+                f" ({a['positives']} loops that cycle, {a['negatives']} that do not)."
+            ),
+            "",
+            (
+                f"{'':<17} {'with the calibrated threshold:':<49} {'as published:':>15}"
+                f" {'with a band:':>14}"
             ),
             (
-                f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}"
-                f"{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
-                f"{'published':>15s}{'abstaining: decided, wrong':>29s}"
+                f"{'method':<17} {'threshold':>9} {'false positives':>15} {'sens.':>5}"
+                f" {'AUC':>4} {'':<12} {'FP':>8} {'sens.':>6} {'decided':>8} {'wrong':>5}"
             ),
         ]
         for r in self.table.itertuples():
-            note = "" if r.informative else "  not informative here"
             lines.append(
-                f"{r.method:17s}{r.cut:9.3g}{r.false_alarm:11.3f}"
-                f"{_range(r.false_alarm_lo, r.false_alarm_hi):>15s}"
-                f"{r.detection:8.3f}{r.auc:7.3f}{_range(r.auc_lo, r.auc_hi):>15s}"
-                f"{f'{r.published_false_alarm:.3f}, {r.published_detection:.3f}':>15s}"
-                f"{f'{r.coverage:.3f}, {r.wrong_decided:.3f}':>29s}{note}"
+                f"{r.method:<17} {r.cut:>9.3g} {r.false_alarm:>5.2f}"
+                f" {_range(r.false_alarm_lo, r.false_alarm_hi):>9} {r.detection:>5.2f}"
+                f" {r.auc:>4.2f} {_range(r.auc_lo, r.auc_hi):<12}"
+                f" {r.published_false_alarm:>8.2f} {r.published_detection:>6.2f}"
+                f" {r.coverage:>8.2f} {r.wrong_decided:>5.2f}"
+            )
+        lines += [
+            "",
+            (
+                "Ranges are 95 % intervals. False positives (FP): share of loops that do not cycle"
+                " called stiction. Sens.: sensitivity, the share of cycling loops called stiction."
+                " AUC: area under the ROC curve. With a band: the method gives no decision between"
+                " two thresholds; decided: share of loops decided; wrong: share of wrong answers"
+                " among them."
+            ),
+        ]
+        vague = [r.method for r in self.table.itertuples() if not r.informative]
+        if vague:
+            lines.append(
+                f"Not informative here (the interval of AUC contains 0.5): {', '.join(vague)}."
             )
         return "\n".join(lines)
 
@@ -263,4 +281,4 @@ def _rate(name: str, hits: np.ndarray) -> dict[str, float]:
 
 
 def _range(lo: float, hi: float) -> str:
-    return f"{lo:.3f}-{hi:.3f}"
+    return f"{lo:.2f}-{hi:.2f}"

@@ -1,5 +1,5 @@
-"""Worst case: the healthy loop on which a method is most confidently wrong, by random search
-and refinement.
+"""Search for the healthy loop on which a method is most confidently wrong, by random search and
+refinement (`simbench worst`).
 """
 
 from __future__ import annotations

@@ -1,3 +1,3 @@
-"""Blind checks of the gap diagnosis: records with hidden effects from independent simulators,
-sealed answers, their scoring.
+"""Test the gap diagnosis on records with hidden effects from independent simulators: make, answer
+and score such records.
 """

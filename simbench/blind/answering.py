@@ -1,4 +1,4 @@
-"""Diagnose a withheld folder in processes that can open nothing of it but the records."""
+"""Diagnose the records of a withheld folder in processes that can read nothing but the records."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Re-simulate what an answer claims: the world's loop with the claimed effect and parameters in
-place of the true ones.
+"""Simulate what an answer claims: the independent simulator's loop with the claimed effect in place
+of the true one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""How far two loops are apart: phase-free features of SP, OP and PV, in seed-to-seed spreads."""
+"""Measure the distance between two loops by phase-free features of SP, OP and PV, in units of the
+spread between seeds.
+"""
 
 from __future__ import annotations
 

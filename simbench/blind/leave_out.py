@@ -1,5 +1,5 @@
-"""Every effect taken out of the library in turn: what is answered then, and how far does the gap
-shrink once it is back?
+"""Test the diagnosis with one effect missing from the library at a time: what it answers then, and
+how far the gap shrinks once the effect is back.
 
 Knows the truth and the diagnosis, so neither a world nor the diagnosis imports it.
 """

@@ -1,4 +1,6 @@
-"""Shares, medians and calibration over many judged answers, with the levels they must reach."""
+"""Compute rates, medians and calibration over many judged answers, and compare them with the
+required levels.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw records for the blind check, write them under neutral names, seal the answers."""
+"""Draw records for the blind test, write them under neutral names, and encrypt the answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The menu of tests on a loop of the blind check: what each does, sized by baseline and record
+"""The tests that can be requested for a loop of the blind test, sized from its baseline and record
 alone.
 """
 

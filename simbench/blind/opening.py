@@ -1,5 +1,5 @@
-"""Open a withheld folder: check the commitment, score the answers, write tables and the confusion
-picture.
+"""Open a withheld folder: check the commitment, score the answers, and write tables and the
+confusion matrix.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What every test of the menu would show of each record of a check: sealed one by one, opened one
-by one, and logged.
+"""Simulate what every available test would show for each record of a blind test; each result is
+encrypted, opened on request, and logged.
 """
 
 from __future__ import annotations

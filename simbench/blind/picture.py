@@ -1,4 +1,4 @@
-"""The confusion picture: what was there against what was named."""
+"""Draw the confusion matrix of a blind test: true effects against named effects."""
 
 from __future__ import annotations
 

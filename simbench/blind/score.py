@@ -1,4 +1,4 @@
-"""Judge one answer against the truth."""
+"""Score one answer of the blind test against the truth."""
 
 from __future__ import annotations
 

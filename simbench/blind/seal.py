@@ -1,4 +1,6 @@
-"""Answers under seal: a commitment that binds them, and a key without which they cannot be read."""
+"""Encrypt the answers of a blind test; a commitment (checksum) proves later that they were not
+changed.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A world: an independent simulator that draws records with hidden effects and can run their loops
-again.
+"""The interface of an independent plant simulator: it draws records with hidden effects and can
+simulate their loops again.
 """
 
 from __future__ import annotations
@@ -73,6 +73,15 @@ WORLD_EFFECTS = Vocabulary(PLANNED)
 class Item(NamedTuple):
     """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it,
     and the truth.
+
+    Parameters
+    ----------
+    columns : dict of str to ndarray, shape (n,)
+        Signals by name: t (s), sp and pv (PV units), op (%), mv (%) where it is recorded.
+    baseline : dict
+        Loop file, as a nested table, that is handed out with the record.
+    answer : dict
+        The truth, and all that `simulate` and `test` need to run the loop again.
     """
 
     columns: dict[str, np.ndarray]

@@ -1,4 +1,6 @@
-"""The command line: one verb, one function call."""
+"""The command line `simbench`: each verb reads its options and calls one function of another
+subpackage.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m simbench.cli`."""
+"""Start the command line with `python -m simbench.cli`."""
 
 from simbench.cli import entry
 

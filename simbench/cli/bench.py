@@ -1,4 +1,4 @@
-"""Grids run, scored, compared, drawn."""
+"""The verbs of the benchmark: simulate a grid, score it, compare it, guard its accuracy."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ from simbench.cli.common import (
     number,
     pairs,
     refuse_picture,
+    say,
     show,
     show_result,
     threshold_file,
@@ -42,7 +43,9 @@ from simbench.cli.common import (
 if TYPE_CHECKING:
     from simbench.bench.execute.failures import Failures
 
-Run = Annotated[Path, Argument(metavar="RUN", help="Read the results of the run in this folder.")]
+Run = Annotated[
+    Path, Argument(metavar="RUN", help="Read the run in this folder, as `simbench run` wrote it.")
+]
 
 AllowFailed = Annotated[
     float,
@@ -74,8 +77,9 @@ def run(
         Option(
             metavar="ID",
             help=(
-                "Ask these methods: ids, or the groups fast, full and oracle; may be repeated "
-                "[fast, oracle]."
+                "Apply these methods: ids, or the groups fast, full and oracle; may be repeated "
+                "[fast, oracle]. The oracle answers the label. The slow method likelihood is in no "
+                "group; it must be named."
             ),
         ),
     ] = None,
@@ -97,16 +101,23 @@ def run(
         float | None,
         Option(
             metavar="W",
-            help="Add seeds until the 95 % interval of the accuracy is narrower than this.",
+            help="Add seeds until the 95 % interval of every accuracy is narrower than this (0"
+            " to 1).",
         ),
     ] = None,
     sets: Annotated[
         list[str] | None,
-        Option("--set", metavar="K=V", help="Change a setting of the grid; may be repeated."),
+        Option(
+            "--set",
+            metavar="K=V",
+            help="Change a setting of the grid, for example seed=7; may be repeated.",
+        ),
     ] = None,
     axis: Annotated[
         list[str] | None,
-        Option(metavar="K=a,b,c", help="Replace the values of an axis; may be repeated."),
+        Option(
+            metavar="K=a,b,c", help="Replace the values of an axis of the grid; may be repeated."
+        ),
     ] = None,
     thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
@@ -122,7 +133,10 @@ def run(
     full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate a grid of scenarios, judge every record by the chosen methods, and score."""
+    """Simulate a grid of scenarios, judge every record by the chosen methods, and score.
+
+    `simbench score` prints the same table again; its help explains the columns.
+    """
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.execute.run import run_grid
     from simbench.bench.scenario.oracle import ORACLE
@@ -184,7 +198,8 @@ def map_of_grid(
         int | None,
         Option(
             min=1,
-            help="Simulate this many scenarios [10 % of the grid, 200 at least, 10000 at most].",
+            help="Simulate this many scenarios, drawn at random [10 % of the grid, 200 at least,"
+            " 10000 at most].",
         ),
     ] = None,
     method: Annotated[
@@ -192,7 +207,7 @@ def map_of_grid(
         Option(
             metavar="ID",
             help=(
-                "Ask these methods: ids, or the groups fast, full and oracle; may be repeated "
+                "Apply these methods: ids, or the groups fast, full and oracle; may be repeated "
                 "[fast]."
             ),
         ),
@@ -242,7 +257,12 @@ def map_of_grid(
 def score(
     folder: Run,
     raw: Annotated[
-        bool, Option("--raw", help="Score the verdicts without the test for oscillation.")
+        bool,
+        Option(
+            "--raw",
+            help="Score the verdicts that the methods give without the common"
+            " test for oscillation.",
+        ),
     ] = False,
     report: Report = None,
     against: Annotated[
@@ -271,14 +291,29 @@ def score(
         str,
         Option(
             metavar="cycled|predicted|sticky",
-            help="Choose the label that verdicts are compared with.",
+            help="Choose the label that verdicts are compared with: the simulated valve makes"
+            " the loop"
+            " cycle (cycled), theory predicts a cycle (predicted), or the valve has friction"
+            " (sticky).",
         ),
     ] = "cycled",
     allow_failed: AllowFailed = 0.0,
     full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Score a run: rank its methods on the loops that oscillate, with intervals."""
+    """Score a run: rank its methods on the loops that oscillate, with 95 % intervals.
+
+    The table has one row per method. Rank: methods whose costs differ by less than the run can
+    resolve share a rank. Cost: mean over the loops of 1 for a wrong verdict, 0.5 for no decision
+    and 0 for a right one. Accuracy: share of right verdicts; no decision counts as wrong.
+    Sensitivity: share of loops with valve stiction called stiction. False positives: share of the
+    other loops called stiction. No decision: share of loops without a verdict. The value is
+    followed by its 95 % interval.
+
+    Methods that need the valve position (MV) are ranked among themselves. Reference rows are no
+    detectors: the oracle answers the label, and no_waveform is a classifier that sees period,
+    amplitude and noise but no waveform. A useful detector costs less than no_waveform.
+    """
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.score.scoring import score_book
     from simbench.bench.store.reading import TRUTHS, RunArrays
@@ -308,7 +343,7 @@ def score(
         from simbench.report.data import RunData
 
         write_report(folder, report, RunData(folder, book, scores))
-        print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+        say(f"report: {report.resolve()}", as_json)
     _end(failed, allow_failed)
 
 
@@ -316,7 +351,8 @@ def score(
 def check(
     folder: Run,
     against: Annotated[
-        Path, Option(metavar="DIR", help="Compare with the baseline in this folder.")
+        Path,
+        Option(metavar="DIR", help="Compare with the baseline, an earlier run, in this folder."),
     ],
     junit: Annotated[
         Path | None, Option(metavar="FILE.xml", help="Write a JUnit summary to this file.")
@@ -329,7 +365,10 @@ def check(
         Option("--update", help="Replace the baseline by this run, and print the differences."),
     ] = False,
     margin: Annotated[
-        float, Option(min=0.0, max=1.0, help="Allow a rate to fall by this much.")
+        float,
+        Option(
+            min=0.0, max=1.0, help="Allow the share of right answers to fall by this much (0 to 1)."
+        ),
     ] = 0.01,
     exact: Annotated[
         bool,
@@ -340,14 +379,18 @@ def check(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Compare a run with a baseline; exit 1 if accuracy dropped or the run is too small to tell."""
+    """Compare a run with a baseline; exit 1 if accuracy dropped or the run is too small to tell.
+
+    Use it in continuous integration: make a baseline once with --update, commit it, and let this
+    command fail the build when a change makes a detector less accurate.
+    """
     from simbench.bench.execute.again import check_and_ask_again
     from simbench.bench.score.check import update_baseline
     from simbench.files import refuse_own_input, whole_file
 
     refuse_own_input([junit, markdown], [folder, against])
     if update:
-        print(update_baseline(folder, against))
+        say(update_baseline(folder, against))
         return
     result = check_and_ask_again(folder, against, margin, exact)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
@@ -386,6 +429,8 @@ def verify(
 ) -> None:
     """Simulate and judge a random share of a run again, and recompute every score; exit 1 if they
     differ.
+
+    Use it on results that somebody else computed.
     """
     from simbench.bench.execute.verify import verify_run
 
@@ -398,14 +443,19 @@ def verify(
 @app.command(epilog=examples("history results/baseline -o history.svg"))
 def history(
     baseline: Annotated[
-        Path, Argument(metavar="DIR", help="Read the baseline in this folder.")
+        Path, Argument(metavar="DIR", help="Read the baselines in this folder.")
     ] = Path("results/baseline"),
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE.svg", help="Draw a picture to this file.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show how accuracy changed over the stored baselines."""
+    """Show how accuracy changed over the baselines that `simbench check --update` stored.
+
+    The first table has a row per method and a numbered column per baseline: the accuracy (share of
+    right answers) on the loops where the method applies. The second table says of each baseline
+    which commit, grid and number of scenarios it has.
+    """
     from simbench.bench.score.history import read_history
 
     refuse_picture(out)
@@ -430,7 +480,7 @@ def calibrate(
         list[str] | None,
         Option(
             metavar="ID",
-            help="Ask these methods: ids, or the groups fast or full; may be repeated.",
+            help="Apply these methods: ids, or the groups fast or full; may be repeated [fast].",
         ),
     ] = None,
     jobs: Jobs = 1,
@@ -439,7 +489,10 @@ def calibrate(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find each method's threshold for a wanted false-positive rate."""
+    """Find for each method the threshold that gives a wanted false-positive rate on a grid.
+
+    The thresholds are chosen on one seed of the grid and measured on another.
+    """
     from simbench.bench.calibrate import calibrate as run_calibration
 
     calibration = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
@@ -448,7 +501,7 @@ def calibrate(
 
 @app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
 def worst(
-    method: Annotated[str, Argument(help="Search loops on which this method fails.")],
+    method: Annotated[str, Argument(help="Search for loops on which this method fails.")],
     out: Annotated[
         Path | None,
         Option("-o", "--out", help="Write the loop file of the worst loop to this file."),
@@ -522,8 +575,8 @@ def _interruptible() -> Iterator[None]:
 
 def _where(folder: Path, full: bool) -> str:
     return (
-        f"A report with pictures: simbench score {folder} --report"
-        f" report.html{'' if full else '; every table: --full'}."
+        "What the columns mean: simbench score --help. A report with pictures: simbench score"
+        f" {folder} --report report.html.{'' if full else ' Every table: --full.'}"
     )
 
 

@@ -1,4 +1,4 @@
-"""What there is, and whether a plug-in keeps its contract."""
+"""The verbs `list` (what is available) and `contract` (check a plug-in)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,18 @@ def contract(
         Argument(
             metavar="FILE",
             help=(
-                "Check this file: a detector, valve, effect, recogniser or world (.py), or a grid "
-                "(.toml)."
+                "Check this file: a detector, valve, effect, plant, controller or plant simulator "
+                "(.py), or a grid (.toml)."
             ),
         ),
     ],
     as_json: Json = False,
 ) -> None:
-    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    """Check whether a plug-in can be used by simbench; exit 1 if it cannot.
+
+    A plug-in is a Python file of yours that adds a detector, a valve model, an effect or a plant.
+    The contract is the list of names and functions that such a file must have.
+    """
     from simbench.contract import check_in_subprocess
 
     report = check_in_subprocess(path)
@@ -37,11 +41,16 @@ def contract(
 @app.command("list", epilog=examples("list detectors", "list grids --json"))
 def list_(
     what: Annotated[
-        str | None, Argument(help="List detectors, valves, grids, effects or figures.")
+        str | None,
+        Argument(metavar="KIND", help="List detectors, valves, grids, effects or figures."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what is available, with one line and the source of each."""
+    """List the available detectors, valve models, grids, effects or figures, one per line.
+
+    Each line has the name, what it is, and its source in brackets. A grid is a set of scenarios to
+    simulate. An effect is a property of a plant that a simulation may lack, such as sensor lag.
+    """
     from simbench.catalogue import LISTED_KINDS, catalogue
 
     if what is None:

@@ -1,4 +1,6 @@
-"""What the verbs share: the applications they belong to, options, and how an answer is printed."""
+"""What the verbs of the command line share: the application, common options, and how an answer is
+printed.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from detectors.errors import ParameterError, masked
+from detectors.errors import ParameterError, masked, printable
 from simbench.cli.help import GroupedCommand
 
 if TYPE_CHECKING:
@@ -39,16 +41,25 @@ class _Verbs(typer.Typer):
 
 
 app = _Verbs(
-    help="A closed-loop testbench for valve-stiction detectors.",
+    help="Simulate control loops with sticking and healthy valves, score stiction detectors on"
+    " them,"
+    " and diagnose records from a plant.",
     **{**_BARE, "add_completion": True},
 )
 confirm_app = _Verbs(
-    help="Run the chapter's confirmation tests on a simulated loop or on records.",
+    help="Confirm that the valve sticks by a test on the loop, simulated or recorded.",
     **_BARE,
 )
 gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
-withheld_app = _Verbs(help="Check the gap diagnosis on records whose effect is sealed.", **_BARE)
-exam_app = _Verbs(help="Benchmark methods by records without labels, in any language.", **_BARE)
+withheld_app = _Verbs(
+    help="Test the gap diagnosis on simulated records whose true cause is hidden from it.", **_BARE
+)
+exam_app = _Verbs(
+    help="Benchmark detectors that you do not trust, or that are written in another language:"
+    " they get"
+    " records without labels, and you keep the key.",
+    **_BARE,
+)
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
@@ -71,13 +82,17 @@ def _workers(jobs: int) -> int:
 
 Json = Annotated[bool, Option("--json", help="Print JSON, and nothing else, on stdout.")]
 Backend = Annotated[
-    str, Option(metavar="loky|dask|ray", help="Choose the library that distributes the work.")
+    str,
+    Option(metavar="loky|dask|ray", help="Choose the library that starts the worker processes."),
 ]
 Address = Annotated[
-    str | None, Option(metavar="URL", help="Give the address of a running scheduler.")
+    str | None,
+    Option(metavar="URL", help="Connect to the running dask or ray scheduler at this address."),
 ]
 Resume = Annotated[bool, Option("--resume", help="Continue a call that was interrupted.")]
-Full = Annotated[bool, Option("--full", help="Print every table.")]
+Full = Annotated[
+    bool, Option("--full", help="Print every table, with the results by process type and by label.")
+]
 Jobs = Annotated[
     int,
     Option(
@@ -116,22 +131,37 @@ Thresholds = Annotated[
         ),
     ),
 ]
-Span = Annotated[
-    tuple[float, float] | None,
-    Option(metavar="LO HI", help="State the recorded values that mean 0 and 100 %."),
-]
+
+
+def _span(signal: str) -> Any:
+    return Annotated[
+        tuple[float, float] | None,
+        Option(
+            metavar="LO HI", help=f"State the recorded values of {signal} that mean 0 and 100 %."
+        ),
+    ]
+
+
 _READING: dict[str, Any] = {
     "process": Annotated[
-        str | None, Option(help="State whether the process is self-regulating or integrating.")
+        str | None,
+        Option(
+            metavar="TYPE",
+            help="State the type of the process: self-regulating or integrating. If it is not"
+            " given,"
+            " it is estimated from the record where possible.",
+        ),
     ],
     "kind": Annotated[
         str | None,
         Option(
+            metavar="KIND",
             help="State what the loop controls: flow, level, pressure, temperature or analyser."
+            " Some methods apply only to some kinds.",
         ),
     ],
-    "op_span": Span,
-    "pv_span": Span,
+    "op_span": _span("OP"),
+    "pv_span": _span("PV"),
     "columns": Annotated[
         list[str] | None,
         Option(
@@ -152,7 +182,7 @@ _READING: dict[str, Any] = {
         Option(
             metavar="TAG",
             help=(
-                "Choose one loop of a file that holds several, for example FIC101 or "
+                "Choose one loop by its tag from a file that holds several, for example FIC101 or "
                 "chemicals.loop1."
             ),
         ),
@@ -182,7 +212,7 @@ Report = Annotated[
     Path | None,
     Option(metavar="FILE.html", help="Write an HTML report with pictures to this file."),
 ]
-Seed = Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")]
+Seed = Annotated[int, Option(min=0, help="Seed the random numbers with this integer.")]
 Power = Annotated[
     bool,
     Option(
@@ -196,7 +226,9 @@ Power = Annotated[
 FrontEnd = Annotated[
     str,
     Option(
-        metavar="acf|hagglund", help="Choose the method that decides whether a loop oscillates."
+        metavar="acf|hagglund",
+        help="Choose the test that decides whether a loop oscillates: zero crossings of the"
+        " autocorrelation function (acf) or Hagglund's load-disturbance count (hagglund).",
     ),
 ]
 World = Annotated[
@@ -216,8 +248,9 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
             "--loop",
             metavar="TAG",
             help=(
-                "Choose one loop of a file that holds several, for example FIC101 or "
-                "chemicals.loop1."
+                "Choose one loop by its tag from a file that holds several, for example FIC101 or "
+                "chemicals.loop1. Both names of this option mean the same; in `simbench trust`, "
+                "--loop names a loop file instead."
             ),
         )
         options["tag"] = Annotated[str | None, tag_option]
@@ -284,7 +317,12 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 GridName = Annotated[
-    str, Argument(help="Name a grid, or give a TOML file.", autocompletion=grid_completion)
+    str,
+    Argument(
+        help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
+        " file.",
+        autocompletion=grid_completion,
+    ),
 ]
 
 
@@ -364,11 +402,16 @@ def show_result(result: Any, as_json: bool) -> None:
     show(result.as_json() if as_json else result.as_text(), as_json)
 
 
-def show(content: Any, as_json: bool) -> None:
-    """Print an answer, as JSON where asked."""
+def show(content: Any, as_json: bool, kept: str = "") -> None:
+    """Print an answer, as JSON where asked; `kept` are characters that `say` would escape."""
     text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
-    print(masked(text))
+    print(printable(masked(text), f"\n{kept}"))
     sys.stdout.flush()
+
+
+def say(text: object, aside: bool = False) -> None:
+    """Print a text (aside: on stderr) with secrets masked and what is not printable escaped."""
+    print(printable(masked(text), "\n"), file=sys.stderr if aside else sys.stdout)
 
 
 def wrapped(text: str) -> str:

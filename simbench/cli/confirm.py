@@ -1,4 +1,4 @@
-"""Is it the valve? The confirmation tests."""
+"""The verbs of `simbench confirm`: tests on the loop that confirm that the valve sticks."""
 
 from __future__ import annotations
 
@@ -52,7 +52,11 @@ def gain_change(
     *,
     about: dict,
 ) -> None:
-    """Test whether the period of the oscillation changes with the controller gain."""
+    """Test whether the period of the oscillation changes with the controller gain.
+
+    The period of a cycle that stiction causes changes with the gain; that of an oscillation from
+    outside the loop does not. Kc is the controller gain, OP the controller output.
+    """
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     refuse_picture(picture, loop, *(records or ()))
     read: list[LoopRecord] = []
@@ -89,8 +93,11 @@ def travel(
     *,
     about: dict,
 ) -> None:
-    """Run a valve travel test: small steps of OP in both directions until PV moves, graded by
-    Table 11.1.
+    """Run a valve travel test: step OP slightly in both directions until PV moves.
+
+    The output gives the slip-jump J (OP change until the valve moves in the same direction) and the
+    stick band S (after a reversal), and grades gain, noise, hysteresis and stiction by Table 11.1
+    of the book chapter that simbench implements.
     """
     _one_of("confirm travel", loop, "--record REC.csv", record)
     refuse_picture(picture, loop, record)

@@ -1,4 +1,4 @@
-"""Records judged."""
+"""The verbs `detect` and `diagnose`: what a record shows about its valve."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from simbench.cli.common import (
     method_completion,
     reads,
     refuse_picture,
+    say,
     say_assumed,
     show,
     threshold_file,
@@ -44,13 +45,18 @@ def detect(
         list[str] | None,
         Option(
             metavar="ID",
-            help="Ask these methods: ids, or the groups all, fast or full; may be repeated.",
+            help="Apply these methods: ids, or the groups all, fast or full; may be repeated"
+            " [all].",
             autocompletion=method_completion,
         ),
     ] = None,
     labels: Annotated[
         Path | None,
-        Option(help="Judge and score the records that this table lists (columns id and label)."),
+        Option(
+            metavar="FILE.csv",
+            help="Judge only the records that this table lists (columns id and label), and score"
+            " every method against the labels.",
+        ),
     ] = None,
     raw: Annotated[
         bool,
@@ -73,7 +79,17 @@ def detect(
     *,
     about: dict,
 ) -> None:
-    """Judge a record, or every record of a folder, and show each detector's verdict."""
+    """Judge whether the valve sticks in a record, or in every record of a folder.
+
+    The first lines give the conclusion: stiction, no stiction or cannot tell, with its probability.
+    It comes from a comparison of loop models with and without valve friction (the method
+    `likelihood`), not from a vote of the other methods. If --method names other methods only, their
+    verdicts are printed without a conclusion.
+
+    The table has one row per method: its verdict, its score (each method has its own scale and
+    threshold; more means that stiction is more likely), and the stick band S and slip-jump J that
+    it estimates.
+    """
     from detectors.detection import judge_files
     from detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
@@ -106,6 +122,7 @@ def detect(
     show(
         report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
         as_json,
+        kept="\x1b",  # of the colours; names of records are escaped where they are read
     )
     if labels is not None and report.conclusions:
         from detectors.records.io import read_labels
@@ -122,7 +139,7 @@ def detect(
         from simbench.plant.verdict_page import write_page
 
         write_page(report, html, _conclude)
-        print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
+        say(f"page: {html.resolve()}", as_json)
     if power:
         _print_power(path, asked, as_json, **about)
 
@@ -139,7 +156,12 @@ def diagnose(
     *,
     about: dict,
 ) -> None:
-    """Diagnose one valve: the conclusion, the causes weighed, and the chapter's procedure."""
+    """Find the cause of one loop's oscillation: stiction, tuning, a disturbance or another cause.
+
+    The output has three parts: the conclusion with its probability of stiction; every cause with
+    the confidence (0 to 1) that the evidence for it gives; and the diagnosis procedure of the book
+    chapter that simbench implements, question by question.
+    """
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY

@@ -1,8 +1,7 @@
-"""An exam made, answered, opened."""
+"""The verbs of `simbench exam`: make an exam, answer it, open it with the key."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -18,15 +17,20 @@ from simbench.cli.common import (
     Resume,
     exam_app,
     examples,
+    say,
     show,
 )
 
 Folder = Annotated[Path, Argument(metavar="EXAM", help="Read the exam in this folder.")]
 NewKey = Annotated[
     Path,
-    Option("--key", metavar="FILE", help="Write the key to this file, outside the exam's folder."),
+    Option(
+        "--key",
+        metavar="FILE",
+        help="Write the key (grid and seed) to this new file outside the exam's folder.",
+    ),
 ]
-Key = Annotated[Path, Option(metavar="FILE", help="Read the key from this file.")]
+Key = Annotated[Path, Option(metavar="FILE", help="Read the key that `exam make` wrote.")]
 
 
 @exam_app.command(
@@ -47,15 +51,23 @@ def make(
     ],
     key: NewKey,
     n: Annotated[
-        int | None, Option("--n", metavar="N", help="Draw this many records at random [all].")
+        int | None,
+        Option("--n", metavar="N", help="Draw this many records at random from the grid [all]."),
     ] = None,
     jobs: Jobs = 1,
     seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
 ) -> None:
-    """Simulate new records, and write them without labels; the key goes to a separate file."""
+    """Simulate new records, and write them without labels; the key goes to a separate file.
+
+    The command prints a commitment: a checksum of the key. Publish it before the answers come
+    in; it proves later that neither records nor labels were changed.
+    """
     from simbench.bench.exam.making import make_exam
 
     print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")
+    print(
+        f"Publish this checksum of the key now, hand out the folder {out}, and keep {key} secret."
+    )
 
 
 @exam_app.command(
@@ -74,17 +86,17 @@ def answer(
         list[str] | None,
         Option(
             metavar="ID",
-            help="Ask these methods: ids, or the groups fast or full; may be repeated [fast].",
+            help="Apply these methods: ids, or the groups fast or full; may be repeated [fast].",
         ),
     ] = None,
     plugin: Plugin = None,
     jobs: Jobs = 1,
     resume: Resume = False,
 ) -> None:
-    """Ask detectors about every record of an exam."""
+    """Judge every record of an exam by installed detectors or plug-ins, and write their answers."""
     from simbench.bench.exam.answering import answer_exam
 
-    print(
+    say(
         f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records"
         f" answered: {out}"
     )
@@ -109,7 +121,10 @@ def open_(
     full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Check the key and simulate every record again, then score the answers."""
+    """Check the key, simulate every record again, then score the answers.
+
+    The table is that of `simbench score`; its help explains the columns.
+    """
     from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS
     from simbench.bench.exam.opening import opened_exam
     from simbench.bench.execute.failures import read_failures
@@ -145,4 +160,4 @@ def open_(
             as_json,
         )
         if report is not None:
-            print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+            say(f"report: {report.resolve()}", as_json)

@@ -1,4 +1,4 @@
-"""Explain why a simulation differs from the plant. And the blind check of what answers that."""
+"""The verbs of `simbench gap`: explain why a simulation differs from the plant, and test that."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ LoopTest = Annotated[
     list[str] | None,
     Option(
         metavar="REC.csv[:SETTINGS.toml]",
-        help="Use this record of a test on the same loop as well; may be repeated.",
+        help="Read also this record of a test on the same loop, with the settings that it was made"
+        " with; may be repeated.",
     ),
 ]
 Check = Annotated[Path, Argument(metavar="DIR", help="Use this folder for the check.")]
@@ -92,7 +93,14 @@ def gap_diagnose(
     *,
     about: dict,
 ) -> None:
-    """Report where record and simulation differ, and which missing effect explains the gap."""
+    """Report where record and simulation differ, and which missing effect explains the gap.
+
+    The gap is the distance between the record and simulations of the loop file. It is printed
+    before and after the plant's parameters are fitted again (recalibrated), after the effect is
+    added, and as the floor: the distance between two simulations with different seeds, which no
+    model can go below. Shrinkage is the share of the gap above the floor that the effect removes.
+    The table lists the effects with their probabilities and estimated parameters.
+    """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
     if (baseline is None) == (not identify):
@@ -139,7 +147,10 @@ def gap_plan(
     *,
     about: dict,
 ) -> None:
-    """Recommend the next test on the plant: its size, its duration and what it would tell."""
+    """Recommend the next tests on the plant, each with its size, duration and effect on PV.
+
+    Use it when `simbench gap diagnose` leaves more than one effect probable.
+    """
     from simbench.gap.command import plan_files
 
     plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
@@ -171,7 +182,10 @@ def gap_predict(
     *,
     about: dict,
 ) -> None:
-    """Predict PV and OP under other settings, with 90 % intervals."""
+    """Predict PV and OP under other controller settings or set points, with 90 % intervals.
+
+    The loop file is first corrected by the effect that `simbench gap diagnose` names.
+    """
     from simbench.gap.command import predict_file
 
     prediction = predict_file(
@@ -213,7 +227,7 @@ def leave_out_(
     out: Annotated[Path, Argument(metavar="DIR", help="Write records and table to this folder.")],
     world: World = "own",
     n: Annotated[
-        int, Option("-n", "--records", min=1, help="Draw this many records per effect.")
+        int, Option("-n", "--records", min=1, help="Simulate this many records per effect.")
     ] = 4,
     seed: Seed = 0,
     tests: Annotated[
@@ -240,7 +254,9 @@ def gap_study(
     labels: Annotated[
         Path | None,
         Option(
-            help="Take the records that this table lists (columns id and label), grouped by unit."
+            metavar="FILE.csv",
+            help="Use only the records that this table lists (columns id and label); records of one"
+            " unit_group count as one loop.",
         ),
     ] = None,
     html: Annotated[
@@ -259,7 +275,11 @@ def gap_study(
     jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
-    """Report how a set of records differs from a grid, and what each missing effect costs."""
+    """Report how a set of records differs from a grid, and what each missing effect costs.
+
+    Use it to ask whether the scenarios of a benchmark resemble the loops of your plant. The cost of
+    an effect is the accuracy that each detector loses when the effect is added to the grid.
+    """
     from simbench.plant.command import study_folder
 
     study = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
@@ -283,7 +303,7 @@ def make(
         ),
     ] = False,
 ) -> None:
-    """Write shuffled records with hidden effects, and seal the answers."""
+    """Simulate records with hidden effects in random order, and encrypt the answers."""
     from simbench.blind.making import make as write
 
     print(write(out, key, seed, n=n, jobs=jobs, world=world, tests=tests))
@@ -299,7 +319,10 @@ def answer(
         int, Option(metavar="N", help="Allow the diagnosis this many tests per record, 0 to 2.")
     ] = 0,
 ) -> None:
-    """Diagnose every record without access to the answers; an interrupted call is continued."""
+    """Diagnose every record of the check without access to the answers.
+
+    An interrupted call is continued.
+    """
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap.command import one_file
 
@@ -319,7 +342,7 @@ def open_sealed(
     world: World = "own",
     as_json: Json = False,
 ) -> None:
-    """Score the diagnoses against the sealed answers."""
+    """Decrypt the answers, and score the diagnoses against them."""
     from simbench.blind.opening import open_ as score_answers
 
     scored = score_answers(out, key, scores, world)

@@ -1,4 +1,4 @@
-"""How a verb's help is printed: its options in groups, common ones first."""
+"""Print the help of a verb, with its options in groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plant's loops: whom to trust on one, all of them on a page."""
+"""The verbs `trust` (which method to trust on one loop) and `report` (all loops of a plant)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from simbench.cli.common import (
     app,
     examples,
     reads,
+    say,
     say_assumed,
     show,
     show_result,
@@ -30,14 +31,16 @@ def trust_(
         Path | None,
         Option(
             metavar="LOOP.toml",
-            help="Use this loop file; without it the loop is identified from the record.",
+            help="Simulate this loop file (as `simbench simulate` reads it) instead of a loop"
+            " identified from the record. In `simbench detect`, --loop chooses a tag instead.",
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
         Option(
             metavar="ID",
-            help="Ask these methods: ids, or the groups all, fast or full; may be repeated.",
+            help="Apply these methods: ids, or the groups all, fast or full; may be repeated"
+            " [all].",
         ),
     ] = None,
     html: Page = None,
@@ -45,7 +48,17 @@ def trust_(
     *,
     about: dict,
 ) -> None:
-    """Report which detector to trust on this loop, and which stiction the record could show."""
+    """Report which detector to trust on this loop, and which stiction the record could show.
+
+    The loop is simulated again about 200 times, with a healthy valve and with stiction of ten
+    sizes. Every detector judges these simulated replicates, for which the right answer is known.
+
+    The table has one row per method, the most reliable first. With the published threshold: its
+    verdict on the record, its false-positive rate on healthy replicates, and the smallest stick
+    band S from which it detects four of five sticky replicates, for a slip-jump J of S/4 and of S.
+    As advised for this loop: the score above which the method should report stiction (empty: as
+    published), and its accuracy on the replicates with that threshold.
+    """
     from simbench.plant.command import trust_file
 
     trust = trust_file(path, loop, method or ["all"], html=html, **about)
@@ -98,7 +111,13 @@ def report_(
     *,
     about: dict,
 ) -> None:
-    """Rank the loops of a plant by what their cause costs, and list what to do next."""
+    """Rank the loops of a plant by what their cause costs, and list what to do next.
+
+    The table has one row per loop, the most urgent first: the probability that its valve has
+    stiction, the estimated stick band S (in the unit of OP), the most likely cause, and what to
+    work on (valve, tuning, upstream process, measurement or nothing). The HTML page has the
+    evidence for every loop.
+    """
     from simbench.plant.command import report_folder
 
     fleet, table = report_folder(
@@ -106,4 +125,4 @@ def report_(
     )
     show(fleet.as_text(), as_json=False)
     say_assumed([m.trust.record for m in fleet.members], as_json=False)
-    print(f"page: {out.resolve()}\ntable: {table.resolve()}")
+    say(f"page: {out.resolve()}\ntable: {table.resolve()}")

@@ -1,4 +1,4 @@
-"""Loops simulated, valves driven, theory asked."""
+"""The verbs `simulate` (one loop), `valve` (one valve model) and `predict` (theory)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from simbench.cli.common import (
     app,
     examples,
     pairs,
+    say,
     show,
 )
 
@@ -35,7 +36,7 @@ def simulate(
     out: Annotated[
         Path | None, Option("-o", "--out", help="Write the record to this CSV file.")
     ] = None,
-    seed: Annotated[int, Option(min=0, help="Draw all random numbers from this seed.")] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed the random numbers with this integer.")] = 0,
     kick: Annotated[
         float,
         Option(
@@ -62,7 +63,11 @@ def simulate(
     controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:
-    """Run one closed loop and write its record."""
+    """Simulate one closed loop and write its record: time, SP, OP, PV and MV.
+
+    SP is the set point, OP the controller output (%), PV the process variable, and MV the valve
+    position (%).
+    """
     from simbench.files import refuse_own_input, write_record
     from simbench.loop.hosted import hosted_parts, simulated
 
@@ -93,10 +98,10 @@ def simulate(
     if result.outer is not None:
         outer = out.with_name(f"{out.stem}_outer{out.suffix}")
         write_record(result.outer, outer)
-        print(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
+        say(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
     r = result.record
     friction = "has friction" if result.sticky else "is without friction"
-    print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
+    say(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
     for note in result.notes:
         print(f"note: {note}")
 
@@ -127,7 +132,7 @@ def valve(
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:
-    """Send a column `op` through one valve model."""
+    """Drive one valve model with the controller output of a table, and write the valve position."""
     from simbench.files import refuse_own_input
     from simbench.loop.hosted import hosted_parts, response
     from simbench.loop.response import valve_file
@@ -144,7 +149,13 @@ def predict(
     ],
     as_json: Json = False,
 ) -> None:
-    """Predict a loop's limit cycle by Table 11.3, the describing function and the exact cycle."""
+    """Predict from theory whether valve stiction makes a loop cycle, with period and amplitude.
+
+    The output compares four answers: Table 11.3 of the book chapter that simbench implements, the
+    same with its conditions on the loop, the describing function (period, amplitude of OP,
+    stability), and the exact cycle. The smallest kick is the change of OP (%) that starts the cycle
+    from rest.
+    """
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text
     from simbench.theory.predict import predict as theory

@@ -1,4 +1,6 @@
-"""Is it the valve? The confirmation tests of the chapter on simulated loops."""
+"""Confirm that the valve sticks: the confirmation tests of the chapter, on simulated loops and on
+records.
+"""
 
 import sys
 from types import ModuleType

@@ -1,5 +1,5 @@
-"""Controller gain change: the period of a stiction cycle follows Kc, that of an oscillation from
-outside does not.
+"""Gain-change test: the period of a stiction cycle changes with the controller gain Kc, that of an
+oscillation from outside does not.
 """
 
 from __future__ import annotations

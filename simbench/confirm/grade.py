@@ -1,5 +1,5 @@
-"""Table 11.1: process gain, noise band, hysteresis and stiction of one loop, each against what is
-acceptable.
+"""Grade a loop by Table 11.1: process gain, noise band, hysteresis and stiction, each against its
+acceptable range.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The confirmation tests on records of a plant: two records with another controller gain, or one of
-a travel test by hand.
+"""Evaluate confirmation tests that were recorded in a plant: a gain change in two records, or a
+travel test in one.
 """
 
 from __future__ import annotations
@@ -110,6 +110,8 @@ def confirm(
     Returns
     -------
     TravelTest or GainChange
+        The valve's travel test, or of two records the change of amplitude and period;
+        either has a verdict.
 
     Raises
     ------

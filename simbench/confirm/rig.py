@@ -1,5 +1,5 @@
-"""Loops that an engineer works on while they run: controller gain changed on the way, OP moved by
-hand, loops coupled.
+"""Simulate loops during a test: controller gain changed while the loop runs, OP moved by hand,
+coupled loops.
 """
 
 from __future__ import annotations

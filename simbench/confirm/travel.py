@@ -1,5 +1,5 @@
-"""Valve travel test: OP by hand in small steps until PV moves; in the same direction it measures J,
-reversed it measures S.
+"""Valve travel test: move OP by hand in small steps until PV moves; steps in one direction measure
+J, steps after a reversal measure S.
 """
 
 from __future__ import annotations

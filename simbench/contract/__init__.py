@@ -1,5 +1,5 @@
-"""Does this detector, valve, effect, recogniser, plant, controller, world or grid keep its
-contract?
+"""Check a plug-in against the contract for its kind: detector, valve, effect, recogniser, plant,
+controller, plant simulator or grid.
 """
 
 import ast

@@ -1,4 +1,6 @@
-"""A valve's stick band and slip jump measured: what it does, to be held against what it maps on."""
+"""Measure the stick band and slip-jump of a valve model, to compare them with those that it
+states.
+"""
 
 from itertools import pairwise
 from types import ModuleType

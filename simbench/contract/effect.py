@@ -1,5 +1,5 @@
-"""The contract every effect keeps: words and ranges, nothing at no strength, something at some,
-where it claims to act.
+"""Test an effect against its contract: description, ranges, no change at zero strength, and change
+only where it claims to act.
 """
 
 import math

@@ -1,5 +1,5 @@
-"""The contract every grid keeps: it validates, its parts are known, its groups repeat themselves,
-no two scenarios are one.
+"""Test a grid against its contract: it is valid, its parts exist, its groups are reproducible, and
+no two scenarios are equal.
 """
 
 from collections import Counter

@@ -1,5 +1,5 @@
-"""The contract every plant and controller plug-in keeps: its description, its rest, its
-step, and that it is a law.
+"""Test a plant or controller plug-in against its contract: description, state at rest, and a step
+function without hidden state.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,5 +1,5 @@
-"""The contract of a recogniser: a fit never below the one without effect, and numbers that the
-effect's ranges allow.
+"""Test a recogniser (the fit of one effect) against its contract: it never fits worse than without
+the effect, and its parameters stay in their ranges.
 """
 
 from collections.abc import Iterator

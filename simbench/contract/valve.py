@@ -1,5 +1,5 @@
-"""The contract every valve model and stage keeps: its description, its step, and the band it
-claims to have.
+"""Test a valve model against its contract: description, step function, and the stick band that it
+states.
 """
 
 import math

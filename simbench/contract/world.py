@@ -1,5 +1,5 @@
-"""The contract every world keeps: pure draws, answers in the vocabulary's words, baselines that
-load, loops that run again.
+"""Test an independent plant simulator against its contract: reproducible draws, known effect names,
+readable baselines, loops that can be simulated again.
 """
 
 import json

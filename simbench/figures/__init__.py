@@ -24,6 +24,13 @@ __all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures"]
 def draw_path(diagnosis: Diagnosis, path) -> None:
     """Write a picture of the diagnosis procedure with the path one diagnosis took; see
     `simbench.figures._chart`.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Answer of `simbench.diagnose`.
+    path : str or Path
+        File to write; its ending says the format.
     """
     from simbench.figures._chart import draw_path as write
 
@@ -31,7 +38,15 @@ def draw_path(diagnosis: Diagnosis, path) -> None:
 
 
 def draw_history(history: History, path) -> None:
-    """Write a picture of accuracy over the baselines kept; see `simbench.figures._history`."""
+    """Write a picture of accuracy over the baselines kept; see `simbench.figures._history`.
+
+    Parameters
+    ----------
+    history : History
+        Scores of the baselines kept.
+    path : str or Path
+        File to write; its ending says the format.
+    """
     from simbench.figures._history import draw
     from simbench.figures._style import write_picture
 
@@ -41,6 +56,11 @@ def draw_history(history: History, path) -> None:
 def draw_map(grid_map: GridMap) -> None:
     """Write a picture per method of a map, METHOD.svg in its folder; see
     `simbench.figures._map`.
+
+    Parameters
+    ----------
+    grid_map : GridMap
+        Accuracy of each method over the axes of a grid.
     """
     from simbench.figures._map import draw
     from simbench.figures._style import write_picture

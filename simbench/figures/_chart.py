@@ -1,5 +1,5 @@
-"""The diagnosis procedure as a flow chart, laid out from its steps, with the path of one
-diagnosis marked on it.
+"""Draw the diagnosis procedure as a flow chart from its steps, with the path of one diagnosis
+marked.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cross-correlation of OP and PV near lag 0, with Horch's points on it."""
+"""Draw the cross-correlation of OP and PV near lag 0, with the points that Horch's method uses."""
 
 from dataclasses import dataclass
 

@@ -1,5 +1,5 @@
-"""Limit cycles for the figures: simulate a sticky loop on its cycle, cut whole periods, draw them
-in five rows.
+"""Simulate sticky loops on their limit cycle for the figures, cut whole periods, and draw them in
+five rows.
 """
 
 from collections.abc import Callable, Sequence

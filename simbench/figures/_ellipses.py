@@ -1,4 +1,4 @@
-"""PV-OP plots with the ellipse fitted to them, its 10 % limits and its width along OP."""
+"""Draw PV-OP plots with the fitted ellipse, its 10 % limits and its width along OP."""
 
 import numpy as np
 import pandas as pd

@@ -1,5 +1,5 @@
-"""Half-cycle fits for drawing: the sine and the triangle that the detector fits, on the record's
-own time.
+"""Draw the sine and the triangle that the detector `he` fits to half cycles, on the time axis of
+the record.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""A controller gain change as table and picture: OP and PV around the change, with both periods."""
+"""Draw a change of controller gain: OP and PV before and after, with both periods."""
 
 import numpy as np
 import pandas as pd

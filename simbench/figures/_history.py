@@ -1,4 +1,4 @@
-"""Accuracy over the baselines that were kept, one line per method."""
+"""Draw the accuracy over the stored baselines, one line per method."""
 
 import pandas as pd
 from matplotlib.figure import Figure

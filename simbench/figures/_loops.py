@@ -1,4 +1,4 @@
-"""The loops that the figures simulate."""
+"""Simulate the loops that several figures show."""
 
 from typing import Any
 

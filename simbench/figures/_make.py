@@ -16,11 +16,21 @@ NEEDS = {"isdb": "ISDB", "run": "--run"}
 
 @dataclass(frozen=True)
 class Drawn:
-    """What became of one figure."""
+    """What became of one figure.
 
-    id: str  # public id
-    files: tuple[Path, ...] = ()  # SVG, PNG and CSV; empty when it was left out
-    left_out: str = ""  # why it was not drawn; "" when it was
+    Parameters
+    ----------
+    id : str
+        Public id.
+    files : tuple of Path
+        SVG, PNG and CSV; empty when it was left out.
+    left_out : str
+        Why it was not drawn; "" when it was.
+    """
+
+    id: str
+    files: tuple[Path, ...] = ()
+    left_out: str = ""
 
 
 def figure_ids() -> list[str]:
@@ -46,6 +56,29 @@ def make_figures(
     isdb: str | Path | None = None,
 ) -> list[Drawn]:
     """Draw figures and write ID.svg, ID.png and ID.csv for each.
+
+    Parameters
+    ----------
+    ids : iterable of str
+        Ids of figures, or "all".
+    out : str or Path
+        Folder to write to; it is made where it does not exist.
+    run : str or Path, optional
+        Folder of a run, which some figures show.
+    isdb : str or Path, optional
+        ISDB .mat file or folder of real records, which some figures show.
+
+    Returns
+    -------
+    list of Drawn
+        Files of each figure, or why it was left out.
+
+    Raises
+    ------
+    UnknownName
+        For an id that no figure has.
+    RecordError
+        When `isdb` holds no records.
 
     Examples
     --------

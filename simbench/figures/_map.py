@@ -1,4 +1,6 @@
-"""Map of a grid: predicted accuracy of one method over two axes, outlined where it is above .9."""
+"""Draw the map of a grid: predicted accuracy of one method over two axes, outlined where it exceeds
+0.9.
+"""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Control error, its bicoherence and the PV-OP plot of one real loop, with and without
+"""Draw control error, bicoherence and PV-OP plot of one recorded loop, with and without
 filtering.
 """
 

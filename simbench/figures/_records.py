@@ -1,4 +1,4 @@
-"""Real loops by the chapter's names (CHEM1, PAP2, ...), from an ISDB file or from a folder of
+"""Find recorded loops by the chapter's names (CHEM1, PAP2, ...) in an ISDB file or a folder of
 records.
 """
 

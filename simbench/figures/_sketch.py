@@ -1,4 +1,4 @@
-"""Sketches: boxes, lines and words at given places, as a table that a figure can draw."""
+"""Draw sketches from a table of boxes, lines and words at given places."""
 
 from collections.abc import Sequence
 

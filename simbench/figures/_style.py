@@ -1,5 +1,5 @@
-"""One look for every figure: Okabe and Ito's colours, sizes for print, axes with quantity and
-unit.
+"""The common style of all figures: the colours of Okabe and Ito, sizes for print, and axes with
+quantity and unit.
 """
 
 import functools

@@ -1,5 +1,5 @@
-"""Why does a simulated loop not look like the plant's record: where, which effect, how far it
-shrinks.
+"""Gap diagnosis: explain why a simulated loop differs from the plant's record, name the missing
+effect, and measure how far it shrinks the gap.
 
 The public names stand in `__init__.pyi`; each is loaded when first asked for: the blind check's
 generator lives in this package and must not load the models the diagnosis uses.

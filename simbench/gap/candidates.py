@@ -1,5 +1,5 @@
-"""All effects tried on one record: which are possible, proven, likely, alike, and what could have
-been seen of each.
+"""The results of all effects fitted to one record: which are possible, certain, probable or
+indistinguishable, and which size of each could have been seen.
 """
 
 from __future__ import annotations

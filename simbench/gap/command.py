@@ -1,5 +1,5 @@
-"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop
-file out.
+"""Run the gap diagnosis on files: read records and a loop file, write the report, its page and the
+corrected loop file.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.compiled import one_thread
-from detectors.errors import ParameterError, RecordError
+from detectors.errors import ParameterError, RecordError, printable
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
@@ -23,8 +23,8 @@ from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.discover.recognise import effects_known
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
+from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
@@ -74,6 +74,7 @@ def diagnose_files(
     Returns
     -------
     GapReport
+        The diagnosis; the files that `wanted` names are written.
 
     Raises
     ------
@@ -219,7 +220,7 @@ def plan_files(
     html: str | Path | None = None,
     **about: Any,
 ) -> PlannedTests:
-    """Say which test to run next on the loop of a record."""
+    """Return the tests that are recommended next on the loop of a record."""
     refuse_own_input([html], [record, baseline, limits])
     within = None if limits is None else read_limits(limits)
     report = diagnose_files([record], baseline, tests=tests, **about)
@@ -280,9 +281,9 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
         lines.append(
             f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there"
         )
-    # a name may hold a line break, which would end the comment
+    # a name may hold a line break, which would end the comment, or what TOML allows nowhere
     return (
-        "".join(f"# {' '.join(line.split())}\n" for line in lines)
+        "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines)
         + "\n"
         + report.fixed_loop().to_toml()
     )

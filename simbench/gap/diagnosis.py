@@ -1,4 +1,5 @@
-"""`diagnose`: one record compared with one loop file, from the check to the report.
+"""Diagnose one record against one loop file, from the check of the data to the report (`simbench
+gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
 with each effect (`ClosedLoops`), weigh the effects (`classify`), refuse an effect that does not
@@ -36,7 +37,7 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
-from simbench.gap.plan.expected import plan
+from simbench.gap.plan.order import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
@@ -58,11 +59,6 @@ _WIDE = 1.5  # floors, beyond which a gap is wide
 # share of the least noise that is believed, below which the model predicts PV to its digits:
 # nothing is missing
 _PREDICTED = 0.1
-_EXPLANATIONS = (
-    5  # number that are simulated under each test, to say in passing which one to run next
-)
-_SETTLED = 0.9  # probability from which no log without the archive is asked for
-_QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 
 
 def diagnose(
@@ -97,6 +93,8 @@ def diagnose(
     Returns
     -------
     GapReport
+        Effect, block and parameters that the simulation lacks, with probabilities and
+        shrinkage of the gap.
 
     Raises
     ------
@@ -149,15 +147,7 @@ def diagnose_all(
         weights, like = judged_by, None
         if describe and named_by(judged_by, assessment) == [UNKNOWN]:
             weights, like = _locate_unknown(judged_by, assessment, seed)
-        out = replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
-        if isinstance(baseline, Loop) and with_sound_valve(baseline) is not baseline:
-            # what a simulation with friction does not model is not the friction that the valve has
-            tested = [replace(t, loop=with_sound_valve(t.loop)) for t in tests]
-            sound = diagnose_all(
-                records, with_sound_valve(baseline), tested, jobs, seed, describe=False
-            )
-            return replace(out, conclusion=sound.conclusion)
-        return out
+        return replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
 
 
 def _locate_unknown(
@@ -457,14 +447,15 @@ def report(
         }
         for e in named
     )
-    advice, why, after_tests = _advice(assessment, weights, runs)
+    planned = plan(assessment, weights.probability, runs, most=1)
+    advice = planned.next_test
     notes = [
         *situation.notes,
         *more,
         *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
     ]
     if advice is None:
-        notes.append(f"next test: none, {why}")
+        notes.append(f"next test: none, {planned.why}")
     if by_load:
         notes.append(
             f"the gap ({main.recalibrated:.2f}, floor {main.floor:.2f}) comes and goes along the"
@@ -476,6 +467,11 @@ def report(
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
+        )
+    if situation.trusted and with_sound_valve(situation.baseline) is not situation.baseline:
+        notes.append(
+            "the loop file's valve has friction: the probability of stiction is that of more"
+            " friction than it states"
         )
     sizes = smallest_detectable(situation, assessment.base, load_memory(situation))
     if situation.trusted and not loops:
@@ -499,33 +495,5 @@ def report(
         next_test=advice,
         notes=tuple(notes),
         conclusion=conclusion,
-        behind=DiagnosisDetails(assessment, runs, main, sizes, after_tests),
+        behind=DiagnosisDetails(assessment, runs, main, sizes),
     )
-
-
-def _advice(
-    assessment: Assessment, weights: Classified, runs: ClosedLoops
-) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
-    """Return the next test, why there is none, and the probability of a right answer after each
-    test.
-    """
-    s = assessment.situation
-    open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in assessment.asked
-    if open_yet and not (s.law.known or s.archive.faithful):
-        request = (
-            "log the loop without the archive between: the recorded PV is not the PV the"
-            " controller saw"
-        )
-        raw = {
-            "test": "raw",
-            "size": 0.0,
-            "hold_s": 0.0,
-            "separates": [],
-            "p_right_after": None,
-            "says": request,
-        }
-        return raw, "", {}
-    planned = plan(
-        assessment, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU
-    )
-    return planned.next_test, planned.why, {x.trial.id: x.p_right for x in planned.tests}

@@ -1,4 +1,4 @@
-"""Laws that need no likelihood: of the controller from error to OP, and of the sensor from single
+"""Fit models that need no likelihood: controller laws from error to OP, and sensor models of single
 samples of PV.
 
 A law is fitted to the first part of the record and judged by what it leaves on the rest, compared

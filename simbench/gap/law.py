@@ -1,5 +1,5 @@
-"""A law identified from a record, as one data object: block, form, numbers, where it acts and what
-it brings on unseen samples.
+"""An empirical model identified from a record: block, form, parameters, where it acts, and how much
+it improves unseen samples.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A record with its baseline, checked: the input of everything that fits, simulates or decides."""
+"""A checked record with its baseline: the input of everything that fits, simulates or decides."""
 
 from __future__ import annotations
 

@@ -1,3 +1,1 @@
-"""What every HTML page here is made of: the page itself, sortable tables, pictures as inline
-SVG.
-"""
+"""Build HTML pages: templates, sortable tables, and pictures as inline SVG."""

@@ -1,10 +1,12 @@
-"""Templates of the pages: those of one package, and those that all pages share."""
+"""Load the templates of HTML pages: those of one package, and those that all pages share."""
 
 from functools import cache
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+
+from detectors.errors import printable
 
 
 @cache
@@ -18,10 +20,17 @@ def _environment(room: str) -> Environment:
     return Environment(
         loader=loader,
         autoescape=True,
+        finalize=_shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def _shown(value: Any) -> Any:
+    """Escape what a browser would not show of a text that is not yet a part of a page."""
+    plain = isinstance(value, str) and not isinstance(value, Markup) and not value.isprintable()
+    return printable(value, "\n\t") if plain else value
 
 
 def render(room: str, template: str, **values: Any) -> Markup:

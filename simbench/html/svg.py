@@ -1,4 +1,4 @@
-"""Matplotlib figures as inline SVG that follows the page's colours and width."""
+"""Turn matplotlib figures into inline SVG that follows the colours and width of the page."""
 
 import io
 import re

@@ -1,4 +1,4 @@
-"""Data frames as tables that the page can sort."""
+"""Turn data frames into HTML tables that the reader can sort."""
 
 import math
 from collections.abc import Callable, Collection, Sequence

@@ -44,19 +44,31 @@ FOLLOWS = math.nan
 
 @dataclass(frozen=True)
 class Number:
-    """A number with unit and bounds."""
+    """A number with unit and bounds.
 
-    unit: str  # E.g. "% of travel", "s", "N"; "" for a ratio.
-    # low, high: smallest and largest allowed value
+    Parameters
+    ----------
+    unit : str
+        Unit, e.g. "% of travel", "s", "N"; "" for a ratio.
+    low, high : float
+        Smallest and largest allowed value.
+    default : float, optional
+        The value where none is given; None: it must be given. `FOLLOWS`: the plug-in's
+        `complete` computes it from the others.
+    says : str
+        What it is, in a few words.
+    positive : bool
+        Refuse `low` itself: the value must be larger.
+    identity : float
+        Value at which an effect does nothing; the default where it is not given.
+    """
+
+    unit: str
     low: float = -math.inf
     high: float = math.inf
-    default: float | None = (
-        # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
-        None
-    )
-    says: str = ""  # what it is, in a few words
-    positive: bool = False  # refuse `low` itself: the value must be larger
-    # value at which an effect does nothing; the default where it is not given
+    default: float | None = None
+    says: str = ""
+    positive: bool = False
     identity: float = math.nan
 
     def __post_init__(self) -> None:
@@ -64,7 +76,22 @@ class Number:
             object.__setattr__(self, "identity", self.default)
 
     def read(self, value: Any, name: str, where: str) -> float:
-        """Return `value` as a float, or raise `ParameterError` with what is allowed."""
+        """Return `value` as a float, or raise `ParameterError` with what is allowed.
+
+        Parameters
+        ----------
+        value : object
+            What was stated.
+        name : str
+            The parameter's name, for messages.
+        where : str
+            Where it stands, for messages.
+
+        Returns
+        -------
+        float
+            The value in the number's unit.
+        """
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
@@ -107,14 +134,39 @@ def _start(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a few words; it arrives in the time step as its index, a float."""
+    """One of a few words; it arrives in the time step as its index, a float.
 
-    names: tuple[str, ...]  # the allowed words, in the order of their index
-    default: str | None = None  # None: it must be given
-    says: str = ""  # what is chosen
+    Parameters
+    ----------
+    names : tuple of str
+        The allowed words, in the order of their index.
+    default : str, optional
+        The word where none is given; None: it must be given.
+    says : str
+        What is chosen, in a few words.
+    """
+
+    names: tuple[str, ...]
+    default: str | None = None
+    says: str = ""
 
     def read(self, value: Any, name: str, where: str) -> float:
-        """Return the index of the word `value`, or raise `ParameterError` with the nearest word."""
+        """Return the index of the word `value`, or raise `ParameterError` with the nearest word.
+
+        Parameters
+        ----------
+        value : object
+            What was stated.
+        name : str
+            The parameter's name, for messages.
+        where : str
+            Where it stands, for messages.
+
+        Returns
+        -------
+        float
+            Its index among `names`.
+        """
         if value not in self.names:
             raise ParameterError(
                 f"{where}: {name} = {value!r} is unknown: {nearest(str(value), self.names)}"

@@ -98,6 +98,7 @@ class Run:
         Returns
         -------
         ndarray of matplotlib.axes.Axes, shape (2,)
+            PV with SP above, OP with MV below.
         """
         return self.record.plot(**options)
 

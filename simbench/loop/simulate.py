@@ -47,6 +47,8 @@ def simulate(
     Returns
     -------
     Run
+        Signals of shape (n,) and what is true of the loop; `record` is what a plant would
+        have recorded.
 
     Raises
     ------

@@ -1,3 +1,3 @@
-"""From the benchmark to the plant: whom to trust on a loop, what could have been seen, where to go
-first.
+"""Apply the benchmark to a plant: which detector to trust on a loop, which loop to work on first,
+and how a plant differs from a grid.
 """

@@ -1,4 +1,4 @@
-"""The room's verbs on files: records in, answers and pages out."""
+"""The verbs of this subpackage on files: read records, write answers and pages."""
 
 from __future__ import annotations
 

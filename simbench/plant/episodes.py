@@ -1,4 +1,4 @@
-"""A long record judged window by window: when the valve stuck, and in how many of the cycles."""
+"""Judge a long record window by window: when the valve stuck, and in how many cycles."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What the pages of this subpackage share: sections with sentences, tiles, pictures and tables, and
-the writing of the file.
+"""What the HTML pages of this subpackage share: sections with sentences, tiles, pictures and
+tables.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ ROOM = "simbench.plant"
 @dataclass(frozen=True)
 class SectionTable:
     """A table of a section: which columns hold long text, the `cell_notes` (small text next to the
-    cells of a column, by its name), and whether the cells form a matrix.
+    cells of a column, by its name), whether the cells form a matrix, and which columns hold shares
+    (written with two decimals).
     """
 
     frame: pd.DataFrame
     long: Sequence[str] = ()
     cell_notes: dict[str, Sequence[str]] | None = None
     matrix: bool = False
+    shares: Sequence[str] = ()
 
 
 def section(
@@ -51,7 +53,13 @@ def section(
     ]
     rows = None
     if table is not None:
-        rows = sortable(table.frame, long=table.long, beside=table.cell_notes, matrix=table.matrix)
+        rows = sortable(
+            table.frame,
+            dict.fromkeys(table.shares, "{:.2f}".format),
+            table.long,
+            table.cell_notes,
+            table.matrix,
+        )
     body: Markup = render(
         ROOM,
         "section.html",

@@ -1,5 +1,5 @@
-"""Many questions answered side by side; a call that was killed, or a later one, asks only what was
-not answered yet.
+"""Compute many independent answers in parallel and keep them on disk; an interrupted or later call
+computes only what is missing.
 """
 
 from __future__ import annotations

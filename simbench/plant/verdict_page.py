@@ -1,5 +1,5 @@
-"""The page of a detection: what the methods say together, the record, every method's answer with
-its reason.
+"""Write the HTML page of `simbench detect`: the conclusion, the record, and the verdict of every
+method with its reason.
 """
 
 from __future__ import annotations
@@ -16,6 +16,13 @@ from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
+_COLUMNS = (
+    "Score: each method has its own scale; a larger score makes stiction more likely.",
+    "S, J: stick band and slip-jump that the method estimates.",
+    "Applicable: whether the publication of the method covers such a loop.",
+    "The conclusion above does not count these verdicts. It compares models of the loop with and"
+    " without valve friction (method likelihood).",
+)
 
 
 def write_page(
@@ -51,7 +58,14 @@ def write_page(
                     points=summary.notes_of(verdicts, record),
                 )
             )
-    parts.append(section("methods", "Every method", table=SectionTable(_table(report), ["reason"])))
+    parts.append(
+        section(
+            "methods",
+            "Every method",
+            table=SectionTable(_table(report), ["reason"], shares=["score"]),
+            points=_COLUMNS,
+        )
+    )
     if report.refused:
         parts.append(
             section(
@@ -80,7 +94,7 @@ def _table(report: Report) -> pd.DataFrame:
             "verdict": summary.VERDICT_WORDS[v.verdict],
             "score": v.score,
             "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
-            "made for this loop": fits[v.applicable],
+            "applicable": fits[v.applicable],
             "reason": summary.own_reason(v, shared.get(name, ())),
         }
         for name, v in report.verdicts

@@ -1,5 +1,4 @@
-"""Pages about results: the report of a run, the chapter's numbers next to ours, the gallery of
-figures.
+"""Write HTML pages about results: the report of a run, one file per section.
 
 A report is one HTML file; every section is a file here with `TITLE` and `section(run)`, and a
 template of the same name. `python -m results.studies.chapter` and `python -m

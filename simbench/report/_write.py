@@ -1,4 +1,4 @@
-"""Write the report of a run as one HTML file that asks for nothing."""
+"""Write the report of a run as one self-contained HTML file."""
 
 from pathlib import Path
 
@@ -24,6 +24,15 @@ _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures
 def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:
     """Write a run's report, which may be read already: one self-contained HTML file, readable in
     light and dark and on a phone.
+
+    Parameters
+    ----------
+    run_folder : str or Path
+        Folder of a run.
+    path : str or Path
+        HTML file to write.
+    run : RunData, optional
+        The run, where it has been read already.
     """
     run = run or RunData.read(run_folder)
     manifest = run.book.manifest

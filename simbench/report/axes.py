@@ -1,4 +1,4 @@
-"""Section: accuracy of every detector against every axis of the grid."""
+"""Section of the report: accuracy of every detector along every axis of the grid."""
 
 from markupsafe import Markup
 

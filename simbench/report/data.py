@@ -1,4 +1,4 @@
-"""What the sections of a report are made of: a run's arrays and tables, read once."""
+"""The data of a report: the arrays and tables of a run, read once for all sections."""
 
 from __future__ import annotations
 

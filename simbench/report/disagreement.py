@@ -1,4 +1,4 @@
-"""Section: scenarios on which the truths disagree."""
+"""Section of the report: scenarios on which the labels (sticky, predicted, cycled) disagree."""
 
 from markupsafe import Markup
 

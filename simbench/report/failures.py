@@ -1,4 +1,6 @@
-"""Section: detectors that raised, scenarios that could not be run, and why methods abstained."""
+"""Section of the report: detectors that raised an exception, scenarios that could not be simulated,
+and why methods gave no decision.
+"""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Section: where each detector is right, over dead time and stick band."""
+"""Section of the report: where each detector is right, over dead time and stick band."""
 
 from markupsafe import Markup
 

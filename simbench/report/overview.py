@@ -1,4 +1,4 @@
-"""Section: all detectors on one sheet, healthy and sticky loops apart."""
+"""Section of the report: all detectors in one picture, healthy and sticky loops apart."""
 
 from markupsafe import Markup
 

@@ -1,4 +1,4 @@
-"""Templates of the report."""
+"""Load the templates of the report."""
 
 from functools import partial
 

@@ -1,4 +1,6 @@
-"""Section: where every number comes from, and how to get it again."""
+"""Section of the report: the commands, versions and seeds behind the results, and how to reproduce
+them.
+"""
 
 import shlex
 from typing import Any

@@ -1,5 +1,5 @@
-"""Section: ROC curves of the stiction detectors against whether the loop cycled, all on one pair of
-axes.
+"""Section of the report: ROC curves of the stiction detectors (sensitivity over false-positive
+rate).
 """
 
 from collections.abc import Sequence

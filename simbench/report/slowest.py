@@ -1,4 +1,4 @@
-"""Section: what the detectors cost."""
+"""Section of the report: the computing time of each detector."""
 
 import pandas as pd
 from markupsafe import Markup

@@ -1,4 +1,4 @@
-"""Section: the run in a few numbers, and the score table."""
+"""Section of the report: the run in a few numbers, and the score table."""
 
 import math
 from typing import Any
@@ -27,7 +27,13 @@ _DETAILS = {
     "AUC": "auc",
 }
 _SHARES = (*_HEADLINE, *_DETAILS, "accuracy, not applicable counted as wrong", "applies")
-_FORMATS = dict.fromkeys(_SHARES, "{:.3f}".format) | {"rank": "{:.0f}".format}
+_FORMATS = dict.fromkeys(_SHARES, "{:.2f}".format) | {"rank": "{:.0f}".format}
+_USES = {
+    "stiction": "detector",
+    "nonlinearity": "nonlinearity test",
+    "yardstick": "reference",
+    "oracle": "reference",
+}
 _DETECTION = {FRONT: "with the common oscillation detection", RAW: "without it"}
 
 
@@ -37,7 +43,10 @@ def section(run: RunData) -> Markup:
     cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
     tiles = [
         (f"{book.ids.size}", "scenarios"),
-        (percent(float(cycle.mean())) if cycle.size else "-", f"of {cycle.size} clear ones cycle"),
+        (
+            percent(float(cycle.mean())) if cycle.size else "-",
+            f"of the {cycle.size} scenarios with a clear label: the valve makes the loop cycle",
+        ),
         (f"{len(book.methods)}", "detectors"),
     ]
     ranking, stable = run.scores.ranking(), run.scores.stability["cycled"]
@@ -51,7 +60,7 @@ def section(run: RunData) -> Markup:
         tiles.append(
             (
                 percent(best["accuracy_applicable"]),
-                f"right by {best['method']}, the best on OP and PV ({limits})",
+                f"accuracy of {best['method']}, the first method without MV ({limits})",
             )
         )
     if stable.winner is not None:
@@ -63,16 +72,19 @@ def section(run: RunData) -> Markup:
         )
     if not math.isnan(run.scores.resolution):
         tiles.append(
-            (f"{run.scores.resolution:.3f}", "smallest difference of cost that this run resolves")
+            (f"{run.scores.resolution:.2f}", "smallest difference of cost that this run resolves")
         )
     tiles.append((str(len(run.errors)), "failures"))
     other = next(m for m in (FRONT, RAW) if m != mode)
     places: list[tuple[str, tuple[str, str, str, str]]] = [
         (
-            "Oscillating loops, against whether the loop cycles by itself",
+            "Oscillating loops; label: the valve makes the loop cycle (cycled)",
             ("cycled", mode, ALL, OF_OSCILLATING),
         ),
-        ("Oscillating loops, against Table 11.3", ("predicted", mode, ALL, OF_OSCILLATING)),
+        (
+            "Oscillating loops; label: Table 11.3 predicts a cycle (predicted)",
+            ("predicted", mode, ALL, OF_OSCILLATING),
+        ),
         ("Oscillating self-regulating loops", ("cycled", mode, "self-regulating", OF_OSCILLATING)),
         ("Oscillating integrating loops", ("cycled", mode, "integrating", OF_OSCILLATING)),
         (
@@ -102,14 +114,18 @@ def _readable(scores: Scores, place: tuple[str, str, str, str]) -> dict[str, Any
     for name, column in {**_HEADLINE, **(_DETAILS if everything else {})}.items():
         table[name] = ranking[column]
         beside[name] = [
-            f"{lo:.2f}-{hi:.2f}" for lo, hi in zip(ranking[f"{column}_lo"], ranking[f"{column}_hi"])
+            "" if pd.isna(value) else f"{lo:.2f}-{hi:.2f}"
+            for value, lo, hi in zip(
+                ranking[column], ranking[f"{column}_lo"], ranking[f"{column}_hi"]
+            )
         ]
     if everything:
         table["accuracy, not applicable counted as wrong"] = ranking["accuracy_all"]
         table["median (ms)"] = ranking["median_ms"]
     table["applies"] = ranking["applicable"] / ranking["n"]
     table["use"] = [
-        f"{role}, with MV" if mv else role for role, mv in zip(ranking["role"], ranking["sees_mv"])
+        f"{_USES.get(role, role)}{', with MV' if mv else ''}"
+        for role, mv in zip(ranking["role"], ranking["sees_mv"])
     ]
     table["fitted"] = (
         ranking["home"]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-
-from tests.reference import units
+import units
 
 # where a search broke a tie by rounding; where an oscillation has died out; where cycles of PV
 # begin with their fall; where PV over OP is a line

@@ -48,7 +48,7 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
     head, summary, _, names, *rows = out.splitlines()
     assert head.startswith("sticky: 1500 samples, Ts = 1 s")
     assert summary.startswith("Methods: ")
-    assert "methods say stiction" in summary
+    assert "methods report stiction" in summary
     assert names.split()[:2] == ["method", "verdict"]
     assert [r.split()[0] for r in rows[:4]] == ["horch", "he", "kano_a", "procedure"]
     assert (
@@ -72,7 +72,9 @@ def test_a_folder_is_a_matrix(folder, capsys):
     }
     assert rows["sound"] == ["-"] * 4
     assert "S" in rows["sticky"]
-    assert "S stiction" in out[-1]
+    assert out[-2].startswith("S: stiction")
+    names = [f"{i} {name}" for i, name in enumerate(FAST[1].split(","), 1)]
+    assert out[-1] == f"Methods: {', '.join(names)}."
 
 
 def test_json_holds_what_it_held(folder, capsys):
@@ -104,7 +106,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     out = printed(
         capsys, "detect", file, "--columns", "op=b,pv=c", "--columns", "t=clock", "--method", "he"
     ).out
-    assert "he says stiction" in out
+    assert "he reports stiction" in out
     assert (
         "Ts = 2 s"
         in printed(
@@ -166,12 +168,13 @@ IMPERATIVES = [
     "Add",
     "Allow",
     "Also",
-    "Ask",
+    "Apply",
     "Assign",
     "Change",
     "Check",
     "Choose",
     "Compare",
+    "Connect",
     "Continue",
     "Diagnose",
     "Draw",
@@ -190,6 +193,7 @@ IMPERATIVES = [
     "Report",
     "Score",
     "Search",
+    "Seed",
     "Set",
     "Show",
     "Simulate",

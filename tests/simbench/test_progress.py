@@ -6,6 +6,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from simbench import cli, progress
 from simbench.catalogue import LISTED_KINDS
 
@@ -49,6 +51,21 @@ def test_one_mistake_in_many_blocks_of_a_grid_is_named_once(tmp_path, capsys):
     printed = capsys.readouterr().err
     assert printed.count("'quick' is unknown") == 1
     assert "(the same in 4 more)" in printed
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_no_file_takes_the_number_of_a_closed_stream(tmp_path, closed):
+    work = f"lambda: (f := open({str(tmp_path / 'rec.csv')!r}, 'w')).write(str(f.fileno())) and 0"
+    code = f"from detectors.usage import exit_code; exit(exit_code({work}))"
+    shell = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, code]
+    assert subprocess.run(shell).returncode == 0
+    assert int((tmp_path / "rec.csv").read_text()) > 2
+
+
+def test_a_full_stderr_keeps_the_exit_code():
+    code = "from detectors.usage import complain, exit_code; exit(exit_code(lambda: complain('x')))"
+    shell = ["sh", "-c", 'exec "$0" -c "$1" 2>/dev/full', sys.executable, code]
+    assert subprocess.run(shell).returncode == 2
 
 
 def test_a_closed_stdout_is_no_fault_of_the_program():

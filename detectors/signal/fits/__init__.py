@@ -1,3 +1,3 @@
-"""Fits of a model to a record: a first-order plant downstream of a static valve map, and the plain
-linear one.
+"""Fit models to a record: a first-order plant downstream of a static valve map, and a linear
+plant.
 """

@@ -1,6 +1,4 @@
-"""ARX: a first-order plant with a dead time, fitted to the position of a valve and PV by least
-squares.
-"""
+"""Fit a first-order plant with dead time (ARX model) to valve position and PV by least squares."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Hammerstein identification: the (S, J) valve and the linear plant downstream of it that best turn
-OP into PV.
+"""Hammerstein identification: estimate the valve (S, J) and the linear plant downstream of it that
+best explain PV from OP.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant,
-and the way down a valley.
+"""Compiled kernels of the Hammerstein identification: the error of PV for many valves, each with
+its fitted plant, and the local search for the best valve.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES`
 valves are computed together.

@@ -1,3 +1,1 @@
-"""An exam: records of a benchmark without their truth, the answers to them, and the key that opens
-it.
-"""
+"""Exams: records of a benchmark without labels, the answers to them, and the key to the labels."""

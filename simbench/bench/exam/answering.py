@@ -1,6 +1,4 @@
-"""Ask detectors about the records of an exam; what was answered before a kill is not asked
-again.
-"""
+"""Judge the records of an exam by detectors; an interrupted call continues where it stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The file of answers to an exam, which any program in any language may write."""
+"""Read and check the file of answers to an exam, which a program in any language may write."""
 
 from __future__ import annotations
 

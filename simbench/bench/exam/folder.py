@@ -1,5 +1,5 @@
-"""The folder of an exam: records, what an engineer knows of each loop, and the commitment to the
-key.
+"""Write and read the folder of an exam: records, what an engineer would know of each loop, and the
+commitment (checksum of the key).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Make an exam: fresh seeds, records under random ids in random order, and a key that stays
-elsewhere.
+"""Make an exam: simulate with new seeds, write the records under random names in random order, and
+write the key elsewhere.
 """
 
 from __future__ import annotations

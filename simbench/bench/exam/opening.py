@@ -1,4 +1,4 @@
-"""Open an exam: check key and records, put the answers next to the truth, and hand both to the
+"""Open an exam: check key and records, join the answers with the labels, and pass both to the
 scoring of runs.
 """
 

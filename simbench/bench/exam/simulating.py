@@ -1,5 +1,5 @@
-"""Simulate chosen scenarios of a grid, in any order and on any number of workers, with the same
-bits as a run.
+"""Simulate chosen scenarios of a grid in any order and on any number of workers, with the same bits
+as in a run.
 """
 
 from __future__ import annotations

@@ -1,1 +1,3 @@
-"""A grid run: chunks, workers, plug-in processes, what failed."""
+"""Run a grid: divide it into pieces, distribute them over workers, host plug-ins, and count
+failures.
+"""

@@ -1,5 +1,5 @@
-"""Adaptive sweeps: further seeds only for cells in which some method's accuracy is still known too
-vaguely.
+"""Adaptive runs: add seeds only to those cells of a grid in which the accuracy of some method is
+still too uncertain (`run --until-width`).
 """
 
 from __future__ import annotations

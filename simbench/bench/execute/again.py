@@ -1,5 +1,5 @@
-"""Asked again: a detector that answers otherwise the second time fails the check, whatever its
-rates.
+"""Ask detectors the same question twice during `simbench check`; a detector that answers
+differently fails the check.
 """
 
 from __future__ import annotations

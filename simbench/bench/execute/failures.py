@@ -1,5 +1,5 @@
-"""Errors are results: how many scenarios of a run could not be simulated, which methods raised, and
-why.
+"""Count the failures of a run: scenarios that could not be simulated, and methods that raised an
+exception.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Before a grid is run: are its plug-ins and their numbers right, how large will it be, does each
-kind of cell make a loop?
+"""Check a grid before it is run: its plug-ins and parameters, its size, and that each kind of cell
+gives a valid loop.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Who works on a run's folder: a file with a heartbeat, which every machine that reaches the folder
-can watch.
+"""Lock the folder of a run: a file with a heartbeat shows every machine that the folder is in
+use.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from detectors.errors import masked
+from detectors.errors import masked, printable
 from simbench.bench.store.checksums import RunError
 
 LEASE = ".lease"
@@ -34,7 +34,7 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
         "host": socket.gethostname(),
         "pid": os.getpid(),
         "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-        "command": masked(" ".join(sys.argv))[:200],
+        "command": printable(masked(" ".join(sys.argv)))[:200],
         "token": uuid.uuid4().hex,
     }
     folders = [folder / sub for sub in subfolders]

@@ -1,5 +1,5 @@
-"""A run being worked: whoever works a piece writes its partitions and a receipt, and only the
-receipt travels.
+"""Write the results of one piece of a run as table partitions, and join them at the end; only a
+short receipt travels between processes.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the worker
-of a plug-in.
+"""Simulate loops whose parts are plug-ins, in this process or in the worker process of the
+plug-in.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Run a grid: pieces in parallel, each on disk as soon as it is whole, so that nothing finished is
-ever lost.
+"""Run a grid: compute its pieces in parallel and write each to disk when it is complete, so that an
+interrupted run can continue.
 
 `run_grid` names the steps from a grid to the two tables: read the grid, host the plug-ins, choose
 the methods, refuse what cannot run, describe the run in its manifest, work all pieces (`work` in
@@ -26,7 +26,7 @@ from typing import Any, cast
 
 import cloudpickle
 
-from detectors.errors import UserError, masked, nearest
+from detectors.errors import UserError, masked, nearest, printable
 from detectors.judge import check_thresholds, known_front_end, refuse_wrong_forms
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
@@ -258,7 +258,7 @@ def _describe_run(
             "until_width": asked.until_width,
             "raw": asked.raw,
             "front_end": known_front_end(asked.front_end),
-            "command": masked(" ".join(sys.argv)),
+            "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
         }
     )

@@ -109,6 +109,7 @@ def sweep(
     Returns
     -------
     Sweep
+        The scenarios of the product; `len` of it is their number.
 
     Raises
     ------

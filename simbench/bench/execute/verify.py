@@ -1,5 +1,5 @@
-"""Verification of a run: its grid is resolved again, a random share simulated and judged again, and
-all scores recomputed.
+"""Verify a run: resolve its grid again, simulate and judge a random share again, and recompute all
+scores.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The answer of a verification: what was compared, what contradicts the run, and how much can
-escape.
+"""The result of a verification: what was compared, what contradicts the run, and what was not
+checked.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class Verification:
             for n, some in sorted(groups.items())
         )
         return (
-            f"{self.folder} is verified as a run of {self.origin}: the definitions of all"
-            f" {self.scenarios} scenarios and every score were computed again, {self.simulated}"
-            " scenarios, drawn at random, were simulated again, and methods were asked again:"
+            f"{self.folder} is verified as a run of {self.origin}. Computed again, with the same"
+            f" result: the definitions of all {self.scenarios} scenarios and every score;"
+            f" {self.simulated} simulations, drawn at random; the verdicts of these methods:"
             f" {asked or 'none'}. Not checked: {', '.join(self.unchecked)}."
         )
 

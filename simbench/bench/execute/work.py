@@ -1,5 +1,6 @@
-"""One piece of a run: groups of scenarios simulated, labelled and judged; what every worker
-does.
+"""Compute one piece of a run: simulate, label and judge some groups of scenarios.
+
+Every worker calls it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Who works the pieces of a run: this process, others of this machine, a cluster of dask or ray;
-and what if they die.
+"""Distribute the pieces of a run over this process, other processes, or a cluster of dask or ray,
+and restart workers that die.
 """
 
 from __future__ import annotations

@@ -1,3 +1,3 @@
-"""Map of a grid: from a random sample of its scenarios to the accuracy of each method over its
-axes.
+"""Predict the accuracy of each method over the axes of a grid from a random sample of its scenarios
+(`simbench map`).
 """

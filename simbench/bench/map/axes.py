@@ -1,5 +1,5 @@
-"""A grid's axes as tables show them and as a surrogate is trained on them, for any cells of a grid
-of any size.
+"""Represent the axes of a grid in tables and as inputs of a surrogate model, for grids of any
+size.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Map of a grid: simulate a random sample of its scenarios, and predict every method's accuracy
-over its axes.
+"""Make the map of a grid: simulate a random sample of its scenarios, and predict the accuracy of
+every method over its axes.
 """
 
 from __future__ import annotations
@@ -81,12 +81,11 @@ class GridMap:
         lines += [
             "",
             (
-                "Cost is that of a run of the whole grid, predicted, with its 95 % interval: an"
-                " error costs 1,"
-            ),
-            (
-                "no decision .5. It is given for all scenarios with a clear label, and for those"
-                " that oscillate."
+                "Cost: predicted mean cost of the whole grid, with its 95 % interval (an error"
+                " costs 1, no decision 0.5), of all scenarios with a clear label and of those that"
+                " oscillate. Accuracy > .9: share of the cells (combinations of axis values) for"
+                " which an accuracy above 0.9 is predicted. Brier score: mean squared error of the"
+                " predicted accuracy (0 is best). n: simulated scenarios with a clear label."
             ),
             f"Map, numbers and a picture per method: {self.folder}",
         ]

@@ -1,5 +1,5 @@
-"""A surrogate of one method on one grid: how likely each outcome is in a cell, and how well this is
-known.
+"""Surrogate model of one method on one grid: the probability of each outcome in a cell, with its
+uncertainty.
 
 Estimates for the whole grid are model-assisted: the mean prediction over the scenarios that were
 not simulated, corrected by the mean error of predictions for simulated scenarios out of sample

@@ -161,6 +161,7 @@ class Scores:
         Returns
         -------
         str
+            The ranking with its intervals, then what could not be ranked.
         """
         return "\n".join(full_text(self, truth, where) if full else headline(self, truth, where))
 
@@ -209,6 +210,7 @@ class Scores:
         Returns
         -------
         matplotlib.axes.Axes
+            Bars of accuracy (0 to 1), the best method on top.
         """
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable

@@ -1,1 +1,1 @@
-"""A run on disk: tables, manifest, checksums."""
+"""Store a run on disk: tables, manifest and checksums."""

@@ -1,5 +1,5 @@
-"""The version of a benchmark: a grid's name and number, and a hash of everything that a score
-depends on but the detectors.
+"""Compute the version of a benchmark: the grid's name and number, and a hash of all code that a
+score depends on, except the detectors.
 """
 
 from __future__ import annotations

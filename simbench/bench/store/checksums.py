@@ -1,4 +1,4 @@
-"""What is read is what was written: checksums of tables and of the manifest that names them."""
+"""Write and check the checksums of a run's tables and of the manifest that names them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A run's manifest: what was run, on which versions and code, and whether old and new pieces may
-stand together.
+"""The manifest of a run: what was run, with which versions and code, and whether old and new pieces
+may be combined.
 """
 
 from __future__ import annotations

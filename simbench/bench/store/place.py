@@ -1,4 +1,4 @@
-"""Where a run lies: a folder of this machine, or whatever else fsspec reaches by its URL."""
+"""Access the place of a run: a local folder, or a URL that fsspec can reach."""
 
 from __future__ import annotations
 

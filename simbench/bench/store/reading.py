@@ -1,4 +1,4 @@
-"""A run's tables read back, part by part: rows, one scenario, or all of it as arrays."""
+"""Read the tables of a run: all rows, one scenario, or everything as arrays."""
 
 from __future__ import annotations
 

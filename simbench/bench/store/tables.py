@@ -1,4 +1,6 @@
-"""The two tables of a run: their columns, and how a piece of them becomes a parquet file."""
+"""Define the two tables of a run (verdicts and scenarios): their columns, and how a piece of them
+becomes a parquet file.
+"""
 
 from __future__ import annotations
 

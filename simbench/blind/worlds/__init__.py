@@ -1,1 +1,1 @@
-"""Independent simulators that judge the diagnosis: one world per package."""
+"""Independent plant simulators that test the gap diagnosis, one per subpackage."""

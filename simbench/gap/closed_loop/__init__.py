@@ -1,1 +1,3 @@
-"""What does the simulated loop do, before and after an effect is added?"""
+"""Simulate the closed loop before and after an effect is added, and measure the gap to the
+record.
+"""

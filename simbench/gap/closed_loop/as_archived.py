@@ -1,5 +1,5 @@
-"""A simulated record as this record's archive would have kept it: means, digits, a late OP; none of
-them is an effect.
+"""Apply the archive of a record (averages, rounding, delayed OP) to a simulated record, so that
+both can be compared.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""How far the gap shrinks: whole closed loops simulated on the held-out part of the record, before
-and after.
+"""Measure how far an effect shrinks the gap, by closed-loop simulations of a part of the record
+that was not used for fitting.
 """
 
 from __future__ import annotations

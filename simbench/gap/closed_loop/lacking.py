@@ -1,5 +1,5 @@
-"""What of a record its simulation lacks, in words, and whether it stays along the record or comes
-and goes as a load does.
+"""Describe in words what a simulation does not reproduce of a record, and whether the difference is
+permanent or intermittent.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The operating point of a corrected loop, moved until its simulations have the record's mean OP
-and PV.
+"""Adjust the operating point of a corrected loop until its simulations have the mean OP and PV of
+the record.
 """
 
 from __future__ import annotations

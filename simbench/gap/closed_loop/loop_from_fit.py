@@ -1,5 +1,5 @@
-"""From a fit back to a loop file: the baseline with the effect, the identified load and the
-record's set point in it.
+"""Turn a fit into a loop file: the baseline with the effect, the identified load and the set point
+of the record.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Simulated loops of one diagnosis, before and after an effect is added, each run once."""
+"""Simulate the loops of one diagnosis before and after an effect is added; each simulation is
+computed once.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What a record looks like, in numbers that do not depend on its phase: two runs of one loop agree
-but for the seed.
+"""Describe a record by features that do not depend on phase, so that two simulations of one loop
+differ only by their seeds.
 """
 
 from __future__ import annotations

@@ -1,1 +1,3 @@
-"""Does the PI law turn the recorded error into the recorded OP, and if not, what lies between?"""
+"""Test whether the stated controller computes the recorded OP from the recorded error, and find
+what differs if not.
+"""

@@ -1,5 +1,5 @@
-"""The controller block: does the law that a loop should have turn the recorded error into the
-recorded OP?
+"""Choose the controller law of a loop (PI or PID) and test whether it computes the recorded OP from
+the recorded error.
 """
 
 from __future__ import annotations

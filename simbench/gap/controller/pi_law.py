@@ -1,5 +1,5 @@
-"""The controller block: does the PI law turn the recorded error into the recorded OP, and if not,
-what lies between?
+"""Test whether a PI law computes the recorded OP from the recorded error, and find what differs if
+not.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The controller block under a PID baseline: do its settings turn the recorded error into the
-recorded OP?
+"""Test whether a PID law with the settings of the baseline computes the recorded OP from the
+recorded error.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The error the controller acted on, recovered from OP: OP is written exactly even where the
-archive of PV is not.
+"""Recover from OP the error that the controller acted on; OP is stored exactly even where PV is
+compressed.
 """
 
 from __future__ import annotations

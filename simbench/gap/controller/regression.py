@@ -1,5 +1,5 @@
-"""Regressions of the controller's law: OP by its changes, by its sums, and with a
-derivative.
+"""Regressions of the controller law: on changes of OP, on sums of the error, and with a derivative
+term.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Why OP rests exactly: at a limit, in a dead-band of the error, or because the controller
-missed its turn.
+"""Find out why OP is exactly constant: at a limit, in a dead-band of the error, or because the
+controller was not executed.
 """
 
 from __future__ import annotations

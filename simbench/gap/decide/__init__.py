@@ -1,1 +1,1 @@
-"""From evidence to an answer: which effect, or none, or something unknown."""
+"""Turn evidence into an answer: which effect, none, or an unknown one."""

@@ -1,5 +1,5 @@
-"""Which effect: all candidates scored on one record, block by block, and the residual tests that
-lead to "unknown".
+"""Fit and score all effects on one record, and test the residuals; what no effect explains leads to
+the answer "unknown".
 
 The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
 (`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two

@@ -1,5 +1,5 @@
-"""What tests add to a record: one engine over all, the valve by every MV, the sensor by lab
-samples.
+"""Use the records of additional tests: one model of all records, the valve from every MV, the
+sensor from laboratory samples.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""From log-likelihood gains to probabilities of every effect, of none and of unknown: a softmax and
-a logistic curve.
-"""
+"""Turn gains of log-likelihood into the probabilities of every effect, of none and of unknown."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What can be concluded from a record whose baseline was identified from it: only what the
-record alone can carry.
+"""Limit the conclusions from a record whose baseline was identified from the same record to those
+that the record alone supports.
 """
 
 from __future__ import annotations

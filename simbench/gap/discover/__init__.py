@@ -1,3 +1,3 @@
-"""What has no name described by an empirical law: where, in which form, with what certificate, and
-how far the gap shrinks.
+"""Describe an effect that the library does not contain by an empirical model: where it acts, in
+which form, and how far it shrinks the gap (`simbench gap discover`).
 """

@@ -1,5 +1,5 @@
-"""Which block, where no law is certain: the best explanation of each, known effects, laws and
-freedoms side by side.
+"""Compare the best explanations of each block (known effects, empirical models, free parameters) if
+no single model is certain.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""discover(): one record and one loop file, from where it differs to a law that can be
-simulated.
+"""Find an empirical model of a missing effect from one record and one loop file, in a form that can
+be simulated.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from detectors.compiled import one_thread
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
+from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.beside_tests import valve_maps, with_lag_in_dead_time
@@ -84,14 +85,14 @@ class Discovery:
     def sentence(self) -> str:
         """Return the finding in one sentence."""
         if self.law is None:
-            return f"No law is found: {self.why}."
+            return f"No empirical model is found: {self.why}."
         return f"In the {self.law.block} block, {self.law.text}."
 
     def one_line(self) -> str:
         """Return the finding and its certificate in one line."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            return f"nothing that a law describes, {self.why}"
+            return f"nothing that an empirical model describes, {self.why}"
         text = f"{law.text} ({law.block}; {law.nats:.0f} nats on unseen samples"
         return f"{text}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
@@ -99,8 +100,10 @@ class Discovery:
         """Return the discovery for a terminal."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            chance_of = f"(probability {self.probability:.2f}, if anything is lacking)"
-            return self.sentence() + (f"\nwhere: {self.block} {chance_of}" if self.block else "")
+            place = f"If anything is missing, it is in the {self.block} block"
+            return self.sentence() + (
+                f"\n{place} (probability {self.probability:.2f})." if self.block else ""
+            )
         share = float(self.on.mean())
         spells = (
             "the whole record"
@@ -108,14 +111,15 @@ class Discovery:
             else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         )
         regime = f", {self.regime}" if self.regime else ""
-        return (
-            f"{self.sentence()}\nwhere: {spells}{regime}\n"
-            f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
-            f" (p <= {chance(law.nats):.2g} if none of the forms held)\n"
-            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the"
-            f" law {g.after:.2f}, floor {g.floor:.2f}\n"
-            f"nearest known effect: {(self.nearest or 'none').replace('_', ' ')}"
-        )
+        lines = [
+            self.sentence(),
+            f"It acts in {spells}{regime}.",
+            f"On samples that it was not fitted to, it raises the log-likelihood by {law.nats:.0f}"
+            f" (p <= {chance(law.nats):.2g} by chance).",
+            *gap_sentences(g.before, g.recalibrated, g.after, g.floor, "this model"),
+            f"Nearest known effect: {(self.nearest or 'none').replace('_', ' ')}.",
+        ]
+        return "\n".join(lines)
 
 
 def discover(

@@ -1,5 +1,5 @@
-"""A law written as an effect of the contract: a file that the simulator runs and the diagnosis
-knows.
+"""Write an empirical model as an effect plug-in: a Python file that the simulator runs and the
+diagnosis can fit.
 """
 
 from __future__ import annotations

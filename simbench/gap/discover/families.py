@@ -1,5 +1,5 @@
-"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and
-first guesses.
+"""Families of empirical models between OP and PV, fitted by the likelihood of the one-step
+prediction errors.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""What the likelihood of an open loop leaves uncertain, fitted by the features of the closed one
-(McFadden 1989).
+"""Estimate by features of closed-loop simulations the parameters that the open-loop likelihood
+leaves uncertain (McFadden 1989).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Effects from files known to the diagnosis: one that states a law's form is recognised as that law
-is fitted.
+"""Make the diagnosis fit effects from plug-in files; an effect that states a known model form is
+fitted like that model.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Which law: block by block, fitted to the first part of a record, and kept only if it pays on the
-rest.
+"""Search for an empirical model block by block: fit on the first part of a record, keep only what
+improves the rest.
 """
 
 from __future__ import annotations

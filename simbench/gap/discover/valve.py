@@ -1,5 +1,5 @@
-"""The law from OP to MV, where MV was recorded: fitted to the first part of the record, judged on
-the rest.
+"""Fit an empirical model from OP to MV, if MV was recorded: fit on the first part of the record,
+test on the rest.
 """
 
 from __future__ import annotations

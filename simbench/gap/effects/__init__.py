@@ -1,4 +1,6 @@
-"""How an effect is recognised: one effect per file, next to the file that simulates it."""
+"""Recognise effects in a record: one file per effect with its fit; the file that simulates the
+effect has the same name.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +26,16 @@ _lent: dict[str, Recogniser] = {}
 def left_out(*effects: str) -> Iterator[None]:
     """Take effects out of the library while the block lasts: nobody recognises them, as if their
     files had gone.
+
+    Parameters
+    ----------
+    *effects : str
+        Ids of effects.
+
+    Yields
+    ------
+    None
+        Nothing: recognition changes while the block lasts.
     """
     before = set(_left_out)
     _left_out.update(effects)
@@ -36,7 +48,20 @@ def left_out(*effects: str) -> Iterator[None]:
 
 @contextmanager
 def lent(effect: str, how: Recogniser) -> Iterator[None]:
-    """State how an effect of a file is recognised while the block lasts."""
+    """State how an effect of a file is recognised while the block lasts.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect.
+    how : Recogniser
+        How it is recognised.
+
+    Yields
+    ------
+    None
+        Nothing: recognition changes while the block lasts.
+    """
     _lent[effect] = how
     try:
         yield
@@ -47,6 +72,16 @@ def lent(effect: str, how: Recogniser) -> Iterator[None]:
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, as no file recognises it,
     is never recognised.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect.
+
+    Returns
+    -------
+    Recogniser
+        What its file states, or one that recognises nothing.
     """
     return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
 

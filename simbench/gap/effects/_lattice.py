@@ -1,4 +1,4 @@
-"""What lattices of PV and OP share: how many levels are met."""
+"""Shared by the quantisation effects: how many levels of PV or OP are used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What time constant and dead time mismatch share: one number of the plant released."""
+"""Shared by the mismatches of time constant and dead time: fit one parameter of the plant."""
 
 from __future__ import annotations
 

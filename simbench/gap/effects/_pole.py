@@ -1,4 +1,4 @@
-"""What valve, extra and sensor lag share: one more series pole."""
+"""Shared by valve lag, extra lag and sensor lag: fit one additional series pole."""
 
 from __future__ import annotations
 

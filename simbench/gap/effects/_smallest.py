@@ -1,4 +1,6 @@
-"""The smallest effect a record could have shown: "no effect" is worth only that."""
+"""Compute the smallest effect that a record could have shown; the answer "no effect" excludes only
+larger ones.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Compression recognised: PV runs on straight lines wherever it is not what the controller saw."""
+"""Recognise compression: PV lies on straight lines wherever it differs from what the controller
+saw.
+"""
 
 from __future__ import annotations
 

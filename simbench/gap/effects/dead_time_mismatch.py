@@ -1,4 +1,4 @@
-"""Dead time mismatch recognised: Td, else held near the baseline's, is released."""
+"""Recognise a dead-time mismatch: fit Td, which other fits keep near the baseline's."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Dead-band recognised: one number of a valve map, and where in its band the valve stood when the
-record began.
+"""Recognise a dead-band: fit its width, and where in its band the valve was when the record
+began.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Dead-zone recognised: OP jumps across it, so its middle is looked for where OP seldom is."""
+"""Recognise a dead-zone: OP jumps across it, so its middle is searched where OP seldom is."""
 
 from __future__ import annotations
 

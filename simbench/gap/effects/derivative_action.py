@@ -1,4 +1,4 @@
-"""Derivative action recognised: the law of OP holds once PV's speed is a term of it."""
+"""Recognise derivative action: the controller law explains OP with a term in the rate of PV."""
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.exact import shown

@@ -1,6 +1,4 @@
-"""Detuning recognised: a PI law explains OP exactly, but with another tuning than the
-baseline's.
-"""
+"""Recognise detuning: a PI law explains OP exactly, but with other settings than the baseline's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drift recognised: the measurement walks, with a ramp on top."""
+"""Recognise a drift of the sensor: a random walk with a ramp on the measurement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error dead-band recognised: OP does not change while, and only while, the error is small."""
+"""Recognise an error dead-band: OP does not change while, and only while, the error is small."""
 
 from __future__ import annotations
 

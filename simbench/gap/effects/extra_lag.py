@@ -1,4 +1,4 @@
-"""Extra lag recognised: one more series pole after the plant."""
+"""Recognise an extra lag: fit one additional pole downstream of the plant."""
 
 from __future__ import annotations
 

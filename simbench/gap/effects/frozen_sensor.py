@@ -1,4 +1,6 @@
-"""Frozen sensor recognised: PV repeats itself exactly beyond chance while OP moves."""
+"""Recognise a frozen sensor: PV repeats its value exactly, longer than chance explains, while OP
+moves.
+"""
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.exact import shown

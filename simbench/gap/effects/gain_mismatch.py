@@ -1,4 +1,4 @@
-"""Gain mismatch recognised: the plant's gain, else held near the baseline's, is released."""
+"""Recognise a gain mismatch: fit the plant's gain, which other fits keep near the baseline's."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Load drift recognised: the load walks without end in addition to what it does anyway, with
-a ramp on top.
+"""Recognise a load drift: a random walk with a ramp on the load, in addition to its usual
+variation.
 """
 
 from __future__ import annotations

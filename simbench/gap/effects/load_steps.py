@@ -1,4 +1,4 @@
-"""Load steps recognised: jumps of the load, each where it explains the innovations best."""
+"""Recognise load steps: place each step where it explains the one-step prediction errors best."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Missed executions recognised: OP rests where its law, exact everywhere else, would move it."""
+"""Recognise missed executions of the controller: OP stays constant where its law, exact elsewhere,
+would move it.
+"""
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.exact import shown

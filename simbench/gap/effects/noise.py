@@ -1,4 +1,4 @@
-"""Noise recognised: the noise level, else held near the stated one, is released."""
+"""Recognise another noise level: fit it, which other fits keep near the stated one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OP quantisation recognised: OP lies on a lattice that its law does not explain."""
+"""Recognise quantised OP: OP takes only multiples of a step, which its law does not explain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Oscillation recognised: the sharpest peak of the innovations' spectrum, fitted as a sine."""
+"""Recognise an external oscillation: fit a sine at the sharpest peak in the spectrum of the
+prediction errors.
+"""
 
 from __future__ import annotations
 

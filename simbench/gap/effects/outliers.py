@@ -1,5 +1,5 @@
-"""Outliers recognised: samples that lie off the line through their neighbours, or innovations
-that no Gaussian gives.
+"""Recognise outliers: samples off the line through their neighbours, or prediction errors too large
+for Gaussian noise.
 """
 
 from __future__ import annotations

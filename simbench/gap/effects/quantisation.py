@@ -1,4 +1,4 @@
-"""Quantisation recognised: every sample of PV lies on one lattice."""
+"""Recognise quantised PV: every sample is a multiple of one step."""
 
 from __future__ import annotations
 

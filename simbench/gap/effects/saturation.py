@@ -1,4 +1,4 @@
-"""Saturation recognised: OP stays at one value while the controller's law pushes outward."""
+"""Recognise saturation: OP stays at one value while the controller law would move it further."""
 
 from __future__ import annotations
 

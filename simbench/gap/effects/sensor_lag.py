@@ -1,4 +1,4 @@
-"""Sensor lag recognised: one more series pole that smooths the noise as well."""
+"""Recognise a sensor lag: fit one additional pole that smooths the noise as well."""
 
 from __future__ import annotations
 

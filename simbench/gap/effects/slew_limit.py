@@ -1,5 +1,5 @@
-"""Slew limit recognised: one number of how fast MV may follow OP, scanned from far below OP's own
-moves to beyond them.
+"""Recognise a slew limit: fit the largest speed of MV, by a scan from far below the speed of OP to
+beyond it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Stiction recognised: two numbers of a valve map, narrow peaks of the likelihood that only a fine
-scan meets.
+"""Recognise stiction: fit S and J of a valve model by a fine scan, because the likelihood has
+narrow peaks.
 """
 
 from __future__ import annotations

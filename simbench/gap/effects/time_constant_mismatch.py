@@ -1,4 +1,4 @@
-"""Time constant mismatch recognised: T, else held near the baseline's, is released."""
+"""Recognise a time-constant mismatch: fit T, which other fits keep near the baseline's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Valve characteristic recognised: a gain that changes along the travel, either way."""
+"""Recognise a nonlinear valve characteristic: a gain that changes along the travel."""
 
 from __future__ import annotations
 

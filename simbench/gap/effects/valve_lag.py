@@ -1,6 +1,4 @@
-"""Valve lag recognised: one more series pole in front of the plant, or MV that follows OP
-slowly.
-"""
+"""Recognise a valve lag: fit one additional pole upstream of the plant, or a lag from OP to MV."""
 
 from __future__ import annotations
 

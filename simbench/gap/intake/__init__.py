@@ -1,1 +1,1 @@
-"""May record and baseline be compared, and what is the baseline where none is given?"""
+"""Check whether record and baseline can be compared, and identify a baseline if none is given."""

@@ -1,5 +1,5 @@
-"""What lies between the PV on record and the PV that the controller saw: rounding, compression,
-means and spikes.
+"""Find what the archive changed between the PV that the controller saw and the PV on record:
+rounding, compression, averages and spikes.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Test records and the record they were made for: what the fits need of them, and what in them
-contradicts it.
+"""Combine the records of additional tests with the record that they belong to, and refuse
+contradictions.
 """
 
 from __future__ import annotations

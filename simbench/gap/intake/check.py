@@ -1,5 +1,5 @@
-"""The check stage: is the record fit, does the baseline belong to it, and what can be judged at
-all?
+"""Check before a diagnosis whether the record is fit, whether the baseline belongs to it, and what
+can be judged.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood;
-what can then be judged.
+"""Identify a baseline from the record: controller settings by regression, plant by maximum
+likelihood (`--identify`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""A record and its baseline as they came: what its signals, the controller's law and single
-samples show by themselves.
-"""
+"""Examine a record and its baseline as they came: signals, controller law and single samples."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The baseline of another loop: what cannot be compared because neither controller nor plant is the
-record's.
+"""Detect a baseline that belongs to another loop: neither its controller nor its plant agrees with
+the record.
 """
 
 from __future__ import annotations

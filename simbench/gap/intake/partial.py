@@ -1,5 +1,5 @@
-"""A loop file that leaves plant, controller or sampling to the record: what it states, what is
-identified, what stays open.
+"""Complete a loop file that omits plant, controller or sampling: identify the missing parts from
+the record.
 """
 
 from __future__ import annotations

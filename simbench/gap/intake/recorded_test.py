@@ -1,5 +1,5 @@
-"""Test records: a loop in other operation, with what its columns and its tables state; unfit
-ones are refused.
+"""Read the records of additional tests with the settings that they were made with, and refuse unfit
+ones.
 """
 
 from __future__ import annotations

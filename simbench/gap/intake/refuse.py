@@ -1,5 +1,5 @@
-"""What cannot be compared: signals in other units, and the baseline of another loop; each refusal
-names its grounds.
+"""Refuse comparisons that make no sense: signals in other units, or the baseline of another loop;
+each refusal states its reason.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""One engine for all effects between OP and PV: the innovations' likelihood, nuisances fitted,
-effects switchable.
+"""Compute the likelihood of a record for all effects between OP and PV by a Kalman filter; the
+other parameters of the loop are fitted at the same time.
 
 PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are
 linear in the innovations and solved by least squares; only T, Td, the load's colour and level, the

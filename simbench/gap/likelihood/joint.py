@@ -1,5 +1,5 @@
-"""One model over several records of a loop: plant, effect and noise shared, loads and operating
-points separate.
+"""Fit one model to several records of a loop: plant, effect and noise are shared, loads and
+operating points are separate.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Compiled kernels of the diagnosis: valve maps, plant response, and the Kalman filter that whitens
-every channel at once.
+"""Compiled kernels of the diagnosis: valve models, the response of the plant, and the Kalman
+filter.
 
 Self-contained, because numba's disk cache only watches this file. Time unit is one sample
 throughout.

@@ -1,4 +1,6 @@
-"""What the engine fits: the data, which effects are switched on, and a fit."""
+"""What the likelihood engine works on: the data, the effects that are switched on, and the
+resulting fit.
+"""
 
 from __future__ import annotations
 

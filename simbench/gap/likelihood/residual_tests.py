@@ -1,5 +1,5 @@
-"""What the best model does not explain: tests of its innovations, on which the answer "unknown"
-rests.
+"""Test the prediction errors of the best model; what it does not explain leads to the answer
+"unknown".
 """
 
 from __future__ import annotations

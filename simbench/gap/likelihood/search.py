@@ -1,5 +1,5 @@
-"""The search for a valve map's numbers, in which the likelihood is rough: scan, let the nuisances
-settle, narrow down.
+"""Search for the parameters of a valve model, for which the likelihood has many local maxima: scan,
+refit the other parameters, refine.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""The valve judged by MV given OP alone: which map, with which numbers, turns one into the
-other.
-"""
+"""Fit the valve model to recorded OP and MV alone: which model, with which parameters."""
 
 from __future__ import annotations
 

@@ -1,1 +1,3 @@
-"""Which test to run next: the menu, sized for a loop, and what each may be expected to tell."""
+"""Recommend the next tests on the plant in a fixed order, each sized for the loop
+(`simbench gap plan`).
+"""

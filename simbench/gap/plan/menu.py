@@ -1,11 +1,11 @@
-"""The menu of tests, sized for one loop and kept within limits; each simulated on a loop file as a
-person would do it.
+"""The tests that can be made on a loop, sized for it and kept within limits, each simulated as a
+person would carry it out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,11 @@ from simbench.loop.run import run_setup
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later
+_SHORTEST = 200  # samples of a test in normal operation, below which it shows next to nothing
 _FASTER = 4
+_SMALLER = 6  # times a test that would leave its limits is made smaller
+_FAINT = 0.05  # % of OP, below which a move is too small to show
+_AS_OPERATED = ("raw", "mv", "fast", "lab")  # tests under which PV does what it does anyway
 _TINY = 1e-9  # gain of a controller that follows the operator alone
 _DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
 # ... and standard deviations between draws, that it is taken to be larger than their mean
@@ -28,9 +32,15 @@ _SPREADS = 4.0
 # of a limit on PV that the simulated excursion may use: the plant is not quite the model
 _MARGIN = 0.8
 _SENTENCES = {
-    "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
+    "raw": (
+        "log the loop for {minutes:.0f} min without the archive: the recorded PV is not the PV that"
+        " the controller saw"
+    ),
+    "mv": (
+        "record the valve position MV with SP, OP and PV for {minutes:.0f} min, in normal operation"
+    ),
     "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",
-    "kc_half": "halve Kc for {minutes:.0f} min and record, as operated",
+    "kc_half": "halve Kc and record for {minutes:.0f} min",
     "bump": "in manual, move OP by {size:.3g} %: base, up, down, base, {hold:.0f} s each",
     "stairs": "in manual, move OP in small stairs of {size:.3g} %: up, down, up, {hold:.0f} s each",
     "still": "in manual, leave OP where it is for {minutes:.0f} min",
@@ -39,7 +49,19 @@ _SENTENCES = {
         "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab"
     ),
 }
-ACTIVE = ("sp_steps", "bump", "stairs")
+# how often a test moves OP or SP, and in which direction: on a self-regulating plant, and on an
+# integrating one, where a level that is held would let PV run away
+_LEVELS = {
+    "sp_steps": ((1, -1, 0, -1, 1), (1, -1, 0, -1, 1)),
+    "bump": ((0, 1, -1, 0), (0, 1, 0, 0, -1, 0, 0)),
+    "stairs": (
+        (1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0),
+        tuple(step * way for step in (1, 2, 3, 4) for way in (1, 0, -1, 0)),
+    ),
+}
+# how long a level is held, in T + Td, and in samples at least: a settled step takes about 4 T, one
+# of SP waits for the controller as well
+_HOLD = {"sp_steps": (12.0, 20), "bump": (6.0, 15), "stairs": (4.0, 10)}
 
 
 @dataclass(frozen=True)
@@ -176,73 +198,56 @@ def sized(
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
     can stick.
     """
-    d, Ts = s.data, s.record.Ts
-    gain = abs(d.K)
+    d, rest = s.data, float(np.mean(s.op))
     pace = d.Td + (1.0 / max(abs(d.K * s.baseline.controller.Kc), 1e-9) if s.integrating else d.T)
-    rest = float(np.mean(s.op))
-    room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
     size = float(np.clip(0.5 * np.ptp(s.op), 1.0, 10.0))
     if id_ == "stairs":
         size = 0.4 * band if band > 0.0 else 0.25 * size
-    steps = {"bump": 1.0, "stairs": 4.0}.get(id_, 0.0)
-    if steps and size * steps > room:
-        size = room / steps
-        if size <= 0.05:
+    if id_ in ("bump", "stairs"):
+        room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
+        most = room / max(_LEVELS[id_][0])
+        if most <= _FAINT:
             return None, f"{id_}: OP has no room within its limits", 0.0
+        size = min(size, most)
     if id_ == "sp_steps":
-        size *= gain * (pace if s.integrating else 1.0)
-    for _ in range(6):
-        trial = _trial(id_, size, pace, s.integrating, Ts, s.record.n)
+        size *= abs(d.K) * (pace if s.integrating else 1.0)
+    moves, excursion = id_ in _LEVELS, 0.0
+    for _ in range(_SMALLER if moves else 1):
+        trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
-            if id_ in ACTIVE:
-                return (
-                    None,
-                    f"{id_}: {trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed",
-                    0.0,
-                )
             n = int(60.0 * limits.minutes / trial.Ts)
-            if n < 200:
-                return None, f"{id_}: {limits.minutes:.0f} min are too few", 0.0
-            trial = Trial(id_, 0.0, 0.0, trial.Ts, n, trial.sp[:n], trial.op[:n])
+            if moves or n < _SHORTEST:
+                why = f"{trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed"
+                return None, f"{id_}: {why}", 0.0
+            trial = replace(trial, n=n, sp=trial.sp[:n], op=trial.op[:n])
         excursion, inside = _excursion(trial, s, loops, limits)
         if inside:
             return trial, "", excursion
-        if id_ not in ACTIVE:
-            return None, f"{id_}: PV would leave its limits (excursion {excursion:.3g})", excursion
         size *= 0.6
-    return None, f"{id_}: PV would leave its limits at any size worth its while", 0.0
+    return None, f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})", excursion
 
 
-def _trial(id_: str, size: float, pace: float, integrating: bool, Ts: float, n: int) -> Trial:
-    hold, levels = 0, []
-    if id_ == "sp_steps":
-        hold, levels = int(np.clip(12.0 * pace, 20, _MOST // 5)), [1.0, -1.0, 0.0, -1.0, 1.0]
-    elif id_ == "bump":
-        hold, levels = int(np.clip(6.0 * pace, 15, _MOST // 4)), [0.0, 1.0, -1.0, 0.0]
-        if integrating:
-            hold, levels = max(int(pace), 5), [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0]
-    elif id_ == "stairs":
-        hold, levels = (
-            int(np.clip(4.0 * pace, 10, _MOST // 14)),
-            [1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0],
-        )
-        if integrating:
-            hold, levels = max(int(pace), 5), [x * y for x in (1, 2, 3, 4) for y in (1, 0, -1, 0)]
-    moves = size * np.repeat(np.array(levels, dtype=float), hold)
-    if levels:
-        n = LEAD + moves.size
+def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
+    levels = np.array(_LEVELS.get(id_, ((), ()))[s.integrating], dtype=float)
+    Ts, hold = s.record.Ts, 0
+    if levels.size:
+        paces, least = _HOLD[id_]
+        hold = int(np.clip(paces * pace, least, _MOST // levels.size))
+        if s.integrating and id_ != "sp_steps":
+            hold = max(int(pace), 5)
+        n = LEAD + hold * levels.size
     else:
-        n = min(n, _MOST) * (_FASTER if id_ == "fast" else 1)
-        n = min(n, 2 * _MOST)
+        n = min(s.record.n, _MOST)
+        n = min(_FASTER * n, 2 * _MOST) if id_ == "fast" else n
     sp, op = np.zeros(n), np.full(n, np.nan)
     if id_ == "sp_steps":
-        sp[LEAD:] = moves
-    elif levels:
-        op[LEAD:] = moves
+        sp[LEAD:] = size * np.repeat(levels, hold)
+    elif levels.size:
+        op[LEAD:] = size * np.repeat(levels, hold)
     elif id_ == "still":
-        op[min(LEAD, n) :] = 0.0
+        op[LEAD:] = 0.0
     period = Ts / _FASTER if id_ == "fast" else Ts
-    return Trial(id_, size if levels else 0.0, hold * Ts, period, n, sp, op)
+    return Trial(id_, size if levels.size else 0.0, hold * Ts, period, n, sp, op)
 
 
 def _excursion(
@@ -251,23 +256,17 @@ def _excursion(
     """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay
     within limits.
     """
-    if trial.id in ("mv", "fast", "lab"):
-        # as operated: what PV does anyway
+    if trial.id in _AS_OPERATED:
         return float(np.abs(s.record.pv - s.sp).max()), True
     worst, inside = 0.0, True
     for loop in loops.values():
-        start, ends = loop.setpoint.value, []
-        for seed in range(_DRAWS if limits != Limits() else 1):
-            record = trial.run(loop, seed)
-            if record is not None:
-                ends.append(
-                    (
-                        record.pv.min() - start,
-                        record.pv.max() - start,
-                        record.op.min(),
-                        record.op.max(),
-                    )
-                )
+        start = loop.setpoint.value
+        runs = [trial.run(loop, seed) for seed in range(_DRAWS if limits != Limits() else 1)]
+        ends = [
+            (r.pv.min() - start, r.pv.max() - start, r.op.min(), r.op.max())
+            for r in runs
+            if r is not None
+        ]
         if not ends:
             continue
         # in manual nothing holds PV against its load, and the next one will be another
@@ -275,10 +274,11 @@ def _excursion(
         low, high, op_low, op_high = np.mean(ends, axis=0) + far * np.array([-1.0, 1.0, -1.0, 1.0])
         worst = max(worst, float(-low), float(high))
         inside &= bool(
-            low >= _MARGIN * (limits.pv[0] - start) and high <= _MARGIN * (limits.pv[1] - start)
-        )
-        inside &= bool(op_low >= limits.op[0] - 1e-6 and op_high <= limits.op[1] + 1e-6)
-        inside &= bool(
-            worst <= _MARGIN * limits.pv_excursion and op_high - op_low <= 2.0 * limits.op_travel
+            low >= _MARGIN * (limits.pv[0] - start)
+            and high <= _MARGIN * (limits.pv[1] - start)
+            and op_low >= limits.op[0] - 1e-6
+            and op_high <= limits.op[1] + 1e-6
+            and op_high - op_low <= 2.0 * limits.op_travel
+            and worst <= _MARGIN * limits.pv_excursion
         )
     return worst, inside

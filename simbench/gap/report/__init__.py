@@ -1,1 +1,1 @@
-"""The answer as data, text, pictures and page."""
+"""Show the answer of a diagnosis as data, text, pictures and HTML page."""

@@ -1,5 +1,5 @@
-"""The page of a discovery: where the record differs, the law that describes it, and the simulation
-with the law in it.
+"""Write the HTML page of `gap discover`: where the record differs, the empirical model, and the
+simulation with it.
 """
 
 from __future__ import annotations

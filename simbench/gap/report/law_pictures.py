@@ -1,5 +1,5 @@
-"""Pictures of a law: where in the record it acts, the law in its coordinates with an interval, what
-is lacking.
+"""Draw an empirical model: where in the record it acts, its curve with an interval, and what it
+does not explain.
 """
 
 from __future__ import annotations

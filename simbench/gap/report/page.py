@@ -1,5 +1,5 @@
-"""The page of a diagnosis: one HTML file that asks for nothing, from the answer in one sentence to
-what to do next.
+"""Write the HTML page of a diagnosis: one self-contained file, from the answer in one sentence to
+the next step.
 """
 
 from __future__ import annotations
@@ -63,18 +63,16 @@ def _answer(report: GapReport) -> Markup:
         report.effect, f"of {words(report.effect)}"
     )
     tiles = [(f"{report.effects[0]['probability']:.2f}", f"probability {what}")]
-    if s is not None:
-        value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
-        if value >= 0:
-            tiles.append((f"{value} %", f"of the gap closes (90 % interval {lo} to {hi} %)"))
-        else:
-            tiles.append(
-                (f"{-value} %", f"by which the gap grows (90 % interval {-hi} to {-lo} %)")
-            )
-    tiles.append((f"{g.before:.2f}", "gap before" + ("" if g.resolvable else ", not resolvable")))
+    tiles.append((f"{g.before:.2f}", "gap between record and simulation"))
     if report.effect not in (NONE, UNKNOWN):
         tiles.append((f"{g.after:.2f}", "gap with the effect added"))
-    tiles.append((f"{g.floor:.2f}", "floor: two runs of one loop differ as much"))
+    tiles.append(
+        (f"{g.floor:.2f}", "gap between two simulations of one loop (repeatability floor)")
+    )
+    if s is not None:
+        value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
+        removed = f"of the gap above the floor is removed (90 % interval {lo} to {hi} %)"
+        tiles.append((f"{value} %", removed))
     named = [
         {
             "effect": words(e["effect"]),
@@ -91,7 +89,7 @@ def _answer(report: GapReport) -> Markup:
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    caption = "control loop; share of the gap: " + ", ".join(
+    caption = "control loop; probability of each block: " + ", ".join(
         f"{b} {100 * p:.0f} %" for b, p in shares.items()
     )
     likely = {
@@ -176,7 +174,7 @@ def _shrinkage(report: GapReport) -> Markup:
     return render(
         "shrinkage.html",
         svg=inline_svg(pictures.draw_gap(sizes), "gap", caption),
-        resolvable=report.gap.resolvable,
+        says=report.gap_lines(),
         features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format))
         if len(features)
         else None,
@@ -192,11 +190,6 @@ def _open(report: GapReport) -> Markup:
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
     answers = {e["effect"] for e in report.effects}
-    after = report.behind.after_tests
-    right = "right after it"
-    tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(
-        right, ascending=False
-    )
     return render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
@@ -205,12 +198,8 @@ def _open(report: GapReport) -> Markup:
             for r in report.ranking
             if r.effect not in answers and r.probability >= _POSSIBLE
         ],
-        next_test=""
-        if report.next_test is None
-        else f"{report.next_test['test']}: {report.next_test['says']}",
+        next_test=report.next_line(),
         notes=report.notes,
-        resolvable=report.gap.resolvable,
-        tests=sortable(tests) if len(tests) else None,
         table=sortable(pd.DataFrame(rows)) if rows else None,
         hidden=hidden,
     )

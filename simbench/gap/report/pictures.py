@@ -1,5 +1,5 @@
-"""Pictures of a diagnosis: the loop as blocks, traces, PV over OP, spectra, probabilities, and the
-gap as bars.
+"""Draw a diagnosis: the loop as blocks, signals, PV-OP plots, spectra, probabilities, and the gap
+as bars.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The page of a plan: which test to run next, what each would tell and cost."""
+"""Write the HTML page of `gap plan`: which tests to run next, how long each lasts, and how far it
+moves PV.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from simbench.gap.plan.expected import PlannedTests
+from simbench.gap.plan.order import PlannedTests
 from simbench.gap.report.parts import render, write
-from simbench.gap.report.result import GapReport, words
+from simbench.gap.report.result import GapReport
 from simbench.html.table import sortable
 
 
@@ -16,20 +18,17 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
     """Write a plan as one self-contained HTML page."""
     frame = pd.DataFrame(
         {
-            "test": [x.trial.says for x in plan.tests],
-            "right after it": [x.p_right for x in plan.tests],
-            "information": [x.information for x in plan.tests],
+            "order": range(1, len(plan.tests) + 1),
+            "test": [f"{x.trial.id}: {x.trial.says}" for x in plan.tests],
             "minutes": [x.trial.minutes for x in plan.tests],
-            "PV excursion": [x.pv_excursion for x in plan.tests],
-            "variance of PV": [x.pv_variance for x in plan.tests],
-            "travel of OP (%)": [x.trial.op_travel for x in plan.tests],
+            "PV moves by (PV units)": [x.pv_excursion for x in plan.tests],
+            "OP moves by (%)": [x.trial.op_travel for x in plan.tests],
         }
     )
     body = render(
         "plan.html",
-        believed=report.sentence(),
+        answer=report.sentence(),
         sentence=plan.sentence(),
-        explanations=[(words(e), float(p)) for e, p in zip(plan.effects, plan.probability)],
         tests=sortable(frame) if len(frame) else None,
         left_out=plan.left_out,
     )

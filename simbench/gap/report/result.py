@@ -1,4 +1,4 @@
-"""GapReport: the answer of a diagnosis as one data object, as text and as JSON."""
+"""`GapReport`: the answer of a diagnosis, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from detectors.verdict import PROBABILITY
 from detectors.views import page_part
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.discover.discovery import Discovery
@@ -48,15 +49,13 @@ class Gap:
 class DiagnosisDetails:
     """What an answer rests on, for text, page and loop file.
 
-    `detectable` holds, per effect, the smallest size that would have shown, with its unit;
-    `after_tests`, per test, the probability that the first answer is right after it.
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit.
     """
 
     found: Assessment
     loops: ClosedLoops
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
-    after_tests: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,18 +76,21 @@ class GapReport:
     ranking : tuple of Ranked
         All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
     gap : Gap
+        Distance of record and simulation before and after each correction (-).
     shrinkage : dict or None
         value, lo, hi; None without a resolvable gap.
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
     next_test : dict or None
-        The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its
-        reason in the notes, where nothing on the menu would help.
+        The next test of a fixed order: test, size, hold_s, settings, says; None, with its reason in
+        the notes, where none is recommended.
     notes : tuple of str
+        What else a reader must know, a sentence each.
     conclusion : Conclusion
         Stiction, no stiction or cannot tell, the same in every verb; its probability is pooled over
         the records.
     behind : DiagnosisDetails
+        Records, fits and loops from which the answer follows.
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
     """
@@ -162,6 +164,7 @@ class GapReport:
         Returns
         -------
         matplotlib.axes.Axes
+            Bars of probability, the most probable effect on top.
         """
         rows = self.to_frame().head(most).set_index("effect")[::-1]
         return rows[["probability"]].plot.barh(
@@ -190,6 +193,7 @@ class GapReport:
         Returns
         -------
         Loop
+            A loop to simulate in place of the baseline.
         """
         return self.behind.loops.corrected(self.named)
 
@@ -199,12 +203,13 @@ class GapReport:
         Returns
         -------
         str
+            Effect, block, parameters with units, probability and share of the gap.
         """
         if self.effect == NONE:
             if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
                 return (
-                    "No known effect is called for, but the simulation still differs from the"
-                    f" record: gap {self.gap.recalibrated:.2f} against a floor of"
+                    "No known effect is needed, but the simulation still differs from the record:"
+                    f" gap {self.gap.recalibrated:.2f}, two simulations differ by"
                     f" {self.gap.floor:.2f}."
                 )
             return (
@@ -223,13 +228,10 @@ class GapReport:
         names = " and ".join(
             f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in named
         )
-        share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
-        verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
-        size = (
-            f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}"
-            if self.shrinkage
-            else ""
-        )
+        size, g = "", self.gap
+        if self.shrinkage:
+            verb = "reduces" if self.shrinkage["value"] > 0 else "does not reduce"
+            size = f"; adding it {verb} the gap ({g.before:.2f} before, {g.after:.2f} after)"
         return f"The simulation lacks {names}, probability {p:.2f}{size}."
 
     def as_text(self) -> str:
@@ -238,6 +240,7 @@ class GapReport:
         Returns
         -------
         str
+            The answer, the valve, the ranking, the gap and the next test, a line each.
         """
         lines = [
             self.sentence(),
@@ -248,34 +251,39 @@ class GapReport:
             *self._likeness(),
         ]
         if len(self.group) > 1:
-            lines.append("cannot be told apart here: " + ", ".join(self.group))
+            names = ", ".join(words(e) for e in self.group)
+            lines.append(f"These effects give the same signals in this record: {names}.")
         if any(self.blocks.values()):
-            lines.append(
-                "where: "
-                + ", ".join(
-                    f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
-                )
-            )
-        g = self.gap
-        lines.append(
-            f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f},"
-            f" floor {g.floor:.2f}" + ("" if g.resolvable else " (not resolvable)")
-        )
-        if self.shrinkage:
-            s = self.shrinkage
-            lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
-        lines.append("")
+            shares = [
+                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
+            ]
+            lines.append(f"Probability of each block: {', '.join(shares)}.")
+        lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
-            f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}"
+            f"{r.probability:11.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}".rstrip()
             for r in self.ranking[:6]
         ]
-        next_test = (
-            []
-            if self.next_test is None
-            else [f"next test: {self.next_test['test']}: {self.next_test['says']}"]
-        )
-        lines += ["", *next_test] + [f"note: {n}" for n in self.notes]
+        lines += ["", *self.next_line()] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
+
+    def gap_lines(self) -> list[str]:
+        """Return what the gap is and how far it shrinks, in sentences."""
+        g = self.gap
+        lines = gap_sentences(
+            g.before,
+            g.recalibrated,
+            g.after if self.named else None,
+            g.floor,
+            shrinkage=self.shrinkage,
+        )
+        if not g.resolvable:
+            lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
+        return lines
+
+    def next_line(self) -> list[str]:
+        """Return the next test in a sentence, in a list; empty where none is recommended."""
+        one = self.next_test
+        return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]
 
 
 def words(effect: str) -> str:

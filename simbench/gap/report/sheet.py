@@ -1,5 +1,5 @@
-"""One picture of a diagnosis: the record, its simulation without and with the effect, which effect,
-how far it helps.
+"""Draw a diagnosis on one sheet: the record, simulations without and with the effect,
+probabilities, and the gap.
 """
 
 from __future__ import annotations

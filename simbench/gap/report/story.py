@@ -1,5 +1,5 @@
-"""The story of a diagnosis that asked: what was believed before, which tests were run, what they
-changed.
+"""Describe a diagnosis that used tests: the probabilities before, the tests that were run, and what
+they changed.
 """
 
 from __future__ import annotations
@@ -51,7 +51,6 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         "story.html",
         believed=before.sentence(),
         asked="" if asked is None else asked["says"],
-        separates=[] if asked is None else [words(e) for e in asked["separates"]],
         run=[f"{t.name}{f' ({t.id})' if t.id else ''}" for t in tests],
         refused=[n for n in report.notes if n.startswith("test:")],
         now=report.sentence(),

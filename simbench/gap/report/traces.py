@@ -1,5 +1,5 @@
-"""The loops of a report (baseline, recalibrated, fixed), and one simulated record of each to
-compare with the plant's.
+"""Simulate the loops of a report (baseline, recalibrated, corrected) once each, to compare them
+with the record.
 """
 
 from __future__ import annotations

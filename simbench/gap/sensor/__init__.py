@@ -1,1 +1,1 @@
-"""What do single samples of PV tell of the sensor and the archive?"""
+"""Find from single samples of PV what the sensor and the archive do."""

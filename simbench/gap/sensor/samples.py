@@ -1,5 +1,5 @@
-"""What single samples tell of the sensor and the archive: lattices, straight lines, spikes,
-holds.
+"""Find from single samples what the sensor and the archive do: quantisation, interpolated lines,
+spikes, repeated values.
 """
 
 from __future__ import annotations

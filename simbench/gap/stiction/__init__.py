@@ -1,3 +1,1 @@
-"""How probable it is that a valve sticks: friction weighed on one record, the one number that every
-verb shows.
-"""
+"""Compute the probability that a valve sticks from one record; every verb shows this number."""

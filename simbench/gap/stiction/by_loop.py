@@ -1,6 +1,4 @@
-"""The conclusion on a loop from all of its records, and how the conclusions on loops and on units
-agree with labels.
-"""
+"""Combine the conclusions of all records of a loop, and count how they agree with labels."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The loops that may have made a record: one with a sound valve, one with friction, each with a
-load and noise.
+"""Identify from a record the loops that may have produced it: one with a healthy valve and one with
+friction.
 """
 
 from __future__ import annotations

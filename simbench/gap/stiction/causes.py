@@ -1,5 +1,5 @@
-"""Why a loop moves: every cause with what speaks for and against it; none is named because the
-others are not.
+"""Find the cause of a loop's oscillation, with evidence for and against each cause; a cause is
+named only on evidence for it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""One conclusion about one valve: stiction, no stiction or cannot tell, with its probability,
-cause, reason and next step.
+"""Conclude about one valve: stiction, no stiction or cannot tell, with probability, cause, reason
+and next step.
 
 Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand
 below it as evidence.
@@ -24,7 +24,7 @@ from simbench.gap.effects import recogniser
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
-from simbench.gap.stiction.probability import EDGE, verdict
+from simbench.gap.stiction.probability import EDGE, STICKING_VALVES, verdict
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
@@ -154,7 +154,7 @@ def from_posterior(
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
-        (f"among the known effects (without unknown ones), those with friction hold {p:.2f}"),
+        f"effects with friction, and {STICKING_VALVES:g} of what is unknown, hold {p:.2f}",
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
     if answer != STICTION:
@@ -175,21 +175,20 @@ def from_posterior(
 
 
 def friction_share(weights: Classified, named: Sequence[str], assessment: Assessment) -> float:
-    """Return the probability of friction: its share of the known explanations; what is unknown
-    tells nothing of it.
+    """Return the probability of friction: its effects', and of what is unknown the share of valves
+    that stick anywhere. So no claim stands beside an effect without friction.
 
     Of two effects named together both hold: the share of the other one counts by what friction
     brings on top of it.
     """
     p, gains = weights.probability, assessment.log_likelihood_gains
-    known = max(1.0 - p[UNKNOWN], 1e-9)
-    share = sum(p[e] for e in EFFECTS if _is_friction(e)) / known
+    share = sum(p[e] for e in EFFECTS if _is_friction(e)) + STICKING_VALVES * p[UNKNOWN]
     if len(named) == 2 and len(friction := [e for e in named if _is_friction(e)]) == 1:
         first, second = named
         other = second if friction[0] == first else first
         on_top = assessment.log_likelihood_gains_on_top.get(second, gains[second])
         brings = on_top if other == first else gains[first] + on_top - gains[second]
-        share += p[other] / known * float(expit(TEMPERATURE * (brings - LEAST_NATS)))
+        share += p[other] * float(expit(TEMPERATURE * (brings - LEAST_NATS)))
     return float(np.clip(share, 1.0 - EDGE, EDGE))
 
 

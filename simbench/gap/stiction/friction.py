@@ -1,6 +1,4 @@
-"""Friction weighed against a sound valve by the likelihood of the record: the diagnosis with
-nothing else asked.
-"""
+"""Compare models with and without valve friction by the likelihood of the record."""
 
 from __future__ import annotations
 

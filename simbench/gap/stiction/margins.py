@@ -1,5 +1,5 @@
-"""How near an identified loop is to swinging by itself: margins, largest sensitivity, and the
-period at which it resonates.
+"""Compute the stability margins of an identified loop: gain margin, largest sensitivity and
+resonance period.
 """
 
 from __future__ import annotations

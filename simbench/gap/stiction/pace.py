@@ -1,5 +1,5 @@
-"""A record sampled no more densely than its loop moves: between closer samples lies what no plant
-of first order describes.
+"""Thin out a record that is sampled much faster than its loop moves, because between close samples
+a first-order plant model fails.
 """
 
 from __future__ import annotations

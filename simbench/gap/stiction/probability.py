@@ -1,5 +1,5 @@
-"""Probability of stiction: what one record's likelihood measured of friction, weighed by numbers
-learned on simulated loops.
+"""Turn the likelihood evidence of one record into a probability of stiction, with weights fitted to
+simulated loops.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ _NARROW = 0.02  # share of OP's range below which a band is none
 _WIDE = 0.5
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 # Where an error costs 1 and no answer 0.5, an answer pays from a posterior of 0.5 on (Chow 1970,
-# IEEE Trans. Inf. Theory 16). The probability assumes even odds before looking. Of all loops of a
-# plant some 30 % have a valve that sticks (Bialkowski 1993): with odds of 3 to 7, 0.7 becomes 0.5.
-# Stiction is claimed where that pays with either odds, denied where with neither.
+# IEEE Trans. Inf. Theory 16). The probability assumes even odds before looking; with the odds of
+# all loops, 3 to 7, 0.7 becomes 0.5. Stiction is claimed where that pays with either odds, denied
+# where with neither.
 CLAIMED_FROM, DENIED_BELOW = 0.7, 0.5
+STICKING_VALVES = 0.3  # share of a plant's valves that stick (Bialkowski 1993)
 SHORTEST_ASKED = 60  # samples
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
 

@@ -74,6 +74,17 @@ ORDER = (
 class Effect:
     """An effect's block, its parameters, its meaning in one line, and the groups (`_alike`) it may
     be mistaken within.
+
+    Parameters
+    ----------
+    block : str
+        Block of the loop in which it acts.
+    parameters : mapping of str to Number or Choice
+        What may be stated of it, with units and bounds.
+    says : str
+        Its meaning in one line.
+    alike : tuple of str
+        Groups of effects that records cannot tell apart from it.
     """
 
     block: str
@@ -93,6 +104,11 @@ class Effect:
 class Vocabulary(Mapping[str, Effect]):
     """Effects by their id, read from their files when first asked for: all there are, or `only`
     those named.
+
+    Parameters
+    ----------
+    only : tuple of str
+        Ids of the effects; all there are where it is empty.
     """
 
     def __init__(self, only: tuple[str, ...] = ()) -> None:
@@ -128,5 +144,16 @@ def _described(module: ModuleType) -> Effect:
 
 
 def block_of(effect: str) -> str:
-    """Return the block of an effect id; `none` and `unknown` stand for themselves."""
+    """Return the block of an effect id; `none` and `unknown` stand for themselves.
+
+    Parameters
+    ----------
+    effect : str
+        Id of an effect.
+
+    Returns
+    -------
+    str
+        Block of the loop.
+    """
     return effect if effect in (NONE, UNKNOWN) else EFFECTS[effect].block

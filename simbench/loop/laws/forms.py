@@ -18,6 +18,17 @@ from simbench.loop.parameters import Number
 class Form:
     """A readable family of laws: its block, its numbers (all at `identity`: it is not there), and
     its act on a setup.
+
+    Parameters
+    ----------
+    block : str
+        Block of the loop in which it acts.
+    says : str
+        Its meaning in one line.
+    numbers : dict of str to Number
+        Its numbers with units and bounds.
+    act : callable
+        Changes a setup by the numbers, and random numbers, before the loop runs.
     """
 
     block: str
@@ -349,6 +360,18 @@ LAW_FORMS: dict[str, Form] = {
 def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
     """Return the numbers of a form, as an effect's PARAMETERS, with the fitted values for
     defaults.
+
+    Parameters
+    ----------
+    form : str
+        Name of the form.
+    **fitted : float
+        Its numbers.
+
+    Returns
+    -------
+    dict
+        Parameters of the effect that simulates this law.
     """
     return {
         name: replace(rule, default=fitted.get(name, rule.identity))
@@ -359,6 +382,17 @@ def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
 def apply_law(form: str, setup: Any, p: Any, rng: np.random.Generator) -> None:
     """Do to a setup what a form with its numbers `p` does; where all are at their identity that is
     nothing.
+
+    Parameters
+    ----------
+    form : str
+        Name of the form.
+    setup : Setup
+        The loop before it runs; it is changed.
+    p : named tuple
+        Numbers of the form, as `Form.numbers` names them.
+    rng : numpy.random.Generator
+        Random numbers of the law.
     """
     if any(getattr(p, name) != rule.identity for name, rule in LAW_FORMS[form].numbers.items()):
         LAW_FORMS[form].act(setup, p, rng)

@@ -1,1 +1,1 @@
-"""A plant's loops on one page."""
+"""Rank the loops of a plant on one page (`simbench report`)."""

@@ -1,5 +1,5 @@
-"""Whose job a loop is next: valve, tuning, upstream, measurement, or nobody's; what to do is the
-conclusion's next step.
+"""Choose who works on a loop next (valve, tuning, upstream, measurement or nobody), and what to
+do.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def advise(
     if job is None:
         open_valve = VALVE if concluded.verdict == NO_DECISION else TUNING
         job = open_valve if swings else MEASUREMENT if concluded.verdict != NO_STICTION else NOBODY
-    return Advice(job, ": ".join([concluded.next, *map(str, details)]))
+    return Advice(job, "; ".join([concluded.next, *map(str, details)]))
 
 
 def best(actions: Sequence[Action]) -> Action | None:

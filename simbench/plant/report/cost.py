@@ -1,6 +1,4 @@
-"""What a loop's motion costs: the share of its variance that the cycle causes, and what the valve
-travels for it.
-"""
+"""Measure what an oscillation costs: its share of the variance of PV, and the valve travel."""
 
 from __future__ import annotations
 
@@ -38,13 +36,13 @@ class Cost:
     def sentence(self) -> str:
         """Return the cost in words."""
         parts = [
-            f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's"
-            " variance"
+            f"the oscillation causes {self.pv_share:.0%} of the variance of PV and"
+            f" {self.op_share:.0%} of that of OP"
         ]
         if self.travel is not None:
             parts.append(
-                f"the valve travels {self.travel / 100:.3g} full strokes and turns"
-                f" {self.reversals:.3g} times a day"
+                f"the valve travels {self.travel / 100:.0f} full strokes and reverses"
+                f" {self.reversals:.0f} times a day"
             )
         if self.automatic is not None:
             parts.append(f"in automatic {self.automatic:.0%} of the time")

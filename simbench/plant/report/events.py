@@ -1,5 +1,5 @@
-"""Loops that share one oscillation: the same period, and phases that stay together over the whole
-record.
+"""Find loops that share one oscillation: the same period, and phases that stay together over the
+whole record.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A plant's loops, judged side by side: probability and size of stiction, shared oscillations,
-whose job is next.
+"""Judge the loops of a plant: probability and size of stiction, shared oscillations, and the rank
+of each loop.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Fleet:
             if tests
             else f"None of the {len(self.members)} valves needs a test first.",
             "",
-            f"{'rank':<4} {'loop':<34} {'P(stiction)':>11} {'S':>5}  {'cause':<24} work on",
+            f"{'rank':<4} {'loop':<34} {'P(stiction)':>11} {'S':>5}  {'likely cause':<24} work on",
         ]
         for rank, m in enumerate(self.members[:_LISTED], 1):
             p = "" if m.trust.probability is None else f"{m.probability:.2f}"
@@ -158,7 +158,12 @@ class Fleet:
             )
         hidden = len(self.members) - _LISTED
         lines += [f"{hidden} more loops are on the page and in the table."] if hidden > 0 else []
-        lines += ["", *(f"Next for {m.name}: {m.advice.do}." for m in self.members[:_ADVISED])]
+        lines += [
+            "P(stiction): probability that the valve has stiction. S: estimated stick band (% of"
+            " travel where the span of OP is known, else in units of OP; blank: not estimated).",
+            "",
+            *(f"Next for {m.name}: {m.advice.do}." for m in self.members[:_ADVISED]),
+        ]
         lines += self.shared()[:_SENTENCES]
         if self.refused:
             lines.append(f"{len(self.refused)} records were left out; the page names them all:")

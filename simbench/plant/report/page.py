@@ -1,4 +1,4 @@
-"""A plant's loops on one page, and the same as a table."""
+"""Write the page of a plant's loops, and the same as a table."""
 
 from __future__ import annotations
 
@@ -46,6 +46,19 @@ _TABLE_ONLY = (  # in the CSV next to the page, and in the part of the page on t
     "root",
     "cycles",
 )
+_SHARES = (PROBABILITY.replace("_", " "), "confidence", "priority")
+_COLUMNS = (
+    "S, J: estimated stick band and slip-jump, in % of travel where the span of OP is known,"
+    " else in"
+    " units of OP.",
+    "Confidence: how sure the evidence makes the cause, from 0 to 1. Priority: share of the"
+    " variance"
+    " of PV that the cause explains, times the confidence; loops that this loop disturbs count"
+    " too.",
+    "Status: whether an earlier report (--previous) named the same cause. Job: what to work on.",
+    "Oscillation: number of the oscillation that several loops share. Sticky cycles: cycles with"
+    " stiction, of all cycles in the record.",
+)
 _FIRST = 12  # loops named per trade
 _TRADES = {
     VALVE: "Maintenance, at the valve",
@@ -90,7 +103,12 @@ def write_fleet(
     of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
-        section("ranking", "Where to go first", table=SectionTable(shown, ["next"], of_all)),
+        section(
+            "ranking",
+            "Where to go first",
+            table=SectionTable(shown, ["next"], of_all, shares=_SHARES),
+            points=_COLUMNS,
+        ),
         section("events", "Oscillations that loops share", fleet.shared() or [_ALONE]),
         section(
             "matrix",
@@ -226,7 +244,7 @@ def _why(m: FleetLoop) -> list[str]:
     """
     lines = [] if m.causes is None else m.causes.as_lines()
     lines.append(f"Cost: {m.cost.sentence()}.")
-    lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
+    lines += [f"What if: {'; '.join(a.sentence() for a in m.actions)}."] if m.actions else []
     return lines + [f"Assumed: {note}." for note in m.trust.record.notes]
 
 
@@ -234,7 +252,7 @@ def _legend() -> str:
     words = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
     return (
         ", ".join(f"{_SIGN[v]} {word}" for v, word in words.items())
-        + ", blank: not made for this loop."
+        + ", blank: the method does not apply to this loop."
     )
 
 
@@ -259,9 +277,7 @@ def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
 def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
     caption = "PV (red), SP (grey), OP (blue)"
     if m.over_time.several:
-        caption += (
-            f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
-        )
+        caption += f"; {m.over_time.sentence()} (orange: windows with stiction, grey: undecided)"
     verdicts = [f"{v.method}: {_word(v)}" for v in m.verdicts if v.applicable is not False]
     return {
         "rank": rank,

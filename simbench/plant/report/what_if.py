@@ -1,5 +1,5 @@
-"""What would help: the identified loop simulated with its valve repaired, retuned, compensated,
-resized, or left alone.
+"""Simulate what would help a loop: valve repaired, controller retuned, dead-band compensated, valve
+resized, or nothing changed.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class Action:
     def sentence(self) -> str:
         """Return what it would do in words."""
         return (
-            f"{self.what}: PV variance {self.variance:.0%} of today's ({self.lo:.0%} to"
-            f" {self.hi:.0%})"
+            f"{self.what} (simulated PV variance then: {self.variance:.0%} of today's,"
+            f" {self.lo:.0%} to {self.hi:.0%})"
         )
 
 

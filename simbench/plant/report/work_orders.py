@@ -1,4 +1,4 @@
-"""What a plant's loops ask of whom, as a table to hand on: CSV or Excel."""
+"""Write the work orders of a plant's loops as a CSV or Excel table."""
 
 from __future__ import annotations
 

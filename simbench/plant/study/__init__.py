@@ -1,1 +1,1 @@
-"""A set of records against a grid."""
+"""Compare a set of records with a grid (`simbench gap study`)."""

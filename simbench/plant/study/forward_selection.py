@@ -1,4 +1,6 @@
-"""Loops of a grid, to which effects observed in a plant are added one after the other."""
+"""Add effects observed in a plant to the loops of a grid, one after the other, the most useful
+first.
+"""
 
 from __future__ import annotations
 

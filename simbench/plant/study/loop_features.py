@@ -1,5 +1,5 @@
-"""What a record looks like, in numbers without unit, phase or time scale of its own: what real and
-simulated loops share.
+"""Describe a record by features without unit, phase or time scale, so that real and simulated loops
+can be compared.
 """
 
 from __future__ import annotations

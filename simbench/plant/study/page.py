@@ -1,5 +1,5 @@
-"""The page of a study: how far plant and grid are apart, by what, what it costs, and what so few
-loops cannot show.
+"""Write the HTML page of a study: how far plant and grid differ, in which features, what it costs,
+and what so few loops cannot show.
 """
 
 from __future__ import annotations

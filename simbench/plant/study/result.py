@@ -1,4 +1,4 @@
-"""Study: a set of records against a grid as one data object, as text and as JSON."""
+"""`Study`: the comparison of a set of records with a grid, as text and as JSON."""
 
 from __future__ import annotations
 

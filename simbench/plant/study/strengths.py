@@ -1,5 +1,5 @@
-"""Effects diagnosed in a plant's loops, with strengths that can be carried over to loops of another
-size and pace.
+"""Scale the effects diagnosed in a plant's loops, so that they can be added to loops of another
+size and speed.
 """
 
 from __future__ import annotations

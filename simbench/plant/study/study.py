@@ -1,4 +1,4 @@
-"""study(): a set of records against a grid: what separates them, which effects explain it, what
+"""Compare a set of records with a grid: what separates them, which effects explain it, and what
 each costs each detector.
 """
 

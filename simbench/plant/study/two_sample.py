@@ -1,4 +1,4 @@
-"""Two sets of loops compared: kernel distance, a classifier, and single features, each with a
+"""Compare two sets of loops by kernel distance, a classifier and single features, each with a
 permutation p-value.
 """
 

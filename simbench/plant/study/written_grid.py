@@ -1,6 +1,4 @@
-"""A grid with the effects that a plant's loops have: its file, and the effects as drawn
-settings.
-"""
+"""Write a grid extended by the effects that a plant's loops have."""
 
 from __future__ import annotations
 

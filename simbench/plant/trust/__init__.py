@@ -1,1 +1,3 @@
-"""One loop: whom to believe, what its record could have shown, how probable stiction is."""
+"""Find which detector to trust on one loop, and which stiction its record could have shown
+(`simbench trust`).
+"""

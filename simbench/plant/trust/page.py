@@ -1,5 +1,5 @@
-"""The page of a trust: the answer, what this record could have shown, whom to believe, what would
-help.
+"""The HTML page of `simbench trust`: the conclusion, the stiction that this record could have
+shown, the reliability of each method, and what would help.
 """
 
 from __future__ import annotations
@@ -15,27 +15,42 @@ from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.trust.result import Trust
 
 _SHOWN = 3  # detectors drawn with the best reading
+_SHARES = (
+    "accuracy (as advised)",
+    "false positives (published)",
+    "sensitivity (published)",
+    "likelihood ratio",
+)
+_COLUMNS = (
+    "Accuracy (as advised): share of simulated replicates judged rightly with the advised"
+    " threshold; healthy and sticky replicates are weighted equally.",
+    "False positives and sensitivity (published): shares of the healthy and of the sticky"
+    " replicates"
+    " called stiction with the published threshold.",
+    "Likelihood ratio: how much more often sticky replicates than healthy ones get the verdict of"
+    " the record; 1 means that the verdict tells nothing.",
+)
 
 
 def write_page(trust: Trust, path: str | Path) -> None:
     """Write a trust as one self-contained HTML page."""
     record = trust.record
-    answer = trust.conclusion.as_lines()
-    if trust.best is not None:
-        answer.append(f"{trust.power_line()[0].upper()}{trust.power_line()[1:]}.")
     tiles = []
     if trust.probability is not None:
         tiles.append(
-            (f"{trust.probability:.2f}", "probability of stiction, even odds before looking")
+            (f"{trust.probability:.2f}", "probability of stiction (prior probability 0.5)")
         )
-        tiles.append((f"{len(trust.twins)}", "twins of this loop simulated and judged"))
+        tiles.append(
+            (f"{len(trust.twins)}", "simulated replicates of this loop, judged by every method")
+        )
     if trust.smallest_visible is not None:
         tiles.append(
             (
                 f"{trust.smallest_visible[0]:.2g}",
-                f"smallest S ({record.S_unit}) that shows in 4 of 5 such records",
+                f"smallest S ({record.S_unit}) detected in 4 of 5 replicates",
             )
         )
+    answer = [*trust.conclusion.as_lines(), *trust.advice()]
     parts = [section("answer", "The answer", answer, tiles=tiles)]
     when = trust.over_time
     shaded = (
@@ -51,11 +66,11 @@ def write_page(trust: Trust, path: str | Path) -> None:
     parts.append(section("record", "The record", pictures=seen))
     if trust.power:
         best = [m for m in trust.methods if m.verdict.applicable is not False][:_SHOWN]
-        curves = {"as best read": trust.power} | {m.verdict.method: m.power for m in best}
+        curves = {"most accurate": trust.power} | {m.verdict.method: m.power for m in best}
         caption = (
-            "Share of twins called stiction over S; the band is the 95 % interval of the method"
-            " most often right on the twins, as best read, the others by their published rules, the"
-            " dashed line 0.8"
+            "Share of replicates called stiction, over S. Black: the reading most often right on"
+            " the replicates, with its 95 % interval. Other colours: methods with their published"
+            " thresholds. Dashed: 0.8"
         )
         ratios = sorted({round(c.J / c.S, 6) for c in trust.power})
         pictures = [
@@ -67,7 +82,8 @@ def write_page(trust: Trust, path: str | Path) -> None:
         section(
             "methods",
             "Which method to trust on this loop",
-            table=SectionTable(_table(trust), ["reason"]),
+            table=SectionTable(_table(trust), ["reason"], shares=_SHARES),
+            points=_COLUMNS if trust.twins else (),
         )
     )
     points = [*(r.sentence() for r in trust.helps), *trust.notes]
@@ -77,8 +93,8 @@ def write_page(trust: Trust, path: str | Path) -> None:
         parts.append(section("next", "What would help, and what to know", points=points))
     write(
         path,
-        f"Stiction in {record.tag or 'this loop'}: what can be believed",
-        "Detectors on twins of one loop",
+        f"Stiction in {record.tag or 'this loop'}: which method to trust",
+        "Detectors on simulated replicates of one loop",
         parts,
     )
 
@@ -88,16 +104,20 @@ def _table(trust: Trust) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "method": m.verdict.method,
-            "verdict here": (
-                "not made for it"
+            "verdict (published)": (
+                "not applicable"
                 if m.verdict.applicable is False
                 else m.verdict.verdict.replace("_", " ")
             ),
-            "right on twins": m.rule.right,
-            "false alarms": m.false_alarms,
-            "sensitivity": sum(c.share for c in m.power) / len(m.power) if m.power else None,
+            "accuracy (as advised)": m.rule.right,
+            "false positives (published)": m.false_alarms,
+            "sensitivity (published)": sum(c.share for c in m.power) / len(m.power)
+            if m.power
+            else None,
             "likelihood ratio": m.likelihood_ratio,
-            "read by": "published rule" if m.rule.cut is None else f"score above {m.rule.cut:.3g}",
+            "advised threshold": "as published"
+            if m.rule.cut is None
+            else f"score above {m.rule.cut:.3g}",
             "reason": summary.own_reason(m.verdict, shared),
         }
         for m in trust.methods

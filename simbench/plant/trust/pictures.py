@@ -1,4 +1,4 @@
-"""Pictures of a loop: its trend, PV against OP, and what each size of stiction would have shown."""
+"""Draw a loop: its trend, PV against OP, and the share of each size of stiction detected."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What each detector finds on the twins: false alarms, power over S and J, the threshold to use,
-the smallest that shows.
+"""Compute for each detector, from simulated replicates of a loop, false-positive rate, sensitivity
+over S and J, an advised threshold, and the smallest visible stiction.
 """
 
 from __future__ import annotations

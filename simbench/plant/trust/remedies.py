@@ -1,5 +1,5 @@
-"""What would help: the same loop recorded otherwise, simulated, until stiction too small for this
-record shows.
+"""Simulate other ways to record a loop that would make a stiction visible that this record cannot
+show.
 """
 
 from __future__ import annotations
@@ -45,13 +45,15 @@ class Remedy:
         """Return what would help in one sentence."""
         if not self.what:
             return (
-                "would help: nothing that was tried (a record four times as long, faster sampling,"
-                f" a set-point step, MV, another archive) shows S = {self.S:.2g} {self.unit}"
+                "would help: none of the changes tried (a record four times as long, faster"
+                " sampling, a set-point step, MV, another archive) makes S ="
+                f" {self.S:.2g} {self.unit} visible"
             )
         return (
-            f"would help: {self.what}; {self.method} would then find {self.share:.0%} of S ="
-            f" {self.S:.2g} {self.unit} (false alarms {self.alarms:.0%}; now"
-            f" {max(self.before, 0.0):.0%} net of them)"
+            f"would help: {self.what}; {self.method} would then detect S ="
+            f" {self.S:.2g} {self.unit} in {self.share:.0%} of simulated replicates, with"
+            f" {self.alarms:.0%} false positives (difference {self.share - self.alarms:.0%}; in"
+            f" this record {max(self.before, 0.0):.0%})"
         )
 
 
@@ -99,9 +101,9 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
         if not loop.plant.integrating
         else 4.0 * float(np.std(record.pv))
     )
-    out.append((f"set-point steps of {high:.2g} PV units", Change(step=high)))
+    out.append((f"set-point steps of {high:.2g} (unit of PV)", Change(step=high)))
     if record.mv is None:
-        out.append(("the valve's position (MV) recorded", Change(mv=True)))
+        out.append(("recording the valve position (MV)", Change(mv=True)))
     if archived(loop):
         out.append(
             (

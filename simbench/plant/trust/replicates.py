@@ -1,6 +1,4 @@
-"""Twins of a record: what its loop might have recorded, with a healthy valve and with
-friction of known size.
-"""
+"""Simulate replicates of a recorded loop, with a healthy valve and with friction of known size."""
 
 from __future__ import annotations
 

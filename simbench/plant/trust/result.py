@@ -1,4 +1,4 @@
-"""Trust: what can be believed of one record as one data object, as text and as JSON."""
+"""Trust: the answer of `simbench trust` about one record, printed as text or as JSON."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ from simbench.plant.trust.remedies import Remedy
 
 @dataclass(frozen=True)
 class MethodTrust:
-    """What one method is worth on this loop: its verdict on the record, and its record on the
-    twins.
+    """One method's verdict on the record, and its error rates on simulated replicates of the loop.
 
-    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the
-    published rule.
+    `rule` is the reading advised on this loop; false alarms, power and likelihood ratio are those
+    of the published rule.
     """
 
     verdict: Verdict
@@ -40,11 +39,12 @@ class MethodTrust:
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """What can be believed of this record.
+    """The conclusion about one record, and how reliable each method is on its loop.
 
-    `methods` stand as they agree with the probability and are right on the twins;
-    `smallest_visible` (S, J in the unit of the record's S) and `power` are those of the method most
-    often right on the twins, as read best; `twins` are S and J (%) of each.
+    `methods` are ordered: those that agree with the conclusion first, the most accurate on
+    simulated replicates first. `most_accurate` is the reading that is most often right on the
+    replicates, whether it agrees or not; `smallest_visible` (S, J in the unit of the record's S)
+    and `power` are its own. `twins` are S and J (%) of each replicate.
     """
 
     conclusion: Conclusion
@@ -57,6 +57,7 @@ class Trust:
     record: LoopRecord = field(repr=False)
     candidates: CandidateLoops | None = field(repr=False, default=None)
     over_time: OverTime | None = field(repr=False, default=None)
+    most_accurate: Rule | None = None
 
     @property
     def probability(self) -> float | None:
@@ -94,45 +95,57 @@ class Trust:
         return self.conclusion.sentence()
 
     def _seen(self) -> str:
-        """Return what simulated replicates of the loop would have shown."""
-        if not self.twins:
+        """Return the smallest stiction that the most accurate method detects on replicates."""
+        if self.most_accurate is None:
             return f"no simulated replicates: {self.notes[0]}"
+        seen = self.smallest_visible
+        size = (
+            "none of the sizes tried"
+            if seen is None
+            else f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit}"
+        )
         return (
-            f"smallest stiction detected in at least 4 of 5 simulated replicates: {self._visible()}"
+            f"smallest stiction that {_reading(self.most_accurate)} detects in at least 4 of 5"
+            f" simulated replicates of this loop: {size}"
         )
 
-    def _visible(self) -> str:
-        seen = self.smallest_visible
-        return "none of the sizes tried" if seen is None else (
-            f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit}"
-        )  # fmt: skip
-
     def _asides(self) -> list[str]:
-        """Return how the best method is to be read, and its verdicts over time, as far as there is
-        something to say.
-        """
-        sentences = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
+        """Return the most reliable method, and the verdicts over time, where there are any."""
+        sentences = (
+            [f"most reliable method here: {_reading(self.best.rule)}"]
+            if self.best is not None
+            else []
+        )
         if self.over_time is not None and self.over_time.several:
             sentences.append(f"over time: {self.over_time.sentence()}")
         return sentences
 
     def power_line(self) -> str:
-        """Return in one line what this record could have shown, and whom to believe."""
+        """Return in one line the smallest visible stiction, and the most reliable method."""
         best = self.best
         if best is None:
             return f"power: unknown ({self.notes[0]})"
         return (
-            f"power: this record would have shown {self._visible()}; probability of stiction"
-            f" {self.probability:.2f}; the method to trust: {_reading(best.rule)}, right on"
-            f" {best.rule.right:.0%} of its {len(self.twins)} twins"
+            f"power: {self._seen()}; probability of stiction {self.probability:.2f}; most reliable"
+            f" method here: {_reading(best.rule)}, right on {best.rule.right:.0%} of"
+            f" {len(self.twins)} simulated replicates"
         )
 
     def as_text(self) -> str:
-        """Return the answer for people: the sentence, whom to trust, the table of methods, what
-        would help.
+        """Return the conclusion, the most reliable method, the table of methods, what would help
+        and the notes.
         """
-        lines = [*self.conclusion.as_lines(), f"{self._seen()[0].upper()}{self._seen()[1:]}."]
-        best = self.best
+        lines = [*self.conclusion.as_lines(), *self.advice()]
+        if self.best is not None:
+            lines += ["", *_table(self.methods, self.record.S_unit), self._legend()]
+        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
+        more = [*(r.sentence() for r in self.helps), *notes]
+        return "\n".join([*lines, *([""] if more else []), *more])
+
+    def advice(self) -> list[str]:
+        """Return the smallest visible stiction and the most reliable method, a line each."""
+        seen = self._seen()
+        lines, best = [f"{seen[0].upper()}{seen[1:]}."], self.best
         if best is not None:
             agrees = best.verdict_here == likely(self.probability or 0.0)
             why = (
@@ -140,19 +153,23 @@ class Trust:
                 if agrees
                 else "the highest of all methods, though none agrees with the probability"
             )
-            lines += [
-                (
-                    f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
-                    f" {best.verdict_here.replace('_', ' ')}. Its accuracy on simulated"
-                    f" replicates of this loop is {best.rule.right:.0%} (sticky and healthy"
-                    f" weighted equally), {why}."
-                ),
-                "",
-                *_table(self.methods),
-            ]
-        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
-        more = [*(r.sentence() for r in self.helps), *notes]
-        return "\n".join([*lines, *([""] if more else []), *more])
+            lines.append(
+                f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
+                f" {best.verdict_here.replace('_', ' ')}. Its accuracy on the replicates is"
+                f" {best.rule.right:.0%}, {why}."
+            )
+        return lines
+
+    def _legend(self) -> str:
+        """Return what the columns of the table mean."""
+        sticky = sum(S > 0 for S, _ in self.twins)
+        return (
+            f"Replicates: this loop simulated {len(self.twins) - sticky} times with a healthy valve"
+            f" and {sticky} times with stiction; accuracy weights both equally. Smallest S:"
+            f" detected"
+            " in 4 of 5 replicates (-: no size tried). Threshold: the method reports stiction above"
+            " this score (empty: as published)."
+        )
 
 
 def likely(probability: float) -> str:
@@ -172,36 +189,34 @@ def _as_row(m: MethodTrust) -> dict[str, Any]:
 
 
 def _reading(rule: Rule) -> str:
-    return (
-        rule.method
-        if rule.cut is None
-        else f"{rule.method} (calling stiction from a score of {rule.cut:.3g} on)"
-    )
+    threshold = "its published threshold" if rule.cut is None else f"a threshold of {rule.cut:.3g}"
+    return f"{rule.method} with {threshold}"
 
 
-def _table(methods: Sequence[MethodTrust]) -> list[str]:
-    """Return one row per method: its verdict here, and how it does on the simulated replicates."""
+def _table(methods: Sequence[MethodTrust], unit: str) -> list[str]:
+    """Return one row per method: its published rule, then the reading advised on this loop."""
+    of_travel = "%" if unit.startswith("%") else unit
     lines = [
-        f"{'':<18} {'verdict':<15} {'accuracy on':>11} {'false-pos.':>10} {'detects S from':>16}"
-        f" {'stiction':>12}",
-        f"{'method':<18} {'here':<15} {'replicates':>11} {'rate':>10} {'J = S/4':>8}"
-        f" {'J = S':>7} {'from score':>12}",
+        f"{'':<18} with the published threshold:{'':<26}as advised for this loop:",
+        f"{'':<18} {'':<15} {'false':>9} {f'smallest S ({of_travel})':>17}",
+        f"{'method':<18} {'verdict':<15} {'positives':>9} {'J = S/4':>9} {'J = S':>7}"
+        f" {'threshold':>14} {'accuracy':>10}",
     ]
     for m in methods:
         v = m.verdict
-        where = "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
+        published = "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
         deadband, equal = (_detects_from(m, equal) for equal in (False, True))
         cut = "" if m.rule.cut is None else f"{m.rule.cut:.3g}"
         lines.append(
-            f"{v.method:<18} {where:<15} {m.rule.right:>11.2f} {m.false_alarms:>10.2f}"
-            f" {deadband:>8} {equal:>7} {cut:>12}".rstrip()
+            f"{v.method:<18} {published:<15} {m.false_alarms:>9.2f} {deadband:>9} {equal:>7}"
+            f" {cut:>14} {m.rule.right:>10.2f}"
         )
     return lines
 
 
 def _detects_from(m: MethodTrust, equal: bool) -> str:
-    """Return the least S from which the method finds four of five sticky replicates, of J = S or
-    smaller J; "-" where it does not at the largest.
+    """Return the smallest S from which the method detects four of five sticky replicates, those
+    with J = S or those with less; "-" where it does not at the largest size.
     """
     least = "-"
     cells = [c for c in m.power if (c.J > 0.5 * c.S) is equal]

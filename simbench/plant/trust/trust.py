@@ -1,5 +1,8 @@
-"""trust(): which detector to believe on one loop, what its record could have shown, and how
-probable stiction is.
+"""`simbench trust`: which detector is most reliable on one loop, and which stiction its record
+could have shown.
+
+The loop is simulated many times with a healthy and with a sticky valve; every detector judges these
+replicates, for which the right answer is known.
 """
 
 from __future__ import annotations
@@ -60,8 +63,8 @@ def trust(
     seed: int = 0,
     **signals: Unpack[RecordSignals],
 ) -> Trust:
-    """Say which detector to believe on this loop, what its record could have shown, and how
-    probable stiction is.
+    """Return which detector is most reliable on this loop, which stiction its record could have
+    shown, and how probable stiction is.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def trust(
     methods : str, function, object with `detect`, or iterable of them
         Method ids, "all", "fast" or "full", and detectors of the caller, as in `simbench.detect`.
     healthy, each : int
-        Twins with a sound valve, and per cell of S and J.
+        Number of simulated replicates with a healthy valve, and with each pair of S and J.
     help_wanted : bool
         Simulate what would help where the record shows too little.
     seed : int
@@ -83,6 +86,8 @@ def trust(
     Returns
     -------
     Trust
+        The conclusion, each method's accuracy on simulated twins of the loop, and what its
+        record could show.
 
     Raises
     ------
@@ -91,14 +96,14 @@ def trust(
 
     Notes
     -----
-    The conclusion is that of `simbench.gap.stiction`, the same in every verb. What the methods say
-    of record and twins adds nothing to it: most are blind where no limit cycle exceeds the
-    load, and there the likelihood still tells. Of the methods that agree with it, twins say which
-    is worth reading here, and how much friction it would have shown.
+    The conclusion is that of `simbench.gap.stiction`, the same in every verb. The verdicts of the
+    methods do not change it: where the limit cycle is smaller than the load disturbances, most
+    methods see nothing, and the likelihood still tells. The replicates show which of the methods
+    that agree with the conclusion is most accurate here, and how much friction it detects.
 
-    Twins know only what the identified loop knows: with a loop that changed within the record, or a
-    plant unlike first order with dead time, claims are too sure. Even odds of stiction are assumed
-    before looking.
+    The replicates are only as good as the identified loop: if the loop changed within the record,
+    or the plant is unlike first order with dead time, the claims are too sure. The prior
+    probability of stiction is one half.
 
     Examples
     --------
@@ -133,7 +138,7 @@ def _trust(
     healthy, each = counts
     refuse_wrong_forms(names)
     verdicts = judge(record, names)
-    prepared, diagnosis = Prepared(replace(record, mv=None)), None
+    prepared, diagnosis, assessment = Prepared(replace(record, mv=None)), None, None
     try:
         refuse_unweighable(record)
     except UserError as why:
@@ -141,12 +146,10 @@ def _trust(
     try:
         if loop is not None:
             # with a loop file, friction is compared with every other effect
-            diagnosis = diagnose_all(
-                [in_percent(record)[0]], with_sound_valve(loop), describe=False
-            )
-        candidates = candidate_loops(
-            record, loop, None if diagnosis is None else diagnosis.behind.found
-        )
+            diagnosis = diagnose_all([in_percent(record)[0]], loop, describe=False)
+            # replicates of a valve with friction begin from a sound one, which is fitted anew
+            assessment = diagnosis.behind.found if with_sound_valve(loop) is loop else None
+        candidates = candidate_loops(record, loop, assessment)
     except UserError as why:
         if loop is not None:
             raise
@@ -218,6 +221,7 @@ def _weighed(
         notes=candidates.notes,
         record=record,
         candidates=candidates,
+        most_accurate=rules[keenest][0],
     )
 
 

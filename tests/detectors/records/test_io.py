@@ -296,6 +296,14 @@ def test_folder_keeps_good_records_and_names_the_others(tmp_path):
     assert "no PV column" in refused["other"]
 
 
+def test_files_whose_names_look_alike_are_all_read(tmp_path):
+    for name in ("a.csv", "a.txt", "b.csv", "n\\udcff.csv", "n\udcff.csv"):
+        write(tmp_path, rows(), name=name)
+    records, refused = read_folder(tmp_path)
+    assert (len(records), refused) == (5, {})
+    assert {"a.csv", "a.txt", "b"} < set(records)
+
+
 def test_labels_read_with_underscores_as_hyphens(tmp_path):
     file = write(
         tmp_path,

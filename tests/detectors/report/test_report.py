@@ -210,7 +210,7 @@ def test_command_prints_lines_for_people(folder, capsys):
         == 0
     )
     out = capsys.readouterr().out
-    assert out.splitlines()[1] == "Methods: hammerstein says stiction."
+    assert out.splitlines()[1] == "Methods: hammerstein reports stiction."
     assert "S (% of travel)" in out
 
 
@@ -247,10 +247,7 @@ def test_level_is_a_number_or_an_interval_in_the_text():
         "of",
         "travel)",
         "J",
-        "made",
-        "for",
-        "this",
-        "loop",
+        "applicable",
     ]
     assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
 
@@ -261,7 +258,7 @@ def test_cells_stand_in_equal_columns():
 
 def test_what_the_methods_say_together_counts_each():
     verdicts = [Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")]
-    assert sentence(verdicts) == "1 of 2 methods says stiction, 0 no stiction, 1 no decision"
+    assert sentence(verdicts) == "1 of 2 methods reports stiction, 0 no stiction, 1 no decision"
 
 
 def test_what_is_noted_of_the_whole_record_is_not_repeated():

@@ -75,7 +75,7 @@ def test_a_score_that_tells_nothing_is_not_informative(runs):
     a, b = runs
     noise = np.random.default_rng(0).normal(size=b.score.shape).astype(np.float32)
     assert not calibrate_books(a, replace(b, score=noise), WRONG).table.informative[0]
-    assert "not informative here" in calibrate_books(a, replace(b, score=noise), WRONG).as_text()
+    assert "Not informative here" in calibrate_books(a, replace(b, score=noise), WRONG).as_text()
 
 
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.3])

@@ -34,7 +34,7 @@ SMALL = {
     "repeats": 2,
 }
 METHODS = ["horch_histogram"]
-KILLS = Path(__file__).parents[2] / "reference" / "kills.py"
+KILLS = Path(__file__).parents[3] / "benchmarks" / "kills.py"
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault, every, m
 
 @pytest.mark.slow  # each time a process is forked, killed, forked again
 def test_a_whole_smoke_run_is_killed_for_real_and_goes_on():
-    """At a few of its operations; `python tests/reference/kills.py` does so at every one."""
+    """At a few of its operations; `python benchmarks/kills.py` does so at every one."""
     done = subprocess.run([sys.executable, KILLS, "--every", "25"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"kill before +\d+ +0 +0 +0", done.stdout), done.stdout

@@ -4,8 +4,11 @@ the same bits on going on.
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -46,7 +49,14 @@ HEAVY = {
     "gap study": "gap study ../plant --grid smoke --html study.html -j 1",
     "withheld answer": "gap withheld answer held",
     "calibrate": "calibrate smoke --method horch -o cal",
+    "map": "map smoke -o map --method horch_histogram --points 12 -j 1 --resume",
+    "verify": "verify ../run --share 1 -j 1 --json",
+    "check --update": "check ../run --against earlier --update",
+    "exam open --report": "exam open ../exam --key ../exam.key ../answers.csv --report open.html",
+    "withheld make": "gap withheld make made --key made.key -n 100 --seed 1",
 }
+TIMES = ("times", "runtime_s", "median_ms")  # what differs between two runs of the same bits
+CLOCK = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?")
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +68,12 @@ def home(tmp_path_factory):
     (home / "plant").mkdir()
     for k in range(5):
         write(home / "plant" / f"r{k}.csv", np.arange(300 + 20 * k))
-    run = f"run smoke -o {home}/run --method horch_histogram --set disturbance=none"
+    run = "run smoke --method horch_histogram --set disturbance=none"
     for words in (
-        run,
+        f"{run} -o {home}/run",
+        f"{run} -o {home}/other --raw",
         f"check {home}/run --against {home}/baseline --update",
+        f"check {home}/other --against {home}/earlier --update",
         f"exam make smoke -o {home}/exam --key {home}/exam.key --n 2 --seed 3",
         f"exam answer {home}/exam -o {home}/answers.csv --method horch_histogram",
     ):
@@ -100,6 +112,22 @@ def bits(folder) -> dict[str, bytes]:
     files = {str(f.relative_to(folder)): f for f in sorted(folder.rglob("*")) if f.is_file()}
     timed = (".parquet", "manifest.json", "cost.csv", "scores.csv", "scores_by_axis.csv")
     return {name: b"" if name.endswith(timed) else f.read_bytes() for name, f in files.items()}
+
+
+def contents(folder) -> dict[str, object]:
+    """All files below a folder; of tables, manifests and pages without the times they state."""
+    found: dict[str, object] = dict(bits(folder))
+    for name in found:
+        file = folder / name
+        if name.endswith(".json"):
+            whole = json.loads(file.read_text())
+            found[name] = {k: v for k, v in whole.items() if k not in (*TIMES, "checksum")}
+        elif name.endswith((".parquet", ".csv")):
+            table = pd.read_parquet(file) if name.endswith(".parquet") else pd.read_csv(file)
+            found[name] = table[[c for c in table if c not in TIMES]].to_csv()
+        elif name.endswith("html"):
+            found[name] = CLOCK.sub(b"", file.read_bytes())
+    return found
 
 
 def clean(home, name):
@@ -171,38 +199,55 @@ def started(words, folder):
     return subprocess.Popen(
         [sys.executable, "-m", "simbench.cli", *words],
         cwd=folder,
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
 
 
+def begun(home, name, words):
+    """An empty folder, or one that holds what a verb answers or replaces."""
+    folder = clean(home, name)
+    if "held" in words:
+        (folder / "held" / "records").mkdir(parents=True)
+        for k in range(3):
+            shutil.copy(home / "rec.csv", folder / "held" / "records" / f"r{k}.csv")
+            shutil.copy(home / "loop.toml", folder / "held" / "records" / f"r{k}.toml")
+    if "earlier" in words:
+        shutil.copytree(home / "earlier", folder / "earlier")
+    return folder
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", [*QUICK, *HEAVY])
 def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
-    """`KILLS=4` of each by default: 72 in all."""
+    """`KILLS=4` of each by default."""
     words = ({**QUICK, **HEAVY}[verb]).split()
-
-    def begun(name):
-        folder = clean(home, name)
-        if "held" in words:
-            (folder / "held").mkdir()
-            (folder / "held" / "records").mkdir()
-            for k in range(3):
-                shutil.copy(home / "rec.csv", folder / "held" / "records" / f"r{k}.csv")
-                shutil.copy(home / "loop.toml", folder / "held" / "records" / f"r{k}.toml")
-        return folder
-
-    whole = begun("whole")
+    whole = begun(home, "whole", words)
     since = time.monotonic()
-    assert started(words, whole).wait() == 0
-    took, expected = time.monotonic() - since, bits(whole)
-    kills = int(os.environ.get("KILLS", "4"))
+    process = started(words, whole)
+    said = process.communicate()[0]
+    assert process.returncode == 0
+    took, expected = time.monotonic() - since, contents(whole)
+    kills, ended = int(os.environ.get("KILLS", "4")), 0
     for k in range(kills):
-        folder = begun("killed")
+        folder = begun(home, "killed", words)
         process = started(words, folder)
-        time.sleep(took * (0.4 + 0.55 * k / kills))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        assert started(words, folder).wait() == 0
-        assert bits(folder) == expected, k
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=took * (0.4 + 0.55 * k / kills))
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        ended += process.wait() == 0
+        again = started(words, folder)
+        told = again.communicate()[0]
+        process.stdout.close()
+        assert again.returncode == 0 or whole_exam(verb, folder, expected)
+        assert contents(folder) == expected, k
+        if verb == "verify":
+            assert told == said
+    print(f"{verb}: {kills - ended} kills of {took:.1f} s")
+
+
+def whole_exam(verb, folder, expected) -> bool:
+    """Whether a kill came after all of an exam was there, which is not made again."""
+    return verb in ("exam make", "withheld make") and contents(folder) == expected

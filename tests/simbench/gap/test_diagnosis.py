@@ -15,7 +15,7 @@ from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
-from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
+from simbench.gap.diagnosis import closing, diagnose, named_by, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
@@ -193,8 +193,7 @@ def stubs(monkeypatch):
 
     def plan(assessed, probability, loops, **more):
         seen.update(probability=probability, loops=loops, **more)
-        tests = [SimpleNamespace(trial=SimpleNamespace(id="bump"), p_right=0.8)]
-        return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="", tests=tests)
+        return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="")
 
     monkeypatch.setattr(diagnosis, "plan", plan)
     monkeypatch.setattr(
@@ -243,10 +242,7 @@ def test_the_answer_is_put_together(stubs):
     }
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
     assert answer.notes == ("noted", "two records", "valve: MV strays")
-    assert (answer.next_test, answer.behind.after_tests) == (
-        {"test": "bump", "says": "bump it"},
-        {"bump": 0.8},
-    )
+    assert answer.next_test == {"test": "bump", "says": "bump it"}
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
 
@@ -260,20 +256,6 @@ def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
         unresolved.notes[-1]
         == "the gap (4.00) does not stand out of its floor (0.80): no shrinkage is claimed"
     )
-
-
-@pytest.mark.parametrize(
-    ("known", "faithful", "raw"), [(True, False, False), (False, True, False), (False, False, True)]
-)
-def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(
-    stubs, known, faithful, raw
-):
-    advice, why, after = _advice(
-        assessed("stiction", s=situation(known=known, faithful=faithful)), weighed(), Loops()
-    )
-    assert advice is not None
-    assert advice["test"] == ("raw" if raw else "bump")
-    assert (why, after) == ("", {} if raw else {"bump": 0.8})
 
 
 def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):

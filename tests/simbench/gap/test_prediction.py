@@ -13,7 +13,16 @@ from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.gap import command
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.prediction import _interval, _moved, measure, predict, read_settings
+from simbench.gap.prediction import (
+    Measures,
+    _corrected,
+    _interval,
+    _moved,
+    _Pair,
+    measure,
+    predict,
+    read_settings,
+)
 from simbench.loop.simulate import simulate
 
 MODEL = Loop.from_table({
@@ -108,10 +117,30 @@ def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
 
 
 def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
-    prediction = _interval(np.zeros(50))
+    prediction = _interval(np.zeros(50), 0.03)
     assert prediction.value == 1.0
-    assert 1.0 < prediction.hi < 1.1
+    assert prediction.hi == pytest.approx(np.exp(1.645 * 0.03))
     assert prediction.lo == pytest.approx(1.0 / prediction.hi)
+
+
+def pairs(before, after):
+    def runs(x):
+        return [Measures(v, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0) for v in np.exp(x)]
+
+    return [_Pair(b, a, None) for b, a in zip(runs(before), runs(after))]
+
+
+@pytest.mark.parametrize(("common", "taken_over"), [(0.3, 1.0), (0.0, 0.0)])
+def test_the_record_corrects_what_draws_have_in_common_and_not_chance(common, taken_over):
+    rng = np.random.default_rng(0)
+    model = common * rng.standard_normal(400)
+    before, after = (model + 0.1 * rng.standard_normal(400) for _ in range(2))
+    # the record is twice what the model makes of it
+    record = Measures(2.0, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0)
+    prediction = _corrected("pv_std", record, pairs(before, after))
+    assert np.log(prediction.value) / np.log(2.0) == pytest.approx(taken_over, abs=0.15)
+    # nothing to compare with: no oscillation is recorded
+    assert _corrected("period_s", record, pairs(before, after)) is None
 
 
 @pytest.mark.parametrize(

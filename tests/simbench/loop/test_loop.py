@@ -1,8 +1,6 @@
 """The loop: the contract of one sample, one run, and its random numbers."""
 
-import sys
 import tomllib
-from pathlib import Path
 
 import control
 import numpy as np
@@ -17,8 +15,6 @@ from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate, simulate_batch
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
 
 BASE = {
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.5},

@@ -119,7 +119,7 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
     for row in scores.ranking().itertuples():
         value, shown = (
             re.escape(repr(float(row.accuracy_applicable))),
-            f"{row.accuracy_applicable:.3f}",
+            f"{row.accuracy_applicable:.2f}",
         )
         assert re.search(rf'<td class="name">{row.method}</td>.*?data-v="{value}">{shown}', text)
 

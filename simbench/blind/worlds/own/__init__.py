@@ -1,5 +1,5 @@
-"""The first independent simulator of the blind check: with valve physics, controllers,
-historian, faults and oracle.
+"""The first independent plant simulator of the blind test, with its own valve physics, controllers,
+archive and faults.
 """
 
 from __future__ import annotations
@@ -27,7 +27,22 @@ TITLE = (
 
 
 def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
-    """Draw a record that holds what the entry asks for."""
+    """Draw a record that holds what the entry asks for.
+
+    Parameters
+    ----------
+    seed : int
+        Root of the item's random stream.
+    index : int
+        Number of the item in its set.
+    entry : dict
+        What the item must hold: its effects and the kind of loop.
+
+    Returns
+    -------
+    Item
+        The record, the baseline handed out with it, and the truth.
+    """
     drawn = draw_item(seed, index, entry)
     return Item(_columns(drawn.case, drawn.signals), baseline_table(drawn.case), drawn.answer)
 
@@ -38,7 +53,24 @@ def simulate(
     seed: int,
     nominal: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Run the loop of an answer again with other effects in place of the true one."""
+    """Run the loop of an answer again with other effects in place of the true one.
+
+    Parameters
+    ----------
+    answer : mapping
+        Answer of an item that `draw` returned.
+    effects : sequence of mapping
+        Effects to simulate, each with its name under effect and its parameters.
+    seed : int
+        Root of the noise and the loads.
+    nominal : bool
+        With the plant that the baseline states in place of the true one.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Signals by name: t (s), sp and pv (PV units), op (%), mv (%) where it is recorded.
+    """
     case, acts = _faulty(answer, effects, nominal)
     return _columns(case, loops.simulate(case, seed, acts))
 
@@ -48,6 +80,22 @@ def test(
 ) -> dict[str, np.ndarray]:
     """Run a test of the menu on the loop of an answer: columns as recorded, mode and lab where the
     plan has them.
+
+    Parameters
+    ----------
+    answer : mapping
+        Answer of an item that `draw` returned.
+    effects : sequence of mapping
+        Effects to simulate, each with its name under effect and its parameters.
+    seed : int
+        Root of the noise and the loads.
+    plan : TestPlan
+        The test: its kind, size and length.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Signals as `simulate` returns them.
     """
     case, acts = _faulty(answer, effects, False)
     signals, true = loops.test(case, seed, acts, plan)

@@ -1,4 +1,4 @@
-"""Loops a plant could have, drawn at random, and the baseline handed out with each."""
+"""Draw random but plausible loops, and the baseline that is handed out with each."""
 
 from __future__ import annotations
 

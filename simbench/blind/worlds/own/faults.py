@@ -1,5 +1,5 @@
-"""What each effect id, and each foreign kind that no fit knows, does to the loop of the
-generator.
+"""Apply each effect, including kinds that the diagnosis does not know, to a loop of this
+simulator.
 """
 
 from __future__ import annotations

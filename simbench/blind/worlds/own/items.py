@@ -1,5 +1,5 @@
-"""One record of the blind check: a loop drawn until it can hold the wanted fault at the wanted
-strength, with its answer.
+"""Make one record of the blind test: draw loops until one can have the wanted fault at the wanted
+strength.
 """
 
 from __future__ import annotations

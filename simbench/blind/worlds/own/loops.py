@@ -1,5 +1,5 @@
-"""One loop as it really is, made ready for a run, and what its historian shows; load and noise in
-several colours.
+"""Describe one loop completely, prepare it for simulation, and produce what its archive stores;
+loads and noise in several spectra.
 """
 
 from __future__ import annotations

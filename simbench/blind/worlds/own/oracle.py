@@ -1,5 +1,5 @@
-"""What the generator alone knows: how visible a fault is, and how far its gap shrinks once the
-fault is added.
+"""Compute what only the simulator can know: how visible a fault is, and how far the gap shrinks
+when the fault is added.
 """
 
 from __future__ import annotations

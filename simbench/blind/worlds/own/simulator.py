@@ -1,5 +1,5 @@
-"""The loop simulator of the blind check: sub-steps in every sample, valves with velocity, several
-PI forms.
+"""Simulate a loop of the blind test with sub-steps in every sample, valves with velocity, and
+several forms of PI controllers.
 """
 
 from __future__ import annotations

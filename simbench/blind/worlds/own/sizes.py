@@ -1,4 +1,4 @@
-"""How strong each fault may plausibly be in a given loop, as one number from 0 (barely there) to 1
+"""Choose a plausible strength of each fault in a given loop, from 0 (barely visible) to 1
 (gross).
 """
 

@@ -1,18 +1,13 @@
 """The labels against a second computation that was written apart, from the contract."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from labels import cycled, friction_band, refined, table_11_3
 
 from scenarios.grid import load_grid
 from simbench.bench.execute.plugin_host import theory
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "reference"))
-from labels import cycled, friction_band, refined, table_11_3
 
 
 def scenarios(grid, groups):

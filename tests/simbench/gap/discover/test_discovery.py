@@ -93,10 +93,12 @@ def test_nothing_is_reported_of_a_record_without_a_law():
     assert discovery.law is None
     assert discovery.as_json() == {"law": None, "why": discovery.why}
     assert discovery.probability < 0.6
-    assert "where:" not in discovery.as_text()
+    assert "If anything is missing" not in discovery.as_text()
     doubtful = replace(discovery, block="valve", probability=0.75)
     assert doubtful.as_json() == {"law": None, "why": discovery.why, "block": "valve"}
-    assert doubtful.as_text().endswith("where: valve (probability 0.75, if anything is lacking)")
+    assert doubtful.as_text().endswith(
+        "If anything is missing, it is in the valve block (probability 0.75)."
+    )
     assert "no form pays" in discovery.one_line()
     assert "no explanation stands out of the noise" in discovery.why
 

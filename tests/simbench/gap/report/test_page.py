@@ -94,8 +94,8 @@ def test_it_reads_as_the_report_does(name, pages, sticky, clean):
         assert "FIC &lt;101&gt; &amp; co" in html
     else:
         assert clean.shrinkage is None
-        assert "of the gap closes" not in text
-        assert ("not resolvable" in text) == (not clean.gap.resolvable)
+        assert "of the gap above the floor is removed" not in text
+        assert ("no reduction is claimed" in text) == (not clean.gap.resolvable)
 
 
 def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, clean):

@@ -83,11 +83,12 @@ def test_bars_are_as_long_as_their_numbers_from_the_top_down():
 
 
 @pytest.mark.parametrize(("value", "lo", "hi", "tile"), [
-    (0.42, 0.1, 0.6, ("42 %", "of the gap closes (90 % interval 10 to 60 %)")),
-    (0.0, -0.1, 0.2, ("0 %", "of the gap closes (90 % interval -10 to 20 %)")),
-    (-0.08, -0.25, 0.0, ("8 %", "by which the gap grows (90 % interval 0 to 25 %)")),
+    (0.42, 0.1, 0.6, ("42 %", "(90 % interval 10 to 60 %)")),
+    (-0.08, -0.25, 0.0, ("-8 %", "(90 % interval -25 to 0 %)")),
 ])  # fmt: skip
-def test_what_closes_and_what_grows_is_written_in_percent(monkeypatch, value, lo, hi, tile):
+def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
+    monkeypatch, value, lo, hi, tile
+):
     seen = {}
     monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
     first = {
@@ -106,8 +107,9 @@ def test_what_closes_and_what_grows_is_written_in_percent(monkeypatch, value, lo
             sentence=lambda: "It sticks.",
         )
     )
-    assert seen["tiles"][:3] == [("0.91", "probability of stiction"), tile, ("4.00", "gap before")]
-    assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
+    assert [t[0] for t in seen["tiles"][:4]] == ["0.91", "4.00", "1.25", "0.80"]
+    assert seen["tiles"][0] == ("0.91", "probability of stiction")
+    assert seen["tiles"][4] == (tile[0], f"of the gap above the floor is removed {tile[1]}")
 
 
 DRAWN = {

@@ -71,14 +71,11 @@ def report(
 
 def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes():
     lacks = "The simulation lacks stiction (valve, S = 6.04, J = 3 % of travel), probability 0.91"
-    assert report().sentence() == f"{lacks}; adding it closes 86 % of the gap."
+    reduced = "adding it reduces the gap (4.00 before, 1.25 after)"
+    assert report().sentence() == f"{lacks}; {reduced}."
     assert report(value=None).sentence() == f"{lacks}."
-    assert report(value=0.0).sentence().endswith("adding it closes 0 % of the gap.")
-    assert (
-        report(value=-0.25)
-        .sentence()
-        .endswith("adding it does not close the gap but widens it, by 25 %.")
-    )
+    wider = report(value=-0.25, gap=(4.0, 3.5, 4.8, 0.8, True)).sentence()
+    assert wider.endswith("adding it does not reduce the gap (4.00 before, 4.80 after).")
     both = report(effects=(STUCK, COARSE)).sentence()
     assert (
         "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV"
@@ -107,8 +104,8 @@ def test_none_is_an_answer_and_a_gap_that_stays_is_reported(recalibrated, resolv
     if differs:
         assert (
             sentence
-            == "No known effect is called for, but the simulation still differs from the record: "
-            f"gap {recalibrated:.2f} against a floor of 0.80."
+            == "No known effect is needed, but the simulation still differs from the record: "
+            f"gap {recalibrated:.2f}, two simulations differ by 0.80."
         )
     else:
         assert sentence.startswith("No unmodelled effect is needed")
@@ -117,18 +114,23 @@ def test_none_is_an_answer_and_a_gap_that_stays_is_reported(recalibrated, resolv
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
     lines = report().as_text().splitlines()
     assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
-    assert lines[7:10] == [
-        "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
-        "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80",
-        "shrinkage: 0.86 [0.76, 0.91]",
+    assert lines[7:12] == [
+        "Probability of each block: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %.",
+        "Gap: distance between record and simulations, in standard deviations between simulations.",
+        "Gap: 4.00 with the model as given, 3.50 with K, T, Td refitted, 1.25 with the effect"
+        " added.",
+        "Repeatability floor: two simulations that differ only in their seeds are 0.80 apart.",
+        "Of the gap above this floor, the effect removes 86 % (90 % interval 76 to 91 %).",
     ]
-    assert lines[11] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
-    assert [line.split()[1] for line in lines[11:17]] == [
+    assert max(map(len, lines[1:])) <= 100
+    assert lines[12:14] == ["", "probability  effect"]
+    assert lines[14] == "      0.914  stiction                S = 6.04, J = 3 % of travel"
+    assert [line.split()[1] for line in lines[14:20]] == [
         "stiction",
         "none",
         *(f"effect_{i}" for i in range(4)),
     ]
-    assert lines[17:] == ["", "next test: bump: bump it", "note: one", "note: two"]
+    assert lines[20:] == ["", "Next test, bump: bump it.", "note: one", "note: two"]
 
 
 def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_claimed():
@@ -139,12 +141,10 @@ def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_c
         blocks=dict.fromkeys(SHARES, 0.0),
     )
     lines = text.as_text().splitlines()
-    assert lines[7] == "cannot be told apart here: deadband, stiction"
-    assert (
-        lines[8] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
-    )
-    assert not [line for line in lines if line.startswith(("where", "shrinkage"))]
-    assert report(group=("stiction",)).as_text().count("told apart") == 0
+    assert lines[7] == "These effects give the same signals in this record: deadband, stiction."
+    assert "The gap does not stand out of the floor, so no reduction is claimed." in lines
+    assert not [line for line in lines if line.startswith(("Probability", "Of the gap"))]
+    assert report(group=("stiction",)).as_text().count("the same signals") == 0
 
 
 def test_only_known_effects_are_added_to_the_baseline():

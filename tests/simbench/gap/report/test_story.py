@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.gap.plan.expected import Expected, PlannedTests
+from simbench.gap.plan.order import PlannedTest, PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
 
@@ -36,7 +36,7 @@ def bump():
 
 
 def test_the_story_shows_what_was_believed_asked_run_and_changed(bump):
-    asked = {"says": "bump OP by 2 %", "separates": ["drift", "valve_lag"]}
+    asked = {"says": "bump OP by 2 %"}
     before = report("It may be drift.", asked, drift=0.4, valve_lag=0.35)
     notes = ("test: bump.csv is said", "other")
     after = report("It is valve lag.", notes=notes, drift=0.02, valve_lag=0.95, noise=0.001)
@@ -44,7 +44,6 @@ def test_the_story_shows_what_was_believed_asked_run_and_changed(bump):
     for words in (
         "It may be drift.",
         "bump OP by 2 %",
-        "drift, valve lag",
         "bump.csv (bump)",
         "It is valve lag.",
         "0.950",
@@ -66,17 +65,13 @@ def test_the_page_of_a_plan_shows_every_test_and_what_was_left_out(tmp_path):
         hold_s=9.0,
         settings={},
     )
-    one = Expected(trial, 3.0, 1.5, np.zeros((1, 2, 2)), 0.4, 0.875)
-    made = PlannedTests(
-        ("drift", "valve_lag"), np.array([0.4, 0.35]), (one,), (), 0.875, "", ("stairs: too long",)
-    )
+    made = PlannedTests((PlannedTest(trial, 3.125),), "", ("stairs: too long",))
     write_plan_page(made, report("It may be drift."), tmp_path / "plan.html")
     html = (tmp_path / "plan.html").read_text(encoding="utf-8")
     for words in (
         "It may be drift.",
-        "valve lag",
         "move OP by 2 %",
-        "0.875",
+        "3.12",
         "stairs: too long",
         "FIC &lt;1&gt;",
     ):

@@ -23,7 +23,7 @@ from results.studies.worlds import WORLDS
 from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
 from simbench.cli import main
-from simbench.gap import conclude
+from simbench.gap import conclude, diagnose
 from simbench.gap.decide.classify import Classified
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
@@ -197,6 +197,8 @@ def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effec
         )
         c = from_posterior(w, named, assessment, 1.0, None)
         assert contradictions(c.as_json()) == [], (named, c)
+        if c.probability > 0.7:
+            assert set(named) & set(FRICTION), (named, c)
         if c.verdict == STICTION:
             assert set(named) & set(FRICTION)
         if c.verdict == NO_STICTION:
@@ -214,12 +216,24 @@ def test_friction_named_with_another_effect_counts_by_what_it_brings_on_top_of_i
     assert friction_share(w, ["sensor_lag"], assessed(named)) == pytest.approx(0.2)
 
 
-def test_what_is_unknown_shows_nothing_of_friction_and_in_the_valve_leaves_it_open():
+def test_what_is_unknown_counts_as_any_valve_does_and_in_the_valve_leaves_it_open():
     w = weights(stiction=0.45, none=0.05, unknown=0.5)
-    assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.9)
+    assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.45 + 0.3 * 0.5)
     assert from_posterior(w, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
     refuted = weights(stiction=0.95, none=0.05).refuted("stiction")
     assert from_posterior(refuted, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+
+
+def test_friction_of_the_loop_file_is_not_claimed_beside_another_effect():
+    table = load_loop(EXAMPLE).to_table() | {"valve": {"model": "deadband", "S": 3.0}}
+    loop = Loop.from_table(table)
+    for effects in ([], [{"name": "sensor_lag", "tau": 8.0}]):
+        record = simulate(Loop.from_table(table | {"effect": effects}), 3).record.without_mv()
+        report = diagnose(record, loop)
+        named = {e["effect"] for e in report.effects}
+        assert report.probability_of_stiction < 0.5 or named & set(FRICTION), report
+        assert contradictions(report.conclusion.as_json()) == []
+        assert any("more friction than it states" in note for note in report.notes)
 
 
 @cache

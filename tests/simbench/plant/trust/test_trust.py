@@ -155,4 +155,4 @@ def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
     assert main(["detect", str(record), "--method", "he", "--power", "--json"]) == 0
     out, err = capsys.readouterr()
     json.loads(out)
-    assert "power: this record would have shown" in err
+    assert "power: smallest stiction that he with " in err

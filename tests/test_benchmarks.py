@@ -1,14 +1,11 @@
 """The comparison of a scenario's cost: shares and ratios count, times do not."""
 
 import copy
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-import perf_shares
+from benchmarks import perf_shares
 
 TOLD = {
     "fast": {"minimum_ms": 10.0, "share": {"hammerstein": 0.3, "glue": 0.1, "rest": 0.6}},

@@ -32,7 +32,7 @@ BLOCKS, BLOCK = (
     20,
 )  # so many blocks of neighbouring groups, which share what a real run's neighbours share
 ROUNDS = 3
-COMMITTED = Path(__file__).parents[2] / "results" / "perf_shares.json"
+COMMITTED = Path(__file__).parents[1] / "results" / "perf_shares.json"
 # a share may double and grow by three hundredths: kernels that fill the vector registers take twice
 # as long, and the rest hardly longer, where another guest of the host keeps the core's second
 # thread busy (hammerstein: 14 % and 27 % of one code)

@@ -1,4 +1,4 @@
-"""Count words of a private dialect: `python tests/reference/count_words.py [FOLDER ...]`.
+"""Count words of a private dialect: `python benchmarks/count_words.py [FOLDER ...]`.
 
 A reader who meets "said", "found" or "behind" as a name has to guess what it holds. The table gives
 how often each such word occurs per 1000 lines of identifiers, strings, comments and documentation.

@@ -1,7 +1,7 @@
 """Fail every file operation of a smoke run once, each in a new process that a kill really
 ends, and go on.
 
-`python tests/reference/kills.py` prints for each way of failing how many operations failed, and how
+`python benchmarks/kills.py` prints for each way of failing how many operations failed, and how
 often the resumed run lost a row, differed from the undisturbed one, or left other files; exit 1 if
 any did. `--every 9` takes every ninth operation.
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from detectors.errors import UserError
 from scenarios.grid import load_grid

@@ -1,0 +1,36 @@
+"""The gap in words: the same sentences on the terminal and on the pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+
+def gap_sentences(
+    before: float,
+    recalibrated: float,
+    after: float | None,
+    floor: float,
+    added: str = "the effect",
+    shrinkage: Mapping[str, float] | None = None,
+) -> list[str]:
+    """Return what the gap is, its sizes, its repeatability floor and the share that is removed.
+
+    `after` is None where nothing was added; `shrinkage` holds the share of the gap above the floor
+    that is removed (`value`, `lo`, `hi`), None where none is claimed.
+    """
+    sizes = [f"{before:.2f} with the model as given", f"{recalibrated:.2f} with K, T, Td refitted"]
+    if after is not None:
+        sizes.append(f"{after:.2f} with {added} added")
+    lines = [
+        "Gap: distance between record and simulations, in standard deviations between simulations.",
+        "Gap: " + ", ".join(sizes) + ".",
+        f"Repeatability floor: two simulations that differ only in their seeds are {floor:.2f}"
+        " apart.",
+    ]
+    if shrinkage is not None:
+        value, lo, hi = (100 * shrinkage[k] for k in ("value", "lo", "hi"))
+        lines.append(
+            f"Of the gap above this floor, {added} removes {value:.0f} % (90 % interval {lo:.0f} to"
+            f" {hi:.0f} %)."
+        )
+    return lines

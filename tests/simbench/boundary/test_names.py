@@ -1,0 +1,62 @@
+"""Names of files that are no text, turn a terminal or look like a formula: every verb takes them,
+and shows them escaped.
+"""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
+from tests.simbench.boundary.test_hostile import write
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
+NAMES = [b"n\xff", b"esc\x1b[31m", b"line\nbreak", "r\u202etl".encode(), b"x;=1+1", b"--help"]
+ODD = os.fsdecode(b"n\xff\x1b")
+RAW = ("\udcff", "\x1b", "\u202e", "\nbreak")
+CHAINS = {
+    "detect": ["detect plant --method horch_histogram --csv v.csv --html v.html"],
+    "report": ["report plant -o ODDpage.html -j 1"],
+    "trust": ["trust ODD.csv --method horch --html ODD.html"],
+    "diagnose": [
+        "gap diagnose ODD.csv --identify --html g.html --write-loop ODD.toml",
+        "simulate ODD.toml -o again.csv",
+    ],
+    "run": [
+        "run smoke -o ODD --method horch_histogram --set disturbance=none",
+        "score ODD --report ODD.html",
+        "check ODD --against base --update",
+        "verify ODD --share 0.1",
+    ],
+    "exam": [
+        "exam make smoke -o ODD --key ODDkey --n 2 --seed 3",
+        "exam answer ODD -o ODDanswers.csv --method horch_histogram",
+        "exam open ODD --key ODDkey ODDanswers.csv --report page.html",
+    ],
+}
+
+
+@pytest.mark.parametrize("chain", sampled(CHAINS, 0, ["exam"]))
+def test_a_name_that_is_no_text_is_taken_and_shown_escaped(here, chain):
+    (here / "plant").mkdir()
+    for k, name in enumerate(NAMES):
+        write(here / "plant" / f"{os.fsdecode(name)}.csv", np.arange(300 + 20 * k))
+    write(here / f"{ODD}.csv", np.arange(400))
+    for words in CHAINS[chain]:
+        named = [word.replace("ODD", ODD) for word in words.split()]
+        code, answer, message = run_verb(named)
+        assert code == 0, message
+        assert not any(raw in answer + message for raw in RAW)
+    for page in (*here.glob("*.html"), *here.glob("v.csv")):
+        text = page.read_text(encoding="utf-8")
+        assert not any(raw in text for raw in RAW), page
+        assert page.suffix != ".csv" or ";=" not in text
+
+
+def test_a_run_in_a_folder_whose_name_is_no_text_states_its_command(here, monkeypatch):
+    words = ["run", "smoke", "-o", ODD, "--method", "horch_histogram", "-j", "1"]
+    monkeypatch.setattr(sys, "argv", ["simbench", *words])
+    answer_to([*words, "--set", "disturbance=none", "--set", "repeats=1"])
+    (here / ODD / "manifest.json").read_text(encoding="utf-8").encode()
+    assert run_verb(["score", ODD, "--report", "page.html"])[0] == 0
