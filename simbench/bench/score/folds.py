@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.compiled import one_thread
+
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
@@ -89,19 +91,21 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
     than it is asked about.
     """
     fold, said = folds_of(groups), np.full(label.size, 0.5)
+    learned = []
     for k in np.unique(fold):
         there, here = fold != k, fold == k
         if there.any():
             said[here] = label[there].mean()
         if label.size >= _LEAST and 0 < label[there].sum() < there.sum():
-            # here, for they take a second to load
-            from sklearn.ensemble import HistGradientBoostingClassifier
-            from threadpoolctl import threadpool_limits
+            learned.append((there, here))
+    if learned:
+        # here, for it takes a second to load
+        from sklearn.ensemble import HistGradientBoostingClassifier
 
-            # two threads on a busy machine wait for each other for minutes
-            with threadpool_limits(1):
-                model = HistGradientBoostingClassifier(random_state=0).fit(
-                    features[there], label[there]
-                )
+        # two threads on a busy machine wait for each other for minutes
+        with one_thread():
+            for there, here in learned:
+                model = HistGradientBoostingClassifier(random_state=0)
+                model.fit(features[there], label[there])
                 said[here] = model.predict_proba(features[here])[:, 1]
     return said
