@@ -315,7 +315,7 @@ def test_an_honest_run_is_verified_and_run_times_may_differ(run, tmp_path, jobs)
     result = verify_run(tmp_path / "f", jobs=jobs)
     assert not result.contradictions
     assert result.asked == dict.fromkeys(METHODS, 8)
-    assert "8 scenarios, drawn at random, were simulated again" in result.as_text()
+    assert "8 simulations, drawn at random" in result.as_text()
     assert "file page.html" in result.as_text()  # which nobody computed again
 
 
