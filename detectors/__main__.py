@@ -20,54 +20,70 @@ from detectors.usage import exit_code
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 done, 2 wrong usage or file."""
     parser = argparse.ArgumentParser(
-        prog="python -m detectors", description="Does this control valve stick?"
+        prog="python -m detectors",
+        description="Show the verdict of each stiction detector on the records of control loops."
+        " `simbench detect` adds a conclusion with its probability.",
     )
-    parser.add_argument(
-        "path", help="record (CSV, parquet, Excel), folder of records, or ISDB .mat"
+    add = parser.add_argument
+    add("path", help="Read this record (CSV, parquet, Excel), folder of records, or ISDB .mat.")
+    add(
+        "--method",
+        action="append",
+        help="Apply these methods: ids, or the groups all, fast or full; may be repeated [all].",
     )
-    parser.add_argument(
-        "--method", action="append", help="method id, or all, fast, full; repeatable (default: all)"
+    add("--process", choices=PROCESSES, help="State the type of the process.")
+    add("--kind", help=f"State what the loop controls: {', '.join(KINDS)}.")
+    for signal in ("op", "pv"):
+        add(
+            f"--{signal}-span",
+            nargs=2,
+            type=float,
+            metavar=("LO", "HI"),
+            help=f"State the recorded values of {signal.upper()} that mean 0 and 100 %%.",
+        )
+    add(
+        "--columns",
+        action="append",
+        metavar="op=NAME,pv=NAME",
+        help="Assign a column to a signal; may be repeated.",
     )
-    parser.add_argument("--process", choices=PROCESSES)
-    parser.add_argument("--kind", help=f"what the loop controls: {', '.join(KINDS)}")
-    parser.add_argument(
-        "--op-span", nargs=2, type=float, metavar=("LO", "HI"), help="OP that means 0 and 100 %%"
-    )
-    parser.add_argument("--pv-span", nargs=2, type=float, metavar=("LO", "HI"))
-    parser.add_argument(
-        "--columns", action="append", metavar="op=NAME,pv=NAME", help="which column is what"
-    )
-    parser.add_argument(
+    add(
         "--ts",
         type=float,
         dest="Ts",
         metavar="S",
-        help="sampling period (s), where no column says it",
+        help="State the sampling period (s) of a record without a time column.",
     )
-    parser.add_argument(
+    add(
         "--longest-segment",
         action="store_true",
-        help="of a record with long gaps, take the longest part",
+        help="Judge the longest part without a gap, if the record has long gaps.",
     )
-    parser.add_argument(
+    add(
         "--tag",
         "--loop",
         metavar="TAG",
-        help="loop of a file with several: FIC101, chemicals.loop1",
+        help="Choose one loop by its tag from a file with several: FIC101, chemicals.loop1.",
     )
-    parser.add_argument(
-        "--loops", metavar="TABLE.toml", help="what is known of loops, a [[loop]] table per tag"
+    add(
+        "--loops",
+        metavar="TABLE.toml",
+        help="Read what is known of each loop from this file, with one [[loop]] table per tag.",
     )
-    parser.add_argument("--why", action="store_true", help="each method's reason below the table")
-    parser.add_argument("--labels", help="table with id and label: judge and score its records")
-    parser.add_argument("--raw", action="store_true", help="without the oscillation front end")
-    parser.add_argument(
+    add("--why", action="store_true", help="Print each method's reason below the table.")
+    add("--labels", help="Score the records that this table lists (columns id and label).")
+    add(
+        "--raw",
+        action="store_true",
+        help="Judge every record, without first testing whether it oscillates.",
+    )
+    add(
         "--front-end",
         default="acf",
-        help=f"what says whether a loop oscillates: {' or '.join(FRONT_ENDS)}",
+        help=f"Choose the test that decides whether a loop oscillates: {' or '.join(FRONT_ENDS)}.",
     )
-    parser.add_argument("--plugin", action="append", default=[], help="file of a further detector")
-    parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
+    add("--plugin", action="append", default=[], help="Load an additional detector from this file.")
+    add("--json", action="store_true", help="Print JSON, and nothing else, on stdout.")
     chosen = vars(parser.parse_args(arguments))
     as_json, methods, why = chosen.pop("json"), chosen.pop("method") or ["all"], chosen.pop("why")
     command = ["python", "-m", "detectors", *(sys.argv[1:] if arguments is None else arguments)]

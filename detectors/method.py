@@ -13,7 +13,7 @@ from detectors.record import PROCESSES
 
 @dataclass(frozen=True)
 class Threshold:
-    """One number a verdict hangs on, with its meaning."""
+    """One number on which a verdict depends, with its meaning and unit."""
 
     default: float  # the published value, or a calibration of this package where none is published
     unit: str  # "-" for ratios
@@ -86,7 +86,7 @@ class Method:
 
 
 def wrong_fields(method: Any) -> Iterator[str]:
-    """Say what of a detector's description is not as `Method` describes it."""
+    """Return what is wrong in a detector's description, compared with `Method`."""
     if not isinstance(method, Method):
         yield f"METHOD = {method!r:.60}; a detectors.method.Method is needed"
         return
@@ -102,8 +102,8 @@ def wrong_fields(method: Any) -> Iterator[str]:
 
 
 def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
-    """Raise AnswerError, with the right form, where a detector cannot be called with a record and
-    its thresholds by keyword.
+    """Raise AnswerError, with the right form, if a detector cannot be called with a record and its
+    thresholds by keyword.
     """
     try:
         inspect.signature(function).bind(None, **method.defaults())

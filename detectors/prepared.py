@@ -59,7 +59,7 @@ class Prepared:
 
     @cached_property
     def oscillation(self) -> Oscillation:
-        """The common front end's finding on OP and PV."""
+        """The oscillation of OP and PV, as the common oscillation test finds it."""
         record = self.record
         if self.front_end == "hagglund":
             span = None if record.pv_span is None else record.pv_span[1] - record.pv_span[0]
@@ -74,8 +74,8 @@ class Prepared:
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal used as MV, turned to rise with the valve's opening, or None;
-        whether it may; and why.
+        """Return the signal used as MV (or None), with the sign that rises when the valve opens;
+        whether it may be used; and why.
 
         MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown
         kind.
@@ -188,7 +188,9 @@ class Prepared:
         )
 
     def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return the stand-stills of the signal used as MV, see `detectors.signal.standstill`."""
+        """Return the intervals in which the signal used as MV rests, see
+        `detectors.signal.standstill`.
+        """
         return self.share(
             f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period)
         )
@@ -211,17 +213,14 @@ class Prepared:
         )
 
     def with_mv(self, record: LoopRecord) -> Prepared:
-        """Return the same for the same record, all of it, with MV; what was computed without MV is
-        kept.
-        """
+        """Return the same prepared record with MV; what was computed without MV is kept."""
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
         other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
     def seen_by(self, method: Method, record: LoopRecord) -> Prepared:
-        """Return what a method is given: `record` is the one that was prepared, with MV where the
-        method may see it.
+        """Return what a method gets: the prepared record, with MV if the method may see it.
 
         The front end's result holds for every view of a record.
         """
@@ -242,21 +241,21 @@ class Prepared:
         return self.record.pv * loop_sign(self.record.op, self.record.pv, reach)
 
     def share(self, name: str, compute):
-        """Return what `compute()` gives, computed once per record under `name`."""
+        """Return the result of `compute()`, computed once per record and kept under `name`."""
         if name not in self.shared:
             self.shared[name] = compute()
         return self.shared[name]
 
 
 def _first_way(x: np.ndarray) -> float:
-    """Return the side, 1 or -1, on which a signal leaves the middle half of its range first."""
+    """Return the side, 1 or -1, on which a signal first leaves the middle half of its range."""
     low, high = float(x.min()), float(x.max())
     away = x - 0.5 * (low + high)
     return -1.0 if away[np.argmax(np.abs(away) > 0.25 * (high - low))] < 0.0 else 1.0
 
 
 def thinned(record: LoopRecord, step: int) -> LoopRecord:
-    """Return the record of every so many-th sample: means would blur the jumps of a valve."""
+    """Return the record with every n-th sample; averages would blur the jumps of a valve."""
     if step == 1:
         return record
     return record.with_signals(lambda x: x[::step], Ts=record.Ts * step)
@@ -303,8 +302,8 @@ def _at_density(
 
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
-    """Prepare a record for judging: all of it, or the first of its last, middle and first half that
-    oscillates where the whole does not.
+    """Prepare a record for judging: the whole record, or, if it does not oscillate as a whole, the
+    first of its last, middle and first half that does.
 
     Step 3 of Choudhury, Shah, Thornhill and Shook (2006), Control Engineering Practice 14, 1395. A
     move of the set point or a valve that rests for a while breaks the regularity of a whole record,

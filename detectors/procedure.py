@@ -348,7 +348,7 @@ class _Course:
         votes = [v.verdict for v in self.verdicts.values()]
         yes, no = votes.count(STICTION), votes.count(NO_STICTION)
         self.score = float(yes - no)
-        numbers = f"{yes} for, {no} against, {votes.count(NO_DECISION)} undecided"
+        numbers = f"{yes} for stiction, {no} against, {votes.count(NO_DECISION)} no decision"
         if yes == no:
             return "undecided", numbers, "No majority."
         return ("stiction" if yes > no else "no stiction"), numbers, "The majority decides."
@@ -363,14 +363,17 @@ class _Course:
             if counted != 0.0:
                 odds += counted
                 used += 1
-                terms.append(f"{e.method} {e.index} {counted:+.1f}")
+                terms.append(f"index {e.index} of {e.method} {counted:+.1f}")
         self.score = self.indices["log_odds"] = float(odds)
         votes = [v.verdict for v in self.verdicts.values()]
         count = (
-            f"{votes.count(STICTION)} for, {votes.count(NO_STICTION)} against,"
-            f" {votes.count(NO_DECISION)} undecided"
+            f"{votes.count(STICTION)} stiction, {votes.count(NO_STICTION)} no stiction,"
+            f" {votes.count(NO_DECISION)} no decision"
         )
-        numbers = f"log-odds {odds:+.1f} from {', '.join(terms) or 'nothing'} (votes: {count})"
+        numbers = (
+            f"log-odds of stiction {odds:+.1f}, from {', '.join(terms) or 'no index'} (methods:"
+            f" {count})"
+        )
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."
         level = self.verdicts["hammerstein"]

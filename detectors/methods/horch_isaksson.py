@@ -73,7 +73,7 @@ def two_models(
 
 
 def _filtered(u, y, a, b, noise, stay, standing):
-    """Fill `standing` with the probability of the standing valve; return the log-likelihood of the
+    """Fill `standing` with the probability that the valve rests; return the log-likelihood of the
     record.
     """
     q, r = LOOSE**2, noise**2
@@ -100,7 +100,7 @@ def _filtered(u, y, a, b, noise, stay, standing):
 
 
 def _measured(f, y, r):
-    """One filter after a measurement, and the likelihood of that."""
+    """Update one Kalman filter by a measurement; return it with its likelihood."""
     z, v, zz, zv, vv = f
     s = zz + r
     e = y - z
@@ -109,14 +109,14 @@ def _measured(f, y, r):
 
 
 def _moved(f, a, b, q):
-    """One filter after the valve's wandering and a step of the plant."""
+    """Predict one Kalman filter over one sample, with the valve's random movement."""
     z, v, zz, zv, vv = f
     vv = vv + q
     return (a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv)
 
 
 def _mix(one, other, w):
-    """Two filters as one, the first with weight w."""
+    """Merge two filters into one, the first with weight w."""
     z, v = w * one[0] + (1 - w) * other[0], w * one[1] + (1 - w) * other[1]
     dz, dv, ez, ev = one[0] - z, one[1] - v, other[0] - z, other[1] - v
     zz = w * (one[2] + dz * dz) + (1 - w) * (other[2] + ez * ez)
@@ -205,8 +205,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 def _aligned(
     u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float
 ) -> tuple[float, float, np.ndarray]:
-    """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain,
-    and u.
+    """Return the squared error of a plant with pole `a` whose response to u is scaled to y, the
+    scale, and u.
     """
     x = np.empty(u.size)
     compiled(_lagged)(u, a, x)
@@ -216,7 +216,7 @@ def _aligned(
 
 
 def _lagged(u, a, x):
-    """Fill `x` with a first-order lag's answer to `u`."""
+    """Fill `x` with the response of a first-order lag to `u`."""
     x[0] = 0.0
     for k in range(1, u.size):
         x[k] = a * x[k - 1] + u[k - 1]

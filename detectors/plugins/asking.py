@@ -21,7 +21,7 @@ def ask_worker(
     modes: tuple[bool, ...],
     thresholds: dict[str, float],
 ) -> list[Verdict]:
-    """Return a plug-in's verdicts, one for each mode; `judge` is what its worker calls."""
+    """Return a plug-in's verdicts, one per mode, from its worker process."""
     bare = replace(prepared, shared={})
     bare.__dict__.update(
         {
@@ -40,7 +40,7 @@ def ask_worker(
 def _judge_there(
     judge: _Judge, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
 ) -> list[Verdict]:
-    """Judge a record in the worker, where the plug-in must not change it."""
+    """Judge a record in the worker process, and check that the plug-in did not change it."""
     for signal in RECORDED_SIGNALS:
         if (values := getattr(prepared.record, signal)) is not None:
             values.flags.writeable = False
@@ -48,8 +48,8 @@ def _judge_there(
 
 
 def _checked(name: str, verdict: Verdict) -> Verdict:
-    """Return a worker's verdict with numbers of Python's and texts of one line; PluginError where
-    it is none.
+    """Return a worker's verdict with plain numbers and one-line texts; raise PluginError if it is
+    no verdict.
     """
     for wrong in wrong_types(verdict):
         raise PluginError(wrong)

@@ -22,17 +22,18 @@ if TYPE_CHECKING:
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
 _COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
 _SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
-_LEGEND = "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to this"
-" loop."
+_LEGEND = (
+    "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to the loop."
+)
 _COLUMNS = (
-    "Score: each method has its own scale; a larger score makes stiction more likely. S, J:"
-    " estimated"
-    " stick band and slip-jump."
+    "Score: each method has its own scale; a larger score makes stiction more likely. S, J: stick"
+    " band and slip-jump, as estimated."
 )
 _CONCLUDED_FROM = (
     "The conclusion does not count these verdicts. It compares models of the loop with and without"
     " valve friction (method likelihood)."
 )
+_NAMED = 5  # records named in a sentence
 _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
@@ -50,6 +51,12 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     )
     text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
     return text + (f"; {left_out} not applicable to this loop" if left_out else "")
+
+
+def _most_report_stiction(verdicts: Sequence[Verdict]) -> bool:
+    """Return whether more than half of the applicable methods report stiction."""
+    asked = [v for v in verdicts if v.applicable is not False and not _is_test(v.method)]
+    return sum(v.verdict == STICTION for v in asked) > 0.5 * len(asked)
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
@@ -96,10 +103,13 @@ def as_text(
         ]
     elif records:
         lines += [f"{name}: {concluded[name][0]}" for name, _, _ in records if name in concluded]
-        methods = [f"{i} {v.method}" for i, v in enumerate(records[0][1], 1)]
+        methods = [f"{i}={v.method}" for i, v in enumerate(records[0][1], 1)]
+        sticky = [str(name) for name, verdicts, _ in records if _most_report_stiction(verdicts)]
         lines += [
-            f"{len(records)} records were judged by {len(methods)} methods; the columns are"
-            f" numbered.",
+            f"Most methods report stiction in {len(sticky)} of {len(records)} records"
+            f"{': ' if sticky else ''}{', '.join(sticky[:_NAMED])}"
+            f"{' and others' if len(sticky) > _NAMED else ''}.",
+            "The columns are the numbered methods.",
             *_drawn(_matrix(records), colour),
             _LEGEND,
             f"Methods: {', '.join(methods)}.",

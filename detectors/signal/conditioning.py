@@ -9,8 +9,8 @@ import numpy as np
 
 
 def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
-    """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of
-    it removed.
+    """Return the oscillation alone, without drift slower than its period and without noise above a
+    given harmonic.
 
     Not for records of less than three periods: the drift is then a guess.
     """
@@ -18,8 +18,8 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
 
 
 def clear_harmonics(x: np.ndarray, period: float) -> float:
-    """Return up to which harmonic a triangle of this size and period exceeds the white noise
-    in the signal.
+    """Return the highest harmonic of a triangle wave of this size and period that exceeds the white
+    noise of the signal.
 
     A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 /
     period between two harmonics. Not for noise that is not white: its std is read from third
@@ -38,8 +38,8 @@ def noise_variance(x: np.ndarray) -> float:
 
 
 def median(x: np.ndarray) -> float:
-    """Return what `np.median` does of finite numbers, whose checks take longer than the sorting of
-    a record.
+    """Return the median of finite numbers; `np.median` takes longer for its checks than for sorting
+    the record.
     """
     k = x.size // 2
     if x.size % 2:
@@ -61,8 +61,8 @@ def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
 
 
 def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
-    """Return a signal on a grid far finer than any transmitter's, so that what rounding made unlike
-    is alike again.
+    """Return a signal rounded to a step far finer than any transmitter's, so that values that
+    differ only by rounding errors are equal.
     """
     return np.rint(x / step) * step
 
@@ -94,9 +94,7 @@ def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def drift(x: np.ndarray, period: float) -> np.ndarray:
-    """Return the mean over one period around each sample, which holds no oscillation of that
-    period.
-    """
+    """Return the moving average over one period, which contains no oscillation of that period."""
     n = x.size
     half = min(period / 2.0, (n - 1) / 2.0)
     first, last = int(np.ceil(half)), int(np.floor(n - 1 - half))
@@ -125,8 +123,8 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
 def smooth(
     x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None
 ) -> np.ndarray:
-    """Return the signal without what is faster than a period, zero-phase, its ends continued by
-    their mirror image.
+    """Return the signal without components faster than a period, with zero phase; the ends are
+    continued by their mirror image.
     """
     if shortest <= 2.0:
         return x

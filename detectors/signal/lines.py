@@ -14,7 +14,7 @@ _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no
 
 
 def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
-    """Return which samples, moving at all, lie on a line through their neighbours."""
+    """Return which samples lie on a straight, not constant line through their neighbours."""
     out = np.zeros(x.size, dtype=bool)
     bend, tolerance = _bends(x, unit, noise)
     out[1:-1] = bend <= tolerance
@@ -52,8 +52,8 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
 
 
 def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
-    """Return how much of a signal's movement runs on straight lines between kept samples, and on
-    how many.
+    """Return the share of a signal's movement that runs on straight lines between stored samples,
+    and the number of these samples.
     """
     size = np.abs(np.diff(x))
     usual = median(size[size > 0]) if size.any() else 0.0

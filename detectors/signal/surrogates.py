@@ -23,7 +23,7 @@ _LEAST_VARIANCE = 0.01
 
 
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
-    """Cut a cyclic signal so that its end runs into its beginning in value and slope.
+    """Cut an oscillating signal so that its end continues in its beginning in value and slope.
 
     Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361-380. Anything but a whole number of
     cycles leaks into the spectrum of every surrogate, and a linear cycle then looks nonlinear. The
@@ -39,7 +39,8 @@ def end_matched(x: np.ndarray, period: float) -> np.ndarray:
 
 
 def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw surrogates with the amplitude spectrum and the distribution of a signal.
+    """Draw surrogate signals with the amplitude spectrum and the distribution of values of a
+    signal.
 
     Source: Schreiber & Schmitz (1996), Phys. Rev. Lett. 77, 635-638. Plain amplitude-adjusted
     surrogates (one round) flatten the spectrum of a cycle and call a sine nonlinear; they are not
@@ -82,7 +83,8 @@ def ranked_again(y, order, values, ranked):
 def prediction_error(
     x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS
 ) -> float:
-    """Return the squared error of predicting a signal from what followed its nearest look-alikes.
+    """Return the squared error when a signal is predicted by what followed its most similar earlier
+    segments.
 
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443.
     """
@@ -95,14 +97,15 @@ def prediction_error(
 
 @dataclass(frozen=True)
 class _Npi:
-    """Nonlinearity by predictability, and the cycles it rests on."""
+    """The nonlinearity index NPI, and the cycles that it was computed from."""
 
     npi: float  # (mean surrogate error - error) / (3 std of surrogate errors); above 1 = nonlinear
     cycles: float
 
 
 def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
-    """Compare how well a cyclic signal predicts itself with how well its surrogates do.
+    """Compare how well an oscillating signal is predictable from itself with how well its
+    surrogates are.
 
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443: at least 12 cycles
     of 7 to 25 samples, embedding and horizon of one cycle, 8 neighbours, 50 surrogates. Here with

@@ -56,7 +56,7 @@ _ANSWER_COLUMNS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """How many records of each kind."""
+    """Numbers of records of each kind in a blind test."""
 
     per_cell: int = 5  # single-effect records per effect and strength
     # none, two, foreign: records without effect, with two effects from different blocks, with a
@@ -85,8 +85,8 @@ class Plan:
         return cls(per_cell=per_cell, none=none, two=two, foreign=rest - none - two)
 
     def entries(self, foreign: Sequence[str]) -> list[dict[str, Any]]:
-        """Return one entry per record, in order: what it must hold; `foreign` are the world's
-        foreign kinds.
+        """Return one entry per record, in order, with the effects that it must have; `foreign` are
+        kinds that the diagnosis does not know.
         """
         single = [
             {
@@ -135,8 +135,8 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
 
 
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
-    """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both
-    files.
+    """Write what an independent simulator drew: the record as name.csv and its baseline as
+    name.toml; return both files.
     """
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
     outcomes.write_whole(record, csv_of(item.columns))
@@ -154,8 +154,8 @@ def make(
     world: str = OWN,
     tests: bool = False,
 ) -> str:
-    """Write a withheld folder and, elsewhere, the key to its answers; `tests`: with what every test
-    of the menu would show.
+    """Write a withheld folder and, elsewhere, the key to its answers; `tests` adds the results of
+    every available test.
     """
     out, key = Path(out), Path(key)
     refuse_key_inside("withheld", key, out)

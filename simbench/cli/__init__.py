@@ -47,7 +47,9 @@ def about(
         bool, Option("--version", is_eager=True, callback=_version, help="Print the version.")
     ] = False,
 ) -> None:
-    """A closed-loop testbench for valve-stiction detectors."""
+    """Simulate control loops with sticking and healthy valves, score detectors, and diagnose
+    records.
+    """
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -59,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def entry() -> None:
-    """Console script."""
+    """Run the command line as a console script."""
     sys.exit(main())
 
 

@@ -226,8 +226,10 @@ def map_of_grid(
     resume: Resume = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate random scenarios of a grid of any size, and predict each method's accuracy over its
-    axes.
+    """Predict each method's accuracy over a grid of any size from a random sample.
+
+    The grid may be too large to simulate as a whole. The table gives the predicted cost of the
+    whole grid for each method; a picture per method shows its accuracy over two axes of the grid.
     """
     from simbench.bench.map.making import map_grid
     from simbench.figures import draw_map
@@ -303,12 +305,12 @@ def score(
 ) -> None:
     """Score a run: rank its methods on the loops that oscillate, with 95 % intervals.
 
-    The table has one row per method. Rank: methods whose costs differ by less than the run can
-    resolve share a rank. Cost: mean over the loops of 1 for a wrong verdict, 0.5 for no decision
-    and 0 for a right one. Accuracy: share of right verdicts; no decision counts as wrong.
-    Sensitivity: share of loops with valve stiction called stiction. False positives: share of the
-    other loops called stiction. No decision: share of loops without a verdict. The value is
-    followed by its 95 % interval.
+    The table has one row per method. Rank: 1 more than the number of methods whose cost is lower
+    by at least what the run can resolve. Cost: mean over the loops of 1 for a wrong verdict, 0.5
+    for no decision and 0 for a right one. Accuracy: share of right verdicts; no decision counts as
+    wrong. Sensitivity: share of the loops that the valve makes cycle called stiction. False
+    positives: share of the other loops called stiction. No decision: share of loops without a
+    verdict. Two numbers after a value are its 95 % interval.
 
     Methods that need the valve position (MV) are ranked among themselves. Reference rows are no
     detectors: the oracle answers the label, and no_waveform is a classifier that sees period,
@@ -379,7 +381,7 @@ def check(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Compare a run with a baseline; exit 1 if accuracy dropped or the run is too small to tell.
+    """Compare a run with a baseline; exit 1 if accuracy dropped or the run is too small.
 
     Use it in continuous integration: make a baseline once with --update, commit it, and let this
     command fail the build when a change makes a detector less accurate.
@@ -427,8 +429,7 @@ def verify(
     time_limit: Limit = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Simulate and judge a random share of a run again, and recompute every score; exit 1 if they
-    differ.
+    """Recompute a random share of a run and every score; exit 1 if anything differs.
 
     Use it on results that somebody else computed.
     """
@@ -450,7 +451,7 @@ def history(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show how accuracy changed over the baselines that `simbench check --update` stored.
+    """Show how accuracy changed over the stored baselines of `simbench check`.
 
     The first table has a row per method and a numbered column per baseline: the accuracy (share of
     right answers) on the loops where the method applies. The second table says of each baseline
@@ -489,7 +490,7 @@ def calibrate(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find for each method the threshold that gives a wanted false-positive rate on a grid.
+    """Find each method's threshold for a wanted false-positive rate on a grid.
 
     The thresholds are chosen on one seed of the grid and measured on another.
     """
@@ -544,7 +545,7 @@ def figure(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Draw the chapter's figures and tables, and write the numbers of each to a CSV file."""
+    """Draw the figures and tables of the book chapter, and write their numbers as CSV."""
     from simbench.figures import make_figures
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)

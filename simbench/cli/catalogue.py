@@ -46,7 +46,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the available detectors, valve models, grids, effects or figures, one per line.
+    """List the available detectors, valve models, grids, effects or figures.
 
     Each line has the name, what it is, and its source in brackets. A grid is a set of scenarios to
     simulate. An effect is a property of a plant that a simulation may lack, such as sensor lag.

@@ -44,6 +44,7 @@ app = _Verbs(
     help="Simulate control loops with sticking and healthy valves, score stiction detectors on"
     " them,"
     " and diagnose records from a plant.",
+    context_settings={"max_content_width": _COLUMNS},
     **{**_BARE, "add_completion": True},
 )
 confirm_app = _Verbs(
@@ -55,9 +56,8 @@ withheld_app = _Verbs(
     help="Test the gap diagnosis on simulated records whose true cause is hidden from it.", **_BARE
 )
 exam_app = _Verbs(
-    help="Benchmark detectors that you do not trust, or that are written in another language:"
-    " they get"
-    " records without labels, and you keep the key.",
+    help="Benchmark detectors in other languages, or that you do not trust.\n\n"
+    "They get records without labels, and you keep the key to the labels.",
     **_BARE,
 )
 app.add_typer(exam_app, name="exam")

@@ -124,6 +124,8 @@ def detect(
         as_json,
         kept="\x1b",  # of the colours; names of records are escaped where they are read
     )
+    if not (as_json or report.conclusions) and len(report.groups()) > 1:
+        print("For a conclusion on each record, add --method all,likelihood.")
     if labels is not None and report.conclusions:
         from detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
@@ -156,7 +158,7 @@ def diagnose(
     *,
     about: dict,
 ) -> None:
-    """Find the cause of one loop's oscillation: stiction, tuning, a disturbance or another cause.
+    """Find what makes a loop oscillate: stiction, tuning, a disturbance or another cause.
 
     The output has three parts: the conclusion with its probability of stiction; every cause with
     the confidence (0 to 1) that the evidence for it gives; and the diagnosis procedure of the book
@@ -176,9 +178,9 @@ def diagnose(
         draw_path(diagnosis, picture)
     text = [
         *concluded.as_lines(),
-        "Causes, each judged separately (several may act, so they need not add up to 1):",
+        "Causes with their confidence (0 to 1). Several may act, so they need not add up to 1:",
         *causes.as_lines(),
-        "The chapter's procedure, one method among others:",
+        "The diagnosis procedure of the book chapter (one method among others):",
     ]
     whole = diagnosis.as_json()
     procedure_json = {

@@ -57,7 +57,7 @@ def make(
     jobs: Jobs = 1,
     seed: Annotated[int | None, Option(min=0, hidden=True)] = None,
 ) -> None:
-    """Simulate new records, and write them without labels; the key goes to a separate file.
+    """Simulate new records and write them without labels; the key goes elsewhere.
 
     The command prints a commitment: a checksum of the key. Publish it before the answers come
     in; it proves later that neither records nor labels were changed.
@@ -93,7 +93,7 @@ def answer(
     jobs: Jobs = 1,
     resume: Resume = False,
 ) -> None:
-    """Judge every record of an exam by installed detectors or plug-ins, and write their answers."""
+    """Judge every record of an exam by detectors or plug-ins, and write the answers."""
     from simbench.bench.exam.answering import answer_exam
 
     say(

@@ -93,13 +93,13 @@ def gap_diagnose(
     *,
     about: dict,
 ) -> None:
-    """Report where record and simulation differ, and which missing effect explains the gap.
+    """Report where record and simulation differ, and which missing effect explains it.
 
-    The gap is the distance between the record and simulations of the loop file. It is printed
-    before and after the plant's parameters are fitted again (recalibrated), after the effect is
-    added, and as the floor: the distance between two simulations with different seeds, which no
-    model can go below. Shrinkage is the share of the gap above the floor that the effect removes.
-    The table lists the effects with their probabilities and estimated parameters.
+    The gap is the distance between the record and simulations of the loop file. The output states
+    it with the model as given, with the parameters K, T and Td of the plant fitted again, and with
+    the missing effect added. The repeatability floor is the distance between two simulations that
+    differ only in their seeds; no model comes nearer. The table lists the effects with their
+    probabilities and estimated parameters.
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
@@ -147,7 +147,7 @@ def gap_plan(
     *,
     about: dict,
 ) -> None:
-    """Recommend the next tests on the plant, each with its size, duration and effect on PV.
+    """Recommend the next tests on the plant, with their size, duration and effect on PV.
 
     Use it when `simbench gap diagnose` leaves more than one effect probable.
     """
@@ -182,9 +182,10 @@ def gap_predict(
     *,
     about: dict,
 ) -> None:
-    """Predict PV and OP under other controller settings or set points, with 90 % intervals.
+    """Predict PV and OP under other settings of the controller or another set point.
 
-    The loop file is first corrected by the effect that `simbench gap diagnose` names.
+    The loop file is first corrected by the effect that `simbench gap diagnose` names. Each value is
+    printed with its 90 % interval.
     """
     from simbench.gap.command import predict_file
 
@@ -236,7 +237,7 @@ def leave_out_(
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
-    """Diagnose records while their effect is missing from the library, one effect at a time."""
+    """Test the diagnosis while one effect at a time is missing from its library."""
     from simbench.blind.leave_out import leave_out, summary
 
     table = summary(leave_out(out, world, n, seed, jobs, tests))
@@ -275,7 +276,7 @@ def gap_study(
     jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
-    """Report how a set of records differs from a grid, and what each missing effect costs.
+    """Report how records differ from a grid, and what each missing effect costs.
 
     Use it to ask whether the scenarios of a benchmark resemble the loops of your plant. The cost of
     an effect is the accuracy that each detector loses when the effect is added to the grid.

@@ -48,7 +48,7 @@ def trust_(
     *,
     about: dict,
 ) -> None:
-    """Report which detector to trust on this loop, and which stiction the record could show.
+    """Report which detector to trust on a loop, and which stiction its record could show.
 
     The loop is simulated again about 200 times, with a healthy valve and with stiction of ten
     sizes. Every detector judges these simulated replicates, for which the right answer is known.

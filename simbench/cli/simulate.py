@@ -132,7 +132,7 @@ def valve(
     valve_plugin: ValvePlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:
-    """Drive one valve model with the controller output of a table, and write the valve position."""
+    """Drive one valve model with a recorded controller output; write the valve position."""
     from simbench.files import refuse_own_input
     from simbench.loop.hosted import hosted_parts, response
     from simbench.loop.response import valve_file
@@ -149,12 +149,12 @@ def predict(
     ],
     as_json: Json = False,
 ) -> None:
-    """Predict from theory whether valve stiction makes a loop cycle, with period and amplitude.
+    """Predict from theory whether valve stiction makes a loop cycle.
 
     The output compares four answers: Table 11.3 of the book chapter that simbench implements, the
-    same with its conditions on the loop, the describing function (period, amplitude of OP,
-    stability), and the exact cycle. The smallest kick is the change of OP (%) that starts the cycle
-    from rest.
+    same table with its conditions on the loop checked, the describing function (approximate
+    period, amplitude of OP, stability), and the exact cycle, with the least offset of OP (%) that
+    starts it from rest.
     """
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text

@@ -110,7 +110,12 @@ class _GradedTest:
     def as_text(self) -> str:
         """Return the test's outcome and one line per grade."""
         words = {True: "acceptable", False: "to be checked", None: "cannot tell"}
-        lines = [self.test.as_text(), "", "Table 11.1 (PV read as % of its span)"]
+        lines = [
+            self.test.as_text(),
+            "",
+            "Grades by Table 11.1 of the chapter (PV in % of its span):",
+            f"{'quantity':20s}{'value':>7s}  {'grade':15s}how it was measured",
+        ]
         for g in self.grades:
             value = "-" if g.value is None else f"{g.value:.2g}"
             lines.append(f"{g.parameter:20s}{value:>7s}  {words[g.acceptable]:15s}{g.reason}")

@@ -225,7 +225,7 @@ def _outcome(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
         )
     else:
         reason = (
-            f"band S {back:.3g} %, of which slip jump J {same:.3g} %"
+            f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %"
             if sticky
             else "PV follows small steps both ways"
         )

@@ -84,11 +84,13 @@ class TravelTest:
         """Return the outcome in three lines."""
 
         def size(x: float | None) -> str:
-            return "not found" if x is None else f"{x:.3g} % (+0/-{self.increment:g})"
+            step = f" % (true value up to {self.increment:g} % less)"
+            return "not measured" if x is None else f"{x:.3g}{step}"
 
         return (
-            f"{self.reason}\nsame direction (slip jump J)  {size(self.J)}\nreversed (whole band S) "
-            f"      {size(self.S)}"
+            f"{self.reason[:1].upper()}{self.reason[1:]}.\n"
+            f"OP change until PV moves, same direction (slip-jump J): {size(self.J)}\n"
+            f"OP change until PV moves, after a reversal (stick band S): {size(self.S)}"
         )
 
     def plot(self) -> Figure:
@@ -215,8 +217,14 @@ class _Manual:
         elif not sticky:
             reason = "PV follows small steps both ways: no stiction"
         else:
-            cycles = "" if same <= _CYCLES_ABOVE + 1e-9 else ", enough to cycle under PI control"
-            reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %{cycles}"
+            cycles = (
+                ""
+                if same <= _CYCLES_ABOVE + 1e-9
+                else "; this is enough to make a loop cycle under PI control"
+            )
+            reason = (
+                f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %{cycles}"
+            )
         return TravelTest(
             same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace
         )

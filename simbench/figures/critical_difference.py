@@ -1,8 +1,8 @@
-"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot
-be told apart.
+"""Critical difference: mean ranks of the detectors over the scenarios of a run; detectors whose
+bars overlap do not differ significantly.
 
-Detectors that see the valve position MV are left out, and so are those made for a part of the
-scenarios. Behind a name: * fitted on this grid, + on its siblings.
+Detectors that need the valve position MV, and those that apply to only some of the scenarios, are
+left out. *: fitted on this grid, +: fitted on a related grid.
 """
 
 import numpy as np

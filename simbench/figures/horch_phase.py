@@ -1,5 +1,5 @@
-"""Horch's verdict hangs on w Ti, not on the valve: sticky loops and healthy loops under a sine fall
-on one curve.
+"""Horch's verdict depends on w Ti, not on the valve: sticky loops and healthy loops under a sine
+fall on one curve.
 
 In a PI loop OP answers PV alone, so dtau = (2/pi) atan(1/(w Ti)) for any linear loop; the verdict
 changes at w Ti = 0.577 and at 1.73.

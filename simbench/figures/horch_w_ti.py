@@ -1,5 +1,5 @@
 """Horch's verdict over w Ti, for sticky loops and for healthy ones under a sine of the same period:
-it follows w Ti.
+it depends on w Ti.
 """
 
 import json

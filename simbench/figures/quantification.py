@@ -1,9 +1,9 @@
-"""Quantification: how far the S and J of each method lie from the valve's, by family of valves, and
-what its intervals hold.
+"""Quantification: errors of S and J as estimated by each method, by family of valves, and the
+coverage of the intervals.
 
-Left and middle: median error in shares of the valve's S. Right: share of the intervals for S or J
-that hold the truth, with its 95 % interval, for methods that say nine in ten (band .87 to .93). *,
-+ as in the tables: fitted on this grid, on its siblings.
+Left and middle: median error as a share of the valve's S. Right: share of the stated intervals for
+S or J that contain the true value, with its 95 % interval, for methods that state 90 % intervals
+(grey band: 0.87 to 0.93). *: fitted on this grid, +: fitted on a related grid.
 """
 
 from pathlib import Path

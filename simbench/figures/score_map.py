@@ -1,9 +1,9 @@
-"""Score map: how often each detector is right, over dead time and the shape of stiction, plants
-drawn apart.
+"""Score map: share of right answers of each detector, over dead time and the shape of stiction,
+self-regulating and integrating plants apart.
 
-The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions
-together. Under each share stand the half width of its 95 % interval and the number of loops; empty:
-fewer than 20. Hatched: not made for such a process.
+The row "none" holds healthy valves: a share below 1 there comes from false positives and from no
+decision. Below each share: half the width of its 95 % interval, and the number of loops; empty:
+fewer than 20 loops. Hatched: the method does not apply to such a process.
 """
 
 from pathlib import Path

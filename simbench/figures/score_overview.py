@@ -1,9 +1,9 @@
 """Score overview: all detectors on one sheet, best first, healthy and sticky loops apart.
 
-One row per method, sorted by cost where it applies; methods that see MV, yardsticks and
-nonlinearity tests stand apart. A share under "healthy" or "sticky, at rest" is that of the answer
-no stiction, under "cycling" that of the answer stiction; below it half the width of its 95 %
-interval; empty: fewer than 20 loops.
+One row per method, sorted by cost where it applies; methods that need MV, reference rows and
+nonlinearity tests are in groups of their own. Under "healthy" and "sticky, at rest" the share of
+the answer no stiction, under "cycling" the share of the answer stiction; below it half the width of
+its 95 % interval; empty: fewer than 20 loops.
 """
 
 from pathlib import Path

@@ -1,9 +1,9 @@
-"""Valve families: what each method finds of every friction model, and its false alarms on every
-healthy valve.
+"""Valve families: sensitivity of each method to every friction model, and its false-positive rate
+on every healthy valve.
 
-Rows are methods, best first; columns are valve families in the same cells: left, the share of the
+Rows are methods, best first. Columns are valve families in the same cells: left, the share of the
 cycling loops that are called sticky; right, the share of the loops that do not cycle and are called
-sticky all the same. Behind a name: * fitted on this grid, + on its siblings.
+sticky. *: fitted on this grid, +: fitted on a related grid.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ FEWEST = 10  # loops: a share of fewer is not shown
 
 
 def data(run: str | Path) -> pd.DataFrame:
-    """Count by method and valve family.
+    """Count verdicts by method and valve family.
 
     Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the
     method's constants were fitted); best method first.
@@ -48,7 +48,7 @@ def data(run: str | Path) -> pd.DataFrame:
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
-    """Draw both maps of shares, the share written into its field."""
+    """Draw both tables of shares as colours, with the numbers written into the cells."""
     methods = list(dict.fromkeys(data.method))
     homes = dict(zip(data.method, data.home, strict=True))
     names = [method + HOME_MARKS[homes[method]] for method in methods]

@@ -14,7 +14,8 @@ from simbench.loop.laws import LAW_FORMS
 
 @dataclass(frozen=True, eq=False)
 class FoundLaw:
-    """A form with its numbers (units of the loop file), fitted to the first part of a record.
+    """An empirical model: its form and parameters (units of the loop file), fitted to the first
+    part of a record.
 
     `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by
     sample over the record, `intervals` the values of each number that do little worse, `on` (n,)
@@ -37,7 +38,7 @@ class FoundLaw:
 
     @property
     def text(self) -> str:
-        """The law in words, with its numbers."""
+        """The empirical model in words, with its parameters."""
         rules = LAW_FORMS[self.form].numbers
         terms = [
             f"{name} = {value:.3g}{f' {rules[name].unit}' if rules[name].unit != '-' else ''}"
@@ -48,8 +49,8 @@ class FoundLaw:
 
 
 def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
-    """Return where (True) a law is likeliest on, whose `evidence` (n,) counts only there; a change
-    costs `price` (Viterbi).
+    """Return where (True) an empirical model is most likely active, from its `evidence` (n,) per
+    sample; each change costs `price` (Viterbi).
     """
     n = evidence.size
     came_on, came_off = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
@@ -65,5 +66,5 @@ def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
 
 
 def windows_of(on: np.ndarray, Ts: float) -> list[list[float]]:
-    """Return begin and end (s) of every run of True."""
+    """Return begin and end (s) of every interval of True."""
     return [[float(a * Ts), float(b * Ts)] for a, b in runs_of(on)]

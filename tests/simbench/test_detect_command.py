@@ -72,9 +72,9 @@ def test_a_folder_is_a_matrix(folder, capsys):
     }
     assert rows["sound"] == ["-"] * 4
     assert "S" in rows["sticky"]
-    assert out[-2].startswith("S: stiction")
-    names = [f"{i} {name}" for i, name in enumerate(FAST[1].split(","), 1)]
-    assert out[-1] == f"Methods: {', '.join(names)}."
+    assert out[-3].startswith("S: stiction")
+    names = [f"{i}={name}" for i, name in enumerate(FAST[1].split(","), 1)]
+    assert out[-2] == f"Methods: {', '.join(names)}."
 
 
 def test_json_holds_what_it_held(folder, capsys):

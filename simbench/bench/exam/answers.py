@@ -22,7 +22,7 @@ Answers = dict[str, dict[str, Verdict]]  # by method and record
 
 
 def rows_of(record: str, verdicts: Iterable[Verdict]) -> str:
-    """Return the lines of a record's answers."""
+    """Return the lines of the answers to one record."""
     text = io.StringIO()
     rows = (
         (
@@ -39,8 +39,8 @@ def rows_of(record: str, verdicts: Iterable[Verdict]) -> str:
 
 
 def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
-    """Read files of answers; ParameterError, naming file and line, for what is no answer to one of
-    the records.
+    """Read files of answers; raise ParameterError, naming file and line, for a line that answers no
+    record of the exam.
     """
     answers: Answers = {}
     first: dict[tuple[str, str], str] = {}

@@ -43,7 +43,9 @@ _AT_ONCE = 4000  # cells that are predicted at once: memory
 
 @dataclass(frozen=True)
 class GridMap:
-    """A map of a grid: a table of cells for every method, and what follows for the whole grid."""
+    """A map of a grid: predicted results in each cell for every method, and estimates for the whole
+    grid.
+    """
 
     folder: Path
     sample: Sample  # of the grid, that was simulated
@@ -63,7 +65,7 @@ class GridMap:
             ),
             "",
             (
-                f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}"
+                f"{'method':<20}{'cost':<21}{'cost, oscillating':<21}"
                 f"{'accuracy > .9':<15}{'Brier score':<13}n"
             ),
         ]
@@ -71,12 +73,12 @@ class GridMap:
         for name in sorted(self.methods, key=lambda m: self.methods[m]["cost"]["value"] or 0.0):
             of = self.methods[name]
             costs = [
-                "unknown" if of["value"] is None else "{value:.3f} ({lo:.2f}-{hi:.2f})".format(**of)
+                "unknown" if of["value"] is None else "{value:.3f} ({lo:.3f}-{hi:.3f})".format(**of)
                 for of in (of["cost"], of["oscillating"]["cost"])
             ]
             share = f"{100.0 * good[name]:.0f} % of cells"
             lines.append(
-                f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}"
+                f"{name:<20}{costs[0]:<21}{costs[1]:<21}{share:<15}{self.brier[name]:<13.3f}{of['n']}"
             )
         lines += [
             "",

@@ -119,8 +119,8 @@ def compare_books(
     ]
     unseen = (*_unseen(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be"
-        " detectable in 8 of 10 such runs"
+        f"{_basis(now, before, pairs, margin)}. A loss of {100 * _REACH[basis]:g} percentage points"
+        " must be detectable in 8 of 10 such runs, else the run is too small"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
@@ -205,10 +205,10 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     points = f"{100 * margin:g} percentage points"
-    tests = f"exact paired tests with Holm's correction allow a drop of {points}"
+    tests = f"A rate may fall by {points} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
-        return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"
+        return f"all {pairs.now.size} records equal those of the baseline bit for bit. {tests}"
     if pairs.now.size:
         ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
         moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
@@ -217,11 +217,11 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
             " the grid"
         )
         more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
-        return f"{why} ({more}), as on another processor; {tests}"
+        return f"{why} ({more}), as on another processor. {tests}"
     return (
-        f"other loops than the baseline's; two-sample tests of {now.ids.size} against"
-        f" {before.ids.size} scenarios, a drop of {100 * _UNPAIRED:g} points is allowed,"
-        " Holm-corrected"
+        f"the loops are not those of the baseline; two-sample tests compare {now.ids.size} with"
+        f" {before.ids.size} scenarios. A rate may fall by {100 * _UNPAIRED:g} percentage points"
+        " (Holm's correction)"
     )
 
 

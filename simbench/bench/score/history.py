@@ -45,8 +45,9 @@ class History:
         order = wide.iloc[:, -1].sort_values(ascending=False, kind="stable").index
         text = wide.loc[order].to_string(float_format="%.3f", na_rep="-")
         return (
-            "accuracy against cycled, where the method"
-            f" applies\n{text}\n\n{made.to_string(index=False)}"
+            "Accuracy (share of right answers; label 'cycled') on the loops where the method"
+            " applies:"
+            f"\n{text}\n\n{made.to_string(index=False)}"
         )
 
     def as_json(self) -> dict[str, Any]:

@@ -43,7 +43,7 @@ _DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
 
 
 def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest: the settings of a run with the versions and the code it runs on."""
+    """Return a manifest: the settings of a run, and the versions and code with which it is run."""
     return {
         "format": FORMAT,
         **settings,
@@ -92,7 +92,9 @@ def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
 
 
 def run_key(manifest: Mapping[str, Any]) -> str:
-    """Return 16 hex digits of what must be the same before two pieces may stand in one table."""
+    """Return a hash (16 hex digits) of everything that two pieces must share to be joined in one
+    table.
+    """
     return digest(json.dumps({key: manifest[key] for key in _BINDING}, sort_keys=True).encode())
 
 
@@ -106,7 +108,9 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
 
 
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
-    """Raise RunError, with what differs, when a run on disk is not the one about to go on."""
+    """Raise RunError, with the difference, if the run on disk is not the one that is to be
+    continued.
+    """
     old = read_manifest(where)
     for key in _BINDING:
         if old.get(key) != manifest[key]:
@@ -117,8 +121,8 @@ def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
 
 @cache
 def code_hash() -> str:
-    """Return 16 hex digits of all sources that decide what a run's tables hold, as they were when
-    first asked.
+    """Return a hash (16 hex digits) of all source files that the tables of a run depend on, as they
+    were when first read.
     """
     import detectors
     import scenarios

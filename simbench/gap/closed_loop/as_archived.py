@@ -15,7 +15,9 @@ from simbench.gap.situation import Situation
 def as_archived(
     situation: Situation, op: np.ndarray, pv: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return OP and PV of a simulated loop with what the archive did to the recorded ones."""
+    """Return OP and PV of a simulated loop after the changes that the archive made to the recorded
+    ones.
+    """
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
@@ -27,14 +29,16 @@ def as_archived(
 
 @lru_cache(maxsize=4)
 def _digits_of(s: Situation) -> tuple[float, float]:
-    """Return the steps OP and PV are written in: one record is simulated many times."""
+    """Return the steps in which OP and PV are written, computed once per record because it is
+    simulated many times.
+    """
     pv = np.asarray(s.record.pv)
     return _digits(s.op, pv), _digits(pv, s.op)
 
 
 def _digits(x: np.ndarray, other: np.ndarray) -> float:
-    """Return the step a column is written in, a transmitter's counts that were rounded once more to
-    decimals included.
+    """Return the step in which a column is written, also if a transmitter's steps were rounded
+    again to decimals.
     """
     digits = written(x, other).digits
     counts = lattice(x, resolution(x) / 3.0)  # its levels lie up to half a decimal off
@@ -46,8 +50,8 @@ def _rounded(x: np.ndarray, unit: float) -> np.ndarray:
 
 
 def _mean_like(real: np.ndarray, seen: np.ndarray, pv: np.ndarray) -> np.ndarray:
-    """Return PV as the mean, over this sample and its neighbours, that turns what the controller
-    saw into the record.
+    """Return PV averaged over neighbouring samples in the way that makes what the controller saw
+    equal to the record.
     """
 
     def near(x: np.ndarray) -> np.ndarray:

@@ -25,8 +25,8 @@ _MOST = 900.0  # nats that stand for a law which nothing else explains
 
 @contextmanager
 def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
-    """Make the effects of files known while the block lasts; yield their ids. They run in this
-    process, as the user asked.
+    """Make the diagnosis fit the effects in these files while the block lasts; yield their ids.
+    They run in this process, as the user asked.
     """
     with ExitStack() as stack:
         names = []

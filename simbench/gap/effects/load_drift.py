@@ -14,7 +14,7 @@ from simbench.gap.situation import Situation
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the load walk, with a ramp on top."""
+    """Fit a random walk with a ramp to the load."""
     d = engine.data
     line = kernels.plant(np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     spec = base.spec.join(Spec(load_walk=True, channels=(line,)))

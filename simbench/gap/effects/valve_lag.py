@@ -11,7 +11,7 @@ from simbench.gap.likelihood.valve_map import MapFit, MapSearch, lagged
 
 
 def by_mv(search: MapSearch) -> MapFit:
-    """Scan the time constant, then narrow it down."""
+    """Fit the time constant from OP to MV by a scan and a refinement."""
     taus = np.geomspace(0.2, search.op.size / 10, 120)
 
     def level(tau: float) -> float:

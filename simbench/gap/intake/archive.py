@@ -23,8 +23,8 @@ _STRAYS = 3  # samples in which an exact law fails, from which something else mo
 
 
 def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
-    """Return what the archive did, the PV the controller saw, the unit that rounds it, and why no
-    PI law turns the error into OP.
+    """Return what the archive changed, the PV that the controller saw, its rounding step, and why
+    no PI law explains OP.
     """
     archive, plant_pv, mismatch = _archive(it)
     unexplained = _unexplained(it, archive, mismatch)
@@ -39,8 +39,8 @@ def _resolution(archive: Archive, samples: Samples) -> float:
 
 
 def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
-    """Return why no PI law turns the recorded error into OP; nothing where what lies between is
-    known.
+    """Return why no PI law explains the recorded OP; nothing if the archive explains the
+    difference.
     """
     if not archive.faithful or it.law.gap > 0.0:
         return mismatch
@@ -138,7 +138,7 @@ def _lines_where_apart(it: Observed) -> bool:
 
 
 def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:
-    """Return whether OP jumps with the spikes of PV as the controller's gain says."""
+    """Return whether OP jumps with the spikes of PV as the controller gain requires."""
     du = np.append(np.diff(it.record.op), 0.0)[
         np.clip(spikes - 1 + it.law.late, 0, it.record.n - 1)
     ]

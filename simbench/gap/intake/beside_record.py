@@ -29,7 +29,7 @@ _EDGE = 1  # samples at a change of mode that may be written down on either side
 
 
 def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
-    """Return what the fits need of a test."""
+    """Return the settings and signals of a test that the fits need."""
     r, op = test.record, np.asarray(test.record.op_percent)
     if r.mv is not None:
         refuse_mv_units(np.asarray(r.mv), op, test.path)
@@ -79,8 +79,8 @@ def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
 
 
 def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str:
-    """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks
-    against it.
+    """Return why a test cannot belong to the record's loop as it was declared; "" if nothing
+    contradicts it.
     """
     law = fitted.law
     contrary = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(
@@ -113,7 +113,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
 
 
 def _elsewhere(test: RecordedTest, s: Situation) -> str:
-    """Return whether PV runs so far from the record's that it is another signal."""
+    """Return whether PV is so far from the record's that it must be another signal."""
     pv, recorded = test.record.pv, s.record.pv
     far = _ELSEWHERE * float(np.ptp(recorded))
     if pv.max() > recorded.min() - far and pv.min() < recorded.max() + far:
@@ -126,8 +126,8 @@ def _elsewhere(test: RecordedTest, s: Situation) -> str:
 
 
 def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
-    """Return whether OP moves like a controller's where `mode` is MAN, or rests like an
-    operator's where it is AUTO.
+    """Return whether OP moves like a controller's although `mode` is MAN, or rests although it is
+    AUTO.
 
     `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at
     most.
@@ -167,12 +167,12 @@ def _runs(x: np.ndarray) -> list[slice]:
 
 
 def _length(x: np.ndarray) -> int:
-    """Return how many samples are true before the first that is not."""
+    """Return the number of leading samples that are true."""
     return int(x.cumprod().sum())
 
 
 def refuse_twice(tests: list[RecordedTest]) -> None:
-    """Refuse one file given twice: its evidence would count twice."""
+    """Refuse a file that is given twice, because its evidence would count twice."""
     paths = [t.path for t in tests]
     twice = next((p for p in paths if paths.count(p) > 1), None)
     if twice is not None:

@@ -257,7 +257,9 @@ class GapReport:
             shares = [
                 f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
             ]
-            lines.append(f"Probability of each block: {', '.join(shares)}.")
+            lines.append(
+                f"Probability of each block, unknown effects included: {', '.join(shares)}."
+            )
         lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}".rstrip()
@@ -267,7 +269,13 @@ class GapReport:
         return "\n".join(lines)
 
     def gap_lines(self) -> list[str]:
-        """Return what the gap is and how far it shrinks, in sentences."""
+        """Return what the gap is and how far it shrinks, in sentences.
+
+        Returns
+        -------
+        list of str
+            Sentences on the gap before and after, its floor and its shrinkage.
+        """
         g = self.gap
         lines = gap_sentences(
             g.before,
@@ -281,7 +289,13 @@ class GapReport:
         return lines
 
     def next_line(self) -> list[str]:
-        """Return the next test in a sentence, in a list; empty where none is recommended."""
+        """Return the next test in a sentence, in a list; empty where none is recommended.
+
+        Returns
+        -------
+        list of str
+            One sentence on the next test, or none where there is nothing to say.
+        """
         one = self.next_test
         return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]
 

@@ -36,8 +36,8 @@ ARCHIVE = (
 
 @dataclass(frozen=True, eq=False)
 class CandidateLoops:
-    """What may have made a record (OP in %): loops without friction, the most plausible first,
-    and the one with friction.
+    """The loops that may have produced a record (OP in %): those without friction, the most
+    plausible first, and the one with friction.
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
@@ -67,8 +67,8 @@ class CandidateLoops:
 def candidate_loops(
     record: LoopRecord, loop: Loop | Partial | None = None, assessment: Assessment | None = None
 ) -> CandidateLoops:
-    """Identify the loop of a record, with a sound valve and with friction; `assessment` where there
-    is one already.
+    """Identify the loop of a record, with a healthy valve and with friction; `assessment` is used
+    if it exists already.
     """
     notes = []
     weighed = friction_of(record) if loop is None else friction(record, loop, assessment)
@@ -106,9 +106,7 @@ def candidate_loops(
 
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
-    """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes
-    it out.
-    """
+    """Return a loop whose stiction is replaced by S and J (%); S = 0 removes it."""
     table = without(loop, (FRICTION,)).to_table()
     if S > 0:
         table["effect"] = [
@@ -126,5 +124,5 @@ def without(loop: Loop, names: tuple[str, ...]) -> Loop:
 
 
 def archived(loop: Loop) -> list[Mapping[str, Any]]:
-    """Return what an archive or a transmitter does to the loop's record, effect by effect."""
+    """Return the effects of archive and transmitter on the loop's record."""
     return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]

@@ -53,9 +53,9 @@ def advise(
         why.AT_LIMIT: named.speaks_for[:1],
         why.SENSOR: named.speaks_for[:1],
         why.TIGHT: named.speaks_for[:1] if action is None else (action.sentence(),),
-        why.STICKING: () if action is None else (action.sentence(),),
-        why.NEIGHBOUR: (root,),
-        why.FROM_OUTSIDE: (f"{prepared.oscillation.period_s:.3g} s",),
+        why.STICKING: () if action is None else (action.effect(),),
+        why.NEIGHBOUR: (f"that loop is {root}",),
+        why.FROM_OUTSIDE: (f"the period is {prepared.oscillation.period_s:.3g} s",),
     }
     details = about.get(named.name, ())
     if concluded.probability is None and named.name == why.NOT_TOLD:
@@ -64,7 +64,7 @@ def advise(
     if job is None:
         open_valve = VALVE if concluded.verdict == NO_DECISION else TUNING
         job = open_valve if swings else MEASUREMENT if concluded.verdict != NO_STICTION else NOBODY
-    return Advice(job, "; ".join([concluded.next, *map(str, details)]))
+    return Advice(job, "; ".join([concluded.next, *details]))
 
 
 def best(actions: Sequence[Action]) -> Action | None:

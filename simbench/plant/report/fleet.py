@@ -44,7 +44,7 @@ from simbench.plant.trust.trust import trust
 
 # ends the name of the folder next to a page in which the answers on its loops are kept
 JUDGED = ".judged"
-HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
+HEALTHY, EACH = 16, 2  # replicates per loop: enough to rank a plant; `simbench trust` draws more
 # of a loop's own cost, where another drives it, and confidence where no cause is named
 _FOLLOWER, _OPEN = 0.2, 0.3
 # rows, sentences of each kind, and loops with advice that a terminal shows; the page has everything
@@ -55,8 +55,7 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant: its conclusion, what few twins and the fast methods say, every verdict,
-    cause, cost, what to do.
+    """One loop of a plant: conclusion, verdicts, cause, cost and advice.
 
     `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers
     the oscillation it shares, from 1, with its likely `root`; `pooled` is the probability of
@@ -94,8 +93,8 @@ class FleetLoop:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """A plant's loops, the most urgent first; `events` have their likely root first, `cascades` are
-    outer and inner loop.
+    """The loops of a plant, the most urgent first; `events` are shared oscillations (likely root
+    first), `cascades` pairs of outer and inner loop.
     """
 
     members: tuple[FleetLoop, ...]
@@ -105,8 +104,8 @@ class Fleet:
     cascades: tuple[tuple[str, str], ...] = ()
 
     def to_test(self) -> list[str]:
-        """Return the fewest valves to touch: one per shared oscillation, its likely root, and loops
-        that swing alone.
+        """Return the fewest valves to test: one per shared oscillation (its likely root), and each
+        loop that oscillates alone.
         """
         followers = {name for event in self.events for name in event[1:]}
         inner = dict(self.cascades)
@@ -118,9 +117,7 @@ class Fleet:
         )
 
     def shared(self) -> list[str]:
-        """Return a sentence per oscillation that loops share, with its likely root and why, and one
-        per cascade.
-        """
+        """Return one sentence per shared oscillation, with its likely root, and one per cascade."""
         p = {m.name: m.probability for m in self.members}
         lines = []
         for i, event in enumerate(self.events, 1):

@@ -64,10 +64,14 @@ class Action:
     hi: float
 
     def sentence(self) -> str:
-        """Return what it would do in words."""
+        """Return the action and what it would do."""
+        return f"{self.what}: {self.effect()}"
+
+    def effect(self) -> str:
+        """Return the variance of PV after the action."""
         return (
-            f"{self.what} (simulated PV variance then: {self.variance:.0%} of today's,"
-            f" {self.lo:.0%} to {self.hi:.0%})"
+            f"simulated PV variance then {self.variance:.0%} of today's ({self.lo:.0%} to"
+            f" {self.hi:.0%})"
         )
 
 

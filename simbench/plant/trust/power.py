@@ -14,14 +14,16 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
 
 POWER = 0.8  # sensitivity from which a size is called visible
-_ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
+_ALARMS = 0.05  # share of healthy replicates that a threshold chosen here may call sticky
 # by which a threshold chosen here must be right more often than the published rule to be advised
 _BETTER = 0.03
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Share called stiction of the twins with one S and J (% of travel), with its 95 % interval."""
+    """Share of the replicates with one S and J (% of travel) called stiction, and its 95 %
+    interval.
+    """
 
     S: float
     J: float
@@ -35,7 +37,7 @@ class Rule:
     """How a method should be read on this loop: by its published rule, or by the score above which
     stiction is called.
 
-    `right` is the share of twins answered right, sticky and healthy ones counting the same; an
+    `right` is the share of replicates answered right, sticky and healthy ones counting the same; an
     abstention is not right.
     """
 
@@ -61,7 +63,7 @@ class Rule:
 
 
 def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
-    """Return the share called sticky in every cell (S, J) of the sticky twins."""
+    """Return the share called sticky in every cell (S, J) of the sticky replicates."""
     keys = sorted({(round(j / s, 6), s, j) for s, j in zip(S, J) if s > 0})
     out = []
     for _, s, j in keys:
@@ -91,7 +93,7 @@ def smallest_visible(cells: Sequence[Cell]) -> tuple[float, float] | None:
 
 def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
     """Return the readings of a method here: its published rule, and a threshold on its score
-    that healthy twins set.
+    that healthy replicates set.
     """
     called = np.array([v.verdict == STICTION for v in verdicts])
     undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
@@ -119,8 +121,8 @@ def _cut(healthy: np.ndarray) -> float:
 
 
 def likelihood_ratio(verdict: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
-    """Return how much more often sticky twins get this verdict than healthy ones (half a twin added
-    to each count).
+    """Return how much more often sticky replicates get this verdict than healthy ones; half a
+    replicate is added to each count.
     """
     same = np.array([v == verdict for v in verdicts])
     return float(

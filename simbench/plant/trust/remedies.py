@@ -12,17 +12,17 @@ import numpy as np
 from detectors.judge import judge
 from detectors.verdict import STICTION
 from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
-from simbench.plant.trust.replicates import Change, draw_twins
+from simbench.plant.trust.replicates import Change, draw_replicates
 
-_TWINS = 24  # of each kind, per remedy
+_REPLICATES = 24  # of each kind, per remedy
 _WORTH = 0.2  # by which a remedy must raise sensitivity minus false alarms to be named
 _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to record otherwise, and which share of sticky and of healthy twins the best method
-    then calls stiction.
+    """One other way to record the loop, and the shares of sticky and of healthy replicates that the
+    best method then calls stiction.
 
     `S` is the size tried, with full slip-jump; `before` the sensitivity minus false alarms of the
     record as it is.
@@ -117,12 +117,16 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
 def _shares(
     a: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
 ) -> list[tuple[str, float, float]]:
-    """Return per method the share of sticky and of healthy twins that it calls stiction."""
-    twins = draw_twins(a, _TWINS, _TWINS, cells=[cell], change=change, seed=seed + 1)
-    sticky = np.array([t.S > 0 for t in twins], dtype=bool)
+    """Return per method the share of sticky and of healthy replicates that it calls stiction."""
+    replicates = draw_replicates(
+        a, _REPLICATES, _REPLICATES, cells=[cell], change=change, seed=seed + 1
+    )
+    sticky = np.array([t.S > 0 for t in replicates], dtype=bool)
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]
-    called = np.array([[v.verdict == STICTION for v in judge(t.record, methods)] for t in twins])
+    called = np.array(
+        [[v.verdict == STICTION for v in judge(t.record, methods)] for t in replicates]
+    )
     return [
         (m, float(called[sticky, i].mean()), float(called[~sticky, i].mean()))
         for i, m in enumerate(methods)

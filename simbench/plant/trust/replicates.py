@@ -32,8 +32,8 @@ _STATED = {"slow": 0.05, "K": 0.05, "Td": 0.05, "load": 0.20, "load_time": 0.30,
 
 
 @dataclass(frozen=True, eq=False)
-class Twin:
-    """One simulated record of the loop; S and J in % of travel, both 0 with a sound valve."""
+class Replicate:
+    """One simulated replicate of a loop, with its S and J (%)."""
 
     S: float
     J: float
@@ -65,7 +65,7 @@ def levels(around: CandidateLoops) -> list[tuple[float, float]]:
     return [(float(s), float(r * s)) for r in _SLIPS for s in S]
 
 
-def draw_twins(
+def draw_replicates(
     around: CandidateLoops,
     healthy: int,
     each: int,
@@ -73,18 +73,20 @@ def draw_twins(
     cells: Sequence[tuple[float, float]] | None = None,
     change: Change | None = None,
     seed: int = 0,
-) -> list[Twin]:
-    """Simulate twins of a record."""
+) -> list[Replicate]:
+    """Simulate replicates of a loop with a healthy valve and with stiction of several sizes."""
     plan = [(0.0, 0.0)] * healthy + [
         cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)
     ]
-    drawn = (_twin(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan))
+    drawn = (
+        _replicate(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan)
+    )
     return [t for t in drawn if t is not None]
 
 
-def _twin(
+def _replicate(
     a: CandidateLoops, S: float, J: float, change: Change, stream: list[int], number: int
-) -> Twin | None:
+) -> Replicate | None:
     rng = np.random.default_rng(stream)
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
     # friction that explains the record leaves nothing to be swung from outside
@@ -116,7 +118,7 @@ def _twin(
                 run = _after(simulate(with_friction(loop, S, J), seed, kick=kick).record, ahead)
         except (UserError, SpecError):
             continue
-        return Twin(S, J, _as_recorded(run, a.record, change.mv))
+        return Replicate(S, J, _as_recorded(run, a.record, change.mv))
     return None
 
 

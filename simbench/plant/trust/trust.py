@@ -35,21 +35,21 @@ from simbench.plant.trust.power import (
     smallest_visible,
 )
 from simbench.plant.trust.remedies import Remedy, remedies
-from simbench.plant.trust.replicates import Twin, draw_twins
+from simbench.plant.trust.replicates import Replicate, draw_replicates
 from simbench.plant.trust.result import MethodTrust, Trust, likely
 
 if TYPE_CHECKING:
     from detectors.sources import Source
 
-_HEALTHY, _EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
+_HEALTHY, _EACH = 80, 12  # replicates with a sound valve, and in every cell of S and J
 LONG_RECORD, _THINNEST = (
     8000,
     0.3,
-)  # samples of a record from which fewer twins are drawn, and at least this share of them
+)  # samples of a record from which fewer replicates are drawn, and at least this share of them
 FEW, _FEWEST_OF_LONG = (
     10,
     16,
-)  # fewest twins of a kind for a conclusion, and drawn of a long record: loops may run away
+)  # fewest replicates of a kind for a conclusion, and drawn of a long record: loops may run away
 
 
 def trust(
@@ -86,7 +86,7 @@ def trust(
     Returns
     -------
     Trust
-        The conclusion, each method's accuracy on simulated twins of the loop, and what its
+        The conclusion, each method's accuracy on simulated replicates of the loop, and what its
         record could show.
 
     Raises
@@ -142,7 +142,7 @@ def _trust(
     try:
         refuse_unweighable(record)
     except UserError as why:
-        return _without_twins(record, verdicts, str(why), from_record(prepared, str(why))[0])
+        return _without_replicates(record, verdicts, str(why), from_record(prepared, str(why))[0])
     try:
         if loop is not None:
             # with a loop file, friction is compared with every other effect
@@ -153,20 +153,20 @@ def _trust(
     except UserError as why:
         if loop is not None:
             raise
-        return _without_twins(record, verdicts, str(why), from_record(prepared, str(why))[0])
+        return _without_replicates(record, verdicts, str(why), from_record(prepared, str(why))[0])
     conclusion = from_record(prepared, candidates)[0] if diagnosis is None else diagnosis.conclusion
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
-    twins = draw_twins(candidates, sound, max(round(share * each), 2), seed=seed)
-    sticky = np.array([t.S > 0 for t in twins], dtype=bool)
+    replicates = draw_replicates(candidates, sound, max(round(share * each), 2), seed=seed)
+    sticky = np.array([t.S > 0 for t in replicates], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if candidates.trusted else "identified"
         why = (
             f"what could have been seen is unknown: the {whose} loop does not move as the record"
             " does"
         )
-        return _without_twins(record, verdicts, why, conclusion, candidates)
-    return _weighed(record, conclusion, candidates, names, verdicts, twins, help_wanted, seed)
+        return _without_replicates(record, verdicts, why, conclusion, candidates)
+    return _weighed(record, conclusion, candidates, names, verdicts, replicates, help_wanted, seed)
 
 
 def _weighed(
@@ -175,13 +175,13 @@ def _weighed(
     candidates: CandidateLoops,
     names: list[str],
     verdicts_here: list[Verdict],
-    twins: list[Twin],
+    replicates: list[Replicate],
     help_wanted: bool,
     seed: int,
 ) -> Trust:
-    S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
+    S, J = (np.array([getattr(t, k) for t in replicates]) for k in "SJ")
     sticky = S > 0
-    verdicts = [judge(t.record, names) for t in twins]
+    verdicts = [judge(t.record, names) for t in replicates]
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
@@ -213,7 +213,7 @@ def _weighed(
         conclusion=conclusion,
         methods=tuple(rows),
         power=scaled,
-        twins=tuple((t.S, t.J) for t in twins),
+        twins=tuple((t.S, t.J) for t in replicates),
         helps=helps,
         smallest_visible=(
             None if seen is None else (seen[0] * candidates.percent, seen[1] * candidates.percent)
@@ -250,7 +250,7 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(
+def _without_replicates(
     record: LoopRecord,
     verdicts: list[Verdict],
     why: str,

@@ -68,7 +68,7 @@ def test_a_stuck_valve_or_one_that_needs_more_travel_has_no_numbers(loop, S, J, 
     assert test.as_json()["S" if J == 50.0 else "J"] is None
     assert J != 50.0 or test.sticky is None
     assert reason in test.reason
-    assert "not found" in test.as_text()
+    assert "not measured" in test.as_text()
 
 
 def test_outcome_is_json_text_and_picture(loop):
@@ -78,7 +78,7 @@ def test_outcome_is_json_text_and_picture(loop):
     assert set(answer) == {"verdict", "sticky", "reason"} | numbers
     assert answer["verdict"] == "stiction"
     assert answer["S_interval"] == [pytest.approx(test.S - test.increment), test.S]
-    assert "slip jump" in test.as_text()
+    assert "slip-jump" in test.as_text()
     assert len(test.plot().axes) == 2
     assert test.phase.size == test.trace.op.size
     assert np.all(np.diff(test.phase) >= 0)

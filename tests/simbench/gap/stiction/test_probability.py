@@ -77,7 +77,7 @@ def answer(capsys, *words):
 
 
 def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
     listed = table(survey(folder, jobs=1)).set_index("loop")
     record = folder / "sticky.csv"
     [answered] = answer(capsys, "detect", record, "--method", "likelihood")

@@ -1,4 +1,4 @@
-"""Twins are the loop of the record again: its length, its sampling, its set point, and no more
+"""Replicates are the loop of the record again: its length, its sampling, its set point, and no more
 signals than it has.
 """
 
@@ -11,7 +11,7 @@ from random_case import random_case
 from detectors.record import LoopRecord
 from simbench.gap.stiction.candidate_loops import candidate_loops, with_friction
 from simbench.plant.trust import replicates as twins
-from simbench.plant.trust.replicates import Change, draw_twins, levels
+from simbench.plant.trust.replicates import Change, draw_replicates, levels
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def candidates():
 
 
 def test_twins_have_the_records_length_sampling_and_signals(candidates):
-    twins = draw_twins(candidates, 4, 1)
+    twins = draw_replicates(candidates, 4, 1)
     assert {t.record.n for t in twins} == {candidates.record.n}
     assert {t.record.Ts for t in twins} == {candidates.record.Ts}
     assert all((t.record.mv is None) == (candidates.record.mv is None) for t in twins)
@@ -28,7 +28,7 @@ def test_twins_have_the_records_length_sampling_and_signals(candidates):
 
 
 def test_a_healthy_twin_moves_about_as_much_as_the_record(candidates):
-    sizes = [np.std(t.record.pv) for t in draw_twins(candidates, 20, 0)]
+    sizes = [np.std(t.record.pv) for t in draw_replicates(candidates, 20, 0)]
     assert 0.3 < np.median(sizes) / np.std(candidates.record.pv) < 3.0
 
 
@@ -38,10 +38,10 @@ def test_friction_is_tried_with_a_disturbance_that_swings_the_loop(candidates, m
     monkeypatch.setattr(twins, "_driven", lambda *a: driven.append(1) or whole(*a))
     cell = [(1.0, 0.5)]
     swung = replace(candidates, log_odds=-5.0, period=40.0 * candidates.record.Ts)
-    draw_twins(swung, 0, 8, cells=cell)
+    draw_replicates(swung, 0, 8, cells=cell)
     assert driven
     driven.clear()
-    draw_twins(replace(swung, period=None), 0, 8, cells=cell)
+    draw_replicates(replace(swung, period=None), 0, 8, cells=cell)
     assert not driven
 
 
@@ -54,12 +54,12 @@ def test_cells_span_small_and_large_friction(candidates):
 
 def test_what_is_recorded_otherwise_is_recorded_otherwise(candidates):
     n = candidates.record.n
-    assert draw_twins(candidates, 6, 0, change=Change(longer=2.0))[0].record.n == 2 * n
-    assert draw_twins(candidates, 6, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(
+    assert draw_replicates(candidates, 6, 0, change=Change(longer=2.0))[0].record.n == 2 * n
+    assert draw_replicates(candidates, 6, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(
         candidates.record.Ts / 3
     )
-    assert draw_twins(candidates, 6, 0, change=Change(mv=True))[0].record.mv is not None
-    stepped = draw_twins(candidates, 6, 0, change=Change(step=7.0))[0].record
+    assert draw_replicates(candidates, 6, 0, change=Change(mv=True))[0].record.mv is not None
+    stepped = draw_replicates(candidates, 6, 0, change=Change(step=7.0))[0].record
     assert stepped.sp is None or np.ptp(stepped.sp) >= 7.0
 
 
@@ -81,7 +81,7 @@ def test_a_record_whose_op_has_no_unit_keeps_its_unit():
 
 
 def test_twins_depend_on_seed_and_number_alone(candidates):
-    one, again = (draw_twins(candidates, 2, 1, seed=3) for _ in range(2))
+    one, again = (draw_replicates(candidates, 2, 1, seed=3) for _ in range(2))
     assert all(np.array_equal(a.record.pv, b.record.pv) for a, b in zip(one, again))
     assert not np.array_equal(one[0].record.pv, one[1].record.pv)
 

@@ -48,7 +48,7 @@ def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
-    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
     answer = trust(sticky, **FEW)
     assert answer.conclusion.verdict == STICTION
     assert answer.best is None
