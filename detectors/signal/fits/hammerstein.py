@@ -142,8 +142,8 @@ class _Search:
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
         table, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
-        for row, values in zip(table, parts):
-            row[...] = values
+        for i, values in enumerate(parts):
+            table[i] = values
         windows[0], windows[1] = low, count
         valves, (first, counts) = table.reshape(5, -1), windows.reshape(2, -1)
         out = np.empty((counts.size, 2))

@@ -284,9 +284,9 @@ def _settled(
     if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
         # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that
         # was drawn
-        model, own = table["valve"]["model"], {**table["valve"]}
-        del own["model"]
-        stages = stages_of(Part(name=model, parameters=own), table["sampling"]["Ts"])
+        numbers = {k: v for k, v in table["valve"].items() if k != "model"}
+        valve = Part(name=table["valve"]["model"], parameters=numbers)
+        stages = stages_of(valve, table["sampling"]["Ts"])
         op0 = table["operating_point"]["op0"]
         table["operating_point"]["op0"] = significant(resting_mv(stages, op0))
     if swing is not None and not tuned:
