@@ -26,8 +26,8 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
-_ASKS_OTHERS = "procedure"  # whose sizes are those of the methods it asked, as wide as theirs
-_HIDES = 0.5  # of S, from which what the archive leaves out is as large as what is looked for
+_ASKS_OTHERS = "procedure"  # its S and J are already widened by the methods it asked
+_HIDES = 0.5  # share of S that the archive may hide; above it no S is stated
 _LONGEST = 300  # characters of an error's text
 FAILED = "failed: "  # begins the reason of a method that gave no verdict
 

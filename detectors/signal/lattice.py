@@ -126,7 +126,7 @@ class Written(NamedTuple):
 
 
 def written(x: np.ndarray, *others: np.ndarray) -> Written:
-    """Return the digits and the lattice of a column, and which of them is no more than the way it
+    """Return the digits and the lattice of a column, and which of the two only tells how the file
     was written.
     """
     unit = written_unit(x, *others)

@@ -1,7 +1,7 @@
-"""Compiled kernels of the prediction error: find for each segment of a signal its nearest segments,
-by comparing all pairs.
+"""Compute the prediction error of the detector `surrogate`: find for each segment of a signal its
+nearest segments, by comparing all pairs.
 
-Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. Pieces
+The functions also run, slowly, as plain Python; `detectors.compiled.compiled` compiles them. Pieces
 stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree does not pay
 for a few hundred pieces of ten samples.
 """

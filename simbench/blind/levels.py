@@ -1,5 +1,5 @@
-"""Compute rates, medians and calibration over many judged answers, and compare them with the
-required levels.
+"""Score a blind test of the gap diagnosis: rates, medians and calibration over many answers, and
+whether they reach the required levels.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Figure:
 
 
 def levels(table: pd.DataFrame) -> list[Share | Figure]:
-    """Return every figure that has a level, in the order of the contract."""
+    """Return every figure that has a level, in the order in which they are printed."""
     counted = (
         _COUNTED
         if table.strength.isin(("weak", *_COUNTED)).any()

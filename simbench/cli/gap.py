@@ -304,7 +304,10 @@ def make(
         ),
     ] = False,
 ) -> None:
-    """Simulate records with hidden effects in random order, and encrypt the answers."""
+    """Make a blind test of `gap diagnose`: records with hidden effects, and encrypted answers.
+
+    Continue with `simbench gap withheld answer` and `open`.
+    """
     from simbench.blind.making import make as write
 
     print(write(out, key, seed, n=n, jobs=jobs, world=world, tests=tests))

@@ -53,9 +53,10 @@ def trust_(
     The loop is simulated again about 200 times, with a healthy valve and with stiction of ten
     sizes. Every detector judges these simulated replicates, for which the right answer is known.
 
-    The table has one row per method, the most reliable first. With the published threshold: its
-    verdict on the record, its false-positive rate on healthy replicates, and the smallest stick
-    band S from which it detects four of five sticky replicates, for a slip-jump J of S/4 and of S.
+    The table has one row per method: those that agree with the conclusion first, then by accuracy.
+    With the published threshold: its verdict on the record, its false-positive rate on healthy
+    replicates, and the smallest stick band S from which it detects four of five sticky replicates,
+    for a slip-jump J of S/4 and of S.
     As advised for this loop: the score above which the method should report stiction (empty: as
     published), and its accuracy on the replicates with that threshold.
     """
@@ -114,9 +115,9 @@ def report_(
     """Rank the loops of a plant by what their cause costs, and list what to do next.
 
     The table has one row per loop, the most urgent first: the probability that its valve has
-    stiction, the estimated stick band S (in the unit of OP), the most likely cause, and what to
-    work on (valve, tuning, upstream process, measurement or nothing). The HTML page has the
-    evidence for every loop.
+    stiction, the estimated stick band S (in % of travel if the span of OP is known), the most
+    likely cause, and what to work on (valve, tuning, upstream process, measurement or nothing). The
+    HTML page has the evidence for every loop.
     """
     from simbench.plant.command import report_folder
 

@@ -19,8 +19,8 @@ class FoundLaw:
 
     `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by
     sample over the record, `intervals` the values of each number that do little worse, `on` (n,)
-    the spells of one that comes and goes; `late` samples by which OP answers PV late in the
-    archive.
+    where an intermittent effect is active; `late` is the delay (samples) of the archived OP behind
+    PV.
     """
 
     form: str

@@ -70,7 +70,7 @@ def _close() -> None:
 
 
 def host_of(parts: Iterable[tuple[str, str]]) -> Host | None:
-    """Return the worker in which those of others among some parts (kind, name) live; None where all
+    """Return the worker process of the plug-ins among some parts (kind, name); None if all parts
     are built in.
 
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None

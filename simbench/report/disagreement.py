@@ -10,7 +10,9 @@ TITLE = "Where the labels disagree"
 
 
 def section(run: RunData) -> Markup:
-    """Count the combinations of sticky, predicted, refined, theory and cycled."""
+    """Count the combinations of the labels: sticky, predicted (Table 11.3), refined (with its
+    conditions), theory (the exact cycle) and cycled.
+    """
     names = list(REPORTED_TRUTHS)
     words = run.truths.astype(object).where(run.truths.notna(), "-").astype(str)
     words = words.replace({"True": "yes", "False": "no"})

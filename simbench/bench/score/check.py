@@ -205,10 +205,12 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     points = f"{100 * margin:g} percentage points"
-    tests = f"A rate may fall by {points} (exact paired tests with Holm's correction)"
+    tests = f"a rate may fall by {points} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
-        return f"all {pairs.now.size} records equal those of the baseline bit for bit. {tests}"
+        return (
+            f"all {pairs.now.size} records equal those of the baseline bit for bit. Rule: {tests}"
+        )
     if pairs.now.size:
         ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
         moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
@@ -217,7 +219,7 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
             " the grid"
         )
         more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
-        return f"{why} ({more}), as on another processor. {tests}"
+        return f"{why} ({more}), as on another processor. Rule: {tests}"
     return (
         f"the loops are not those of the baseline; two-sample tests compare {now.ids.size} with"
         f" {before.ids.size} scenarios. A rate may fall by {100 * _UNPAIRED:g} percentage points"

@@ -16,9 +16,9 @@ from simbench.loop.effects import EFFECTS, block_of
 def plausible(assessment: Assessment, sticky: bool | None = True) -> Assessment:
     """Keep of an assessment without trusted baseline what the record alone can carry.
 
-    Effects that compare with a plant are dropped, and with a tuning, unless that was given;
-    friction is chosen only where the valve is `sticky`, and not weighed where that is open
-    (None). Notes say what the samples show.
+    Effects that are defined relative to a plant are dropped, and those relative to a tuning unless
+    it was given. Friction is chosen only if the valve is `sticky`, and ignored if that is open
+    (None). Notes state what the samples show.
     """
     s = assessment.situation
     kept = meaningful(s.record.mv is not None, s.tuned)

@@ -49,8 +49,8 @@ def matched(s: Situation, finding: Finding, seed: int) -> Finding:
     """Return a finding with the load, and law, with which the simulated loop is nearest to the part
     that both were fitted to.
 
-    The load's size and memory are searched; the numbers of a law that the likelihood finding too,
-    where that pays plainly.
+    The load's size and memory are searched. The numbers of a law that the likelihood found are
+    searched too, and kept only if that plainly reduces the distance.
     """
     law, first = finding.law, held_out(s)
     if law is None:
