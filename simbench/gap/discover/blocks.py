@@ -63,7 +63,8 @@ def located(
 
     Every block counts by its best explanation, however many were tried. As no model of a left-out
     effect is quite true, shares are proportional to the gains in log-likelihood, not to their
-    exponentials: such shares were right about as often as they claim (seeds 7401 and 7402, 216 records).
+    exponentials: such shares were right about as often as they claim (seeds 7401 and 7402,
+    216 records).
     """
     gains = assessment.log_likelihood_gains
     nearest = {block_of(e): e for e in sorted(EFFECTS, key=gains.__getitem__) if gains[e] > 0.0}
