@@ -267,7 +267,13 @@ class GapReport:
         return "\n".join(lines)
 
     def gap_lines(self) -> list[str]:
-        """Return what the gap is and how far it shrinks, in sentences."""
+        """Return what the gap is and how far it shrinks, in sentences.
+
+        Returns
+        -------
+        list of str
+            One sentence each.
+        """
         g = self.gap
         lines = gap_sentences(
             g.before,
