@@ -287,7 +287,13 @@ class GapReport:
         return lines
 
     def next_line(self) -> list[str]:
-        """Return the next test in a sentence, in a list; empty where none is recommended."""
+        """Return the next test in a sentence, in a list; empty where none is recommended.
+
+        Returns
+        -------
+        list of str
+            One sentence, or none.
+        """
         one = self.next_test
         return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]
 
