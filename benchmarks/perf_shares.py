@@ -22,7 +22,7 @@ import simbench.theory.cycle
 from detectors.report.report import choose_methods
 from scenarios.grid import Grid, load_grid
 from simbench.bench.execute import pieces
-from simbench.bench.scenario import resolve, truth
+from simbench.bench.scenario import kept, resolve, swing
 from simbench.bench.store import tables
 from simbench.bench.store.place import place_of
 
@@ -71,12 +71,14 @@ class Meter:
 
 def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
     """Put the meter into everything that has a line in the table; return what must be put back."""
-    simulate = meter.wrap("simulate, without its kernel", truth.simulate)
+    alone = "simulate, without its kernel"
+    simulate = meter.wrap(alone, kept.simulate)
     compiled = simbench.loop.kernel.compiled
     places = [
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
-        (truth, "simulate", simulate),
+        (kept, "simulate", simulate),
         (resolve, "simulate", simulate),
+        (swing, "simulated_op", meter.wrap(alone, swing.simulated_op)),
         (work, "settled", meter.wrap("cell: sampling, noise, loads", work.settled)),
         (work, "truth", meter.wrap("truth labels", work.truth)),
         (work, "theory", meter.wrap("theory columns", work.theory)),

@@ -64,8 +64,8 @@ class UnknownName(UserError, LookupError):
 
 @contextlib.contextmanager
 def naming(place: object) -> Iterator[None]:
-    """Put the file (or whatever place) an error of a user's is in before its sentence, where that
-    does not name it yet.
+    """Prefix the message of a user error with the file or other place it occurred in, unless the
+    message names it already.
 
     >>> with naming("loop.toml"):
     ...     raise ParameterError("S = -1; it must be >= 0")

@@ -10,6 +10,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from datetime import date, time
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -558,7 +559,7 @@ class Scenario(_Table):
     seed: Annotated[int, Field(ge=0)] = 0
     tags: dict[str, float | int | str | None] = Field(default_factory=dict)
 
-    @property
+    @cached_property
     def id(self) -> str:
         """Hash of the canonical form: the join key of every table."""
         return content_hash({"loop": self.loop.to_table(), "seed": self.seed, "tags": self.tags})

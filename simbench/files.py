@@ -50,9 +50,10 @@ _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslas
 
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
-_STARTS = r"[=@]|[+-](?![\d.,e+\- ]*(?:$|[;\t]))"
-# a spreadsheet of many countries splits at semicolons, too
-_FORMULA = re.compile(rf"(^|[;\t])(\s*)(?={_STARTS})")
+_STARTS = r"[=@\uff1d\uff20\uff0b\uff0d]|[+-](?![\d.,e+\- ]*(?:$|[;\t\n]))"
+# a spreadsheet of many countries splits at semicolons, too, and then takes no quote within a line
+# for one: there a quoted line break ends the row
+_FORMULA = re.compile(rf"(^|[;\t\n])([\s\"]*)(?={_STARTS})")
 
 
 class FileError(UserError, OSError):

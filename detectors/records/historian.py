@@ -65,6 +65,7 @@ _SPANS = {
     "‰": ("‰", 0.0, 1e3),
 }  # that a unit of OP fixes
 _OTHER_SPANS = set(entries("v, volt, bar, mbar, kpa, psi, psig, mm, deg, rpm, hz, counts"))
+_SHARE_OVER = 1.1  # what an output that is a share of 1 may read, 10 % over its range
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
 _LIKELY_SPANS = {
     "v": "1 5",
@@ -87,10 +88,13 @@ _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNO
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
 # a cell with its unit: 12,3 m3/h
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
-# a historian's mark after a value that it doubts: 119.9 ?, 119.9 (Q), 119.9*
+# a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad]
+_MARK = "|".join(map(re.escape, sorted(_GOOD | _BAD | _UNSURE)))
 _MARKED, _MARK_ENDS = (
-    re.compile(r"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|\([A-Z]\))", re.IGNORECASE),
-    ("?", "*", ")"),
+    re.compile(
+        rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|[(\[](?:[A-Z?]|{_MARK})[)\]])", re.IGNORECASE
+    ),
+    ("?", "*", ")", "]"),
 )
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
@@ -244,11 +248,12 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
             f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span"
             f" {likely}"
         ]
-    if _CURRENT[0] <= lo < hi <= _CURRENT[1]:
-        return [
-            f"{runs}, taken as %; if it is in mA, sizes are 6.25 times as large: add --op-span 4 20"
-        ]
-    return []
+    other = "in mA, sizes are 6.25 times as large: add --op-span 4 20"
+    if lo < hi <= _SHARE_OVER:
+        other = "a share of 1, sizes are 100 times as large: add --op-span 0 1"
+    elif not _CURRENT[0] <= lo < hi <= _CURRENT[1]:
+        return []
+    return [f"{runs}, taken as %; if it is {other}"]
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
@@ -256,37 +261,23 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
-    texts = {
-        n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])
-    }
-    out: dict[str, np.ndarray] = {
-        n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts
-    }
-    for name, column in texts.items():
-        _refuse_thousands(column, name, where)
-    for name in texts:
-        marks = [
-            (
-                _MARKED.fullmatch(text)[2]
-                if text[-1:] in _MARK_ENDS and _MARKED.fullmatch(text)
-                else ""
-            )
-            for text in (str(v).strip() for v in sheet.columns[name])
-        ]
-        words = Counter(plain(mark.strip("()")) for mark in marks if mark)
-        doubted = sum(k for word, k in words.items() if word not in _GOOD | _BAD)
-        sheet.notes += (
-            [f"quality: {doubted} samples of {name} that carry a mark of doubt are kept"]
-            if doubted
-            else []
-        )
-        bad = [plain(mark.strip("()")) in _BAD for mark in marks]
-        sheet.notes += (
-            [f"quality: {sum(bad)} samples of {name} marked as bad count as missing"]
-            if any(bad)
-            else []
-        )
-        texts[name] = ["" if wrong else text for wrong, text in zip(bad, texts[name], strict=True)]
+    out: dict[str, np.ndarray] = {}
+    texts: dict[str, list[str]] = {}
+    for name in names:
+        cells = sheet.columns[name]
+        if _is_numeric(cells):
+            out[name] = np.array(cells, dtype=np.float64)
+            continue
+        bare, marks = zip(*map(_taken_apart, cells), strict=True) if len(cells) else ((), ())
+        _refuse_thousands(bare, name, where)
+        texts[name] = ["" if m in _BAD else text for text, m in zip(bare, marks, strict=True)]
+        bad = sum(m in _BAD for m in marks)
+        doubted = sum(m != "" and m not in _GOOD | _BAD for m in marks)
+        for count, what in (
+            (doubted, "that carry a mark of doubt are kept"),
+            (bad, "marked as bad count as missing"),
+        ):
+            sheet.notes += [f"quality: {count} samples of {name} {what}"] if count else []
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
@@ -432,13 +423,13 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 
-def _bare(value: object) -> str:
-    text = "" if value is None else str(value).strip()
+def _taken_apart(value: object) -> tuple[str, str]:
+    """Return a cell without separators of thousands, and the mark that follows its value."""
+    text, mark = "" if value is None else str(value).strip(), ""
     if text[-1:] in _MARK_ENDS and (marked := _MARKED.fullmatch(text)):
-        text = marked[1].rstrip()
-    if text.isascii() and "'" not in text and " " not in text:
-        return text
-    return _APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text
+        text, mark = marked[1].rstrip(), plain(marked[2].strip("()[]"))
+    apart = not text.isascii() or "'" in text or " " in text
+    return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text, mark
 
 
 def _is_numeric(column: object) -> bool:
@@ -446,7 +437,7 @@ def _is_numeric(column: object) -> bool:
 
 
 def _numeric(text: str) -> bool:
-    bare = _bare(text)
+    bare = _taken_apart(text)[0]
     return any(c.isdigit() for c in bare) and bool(_POINT.fullmatch(bare) or _COMMA.fullmatch(bare))
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,10 +83,7 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
     suffix = path.suffix.lower()
     try:
         if suffix in (".parquet", ".pq"):
-            import pandas as pd
-
-            _refuse_large_parquet(path)
-            return {"": Sheet(_from_frame(pd.read_parquet(path)))}
+            return {"": Sheet(_from_frame(_parquet(path)))}
         if suffix in (".xlsx", ".xls"):
             sheets = _workbook(path)
             whose = [
@@ -123,12 +121,18 @@ def range_of(cells: Sequence[object]) -> str:
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
-def _refuse_large_parquet(path: Path) -> None:
-    """Refuse a parquet file by its footer, before anything is unpacked."""
-    from pyarrow.parquet import read_metadata
+def _parquet(path: Path) -> Any:
+    """Read a parquet file as a frame; a large one is refused by its footer, before anything is
+    unpacked.
+    """
+    from pyarrow.parquet import ParquetFile, read_table
 
-    about = read_metadata(path)
-    size = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
+    file = ParquetFile(path)
+    about = file.metadata
+    groups = [about.row_group(i) for i in range(about.num_row_groups)]
+    # a value that repeats takes no room in the file, and 8 bytes once it is read
+    values = sum(g.column(j).num_values for g in groups for j in range(g.num_columns))
+    size = max(sum(g.total_byte_size for g in groups), 8 * values)
     if about.num_rows > MOST_PARQUET_ROWS:
         raise RecordError(
             f"file {path} has {about.num_rows} rows; at most {MOST_PARQUET_ROWS} are read"
@@ -136,6 +140,13 @@ def _refuse_large_parquet(path: Path) -> None:
     if size > MOST_PARQUET_BYTES:
         limit = f"at most {MOST_PARQUET_BYTES / 1e6:.0f} MB are read"
         raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; {limit}")
+    # a text that repeats is kept once
+    texts = [
+        c.path
+        for c in map(file.schema.column, range(about.num_columns))
+        if c.physical_type == "BYTE_ARRAY"
+    ]
+    return read_table(path, read_dictionary=texts).to_pandas()
 
 
 def _workbook(path: Path) -> dict[str, list[list[str]]]:
@@ -170,6 +181,9 @@ def _from_frame(frame) -> Columns:
 
 
 def _texts(column) -> list:
+    if column.dtype == "category":
+        kept = [*column.cat.categories, None]  # code -1 is a missing value
+        return [kept[code] for code in column.cat.codes]
     return [None if missing else v for v, missing in zip(column, column.isna(), strict=True)]
 
 

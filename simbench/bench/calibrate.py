@@ -76,7 +76,7 @@ class _Calibration:
             "",
             (
                 f"{'':<17} {'with the calibrated threshold:':<49} {'as published:':>15}"
-                f" {'with a band:':>14}"
+                f" {'two thresholds:':>14}"
             ),
             (
                 f"{'method':<17} {'threshold':>9} {'false positives':>15} {'sens.':>5}"
@@ -96,9 +96,9 @@ class _Calibration:
             (
                 "Ranges are 95 % intervals. False positives (FP): share of loops that do not cycle"
                 " called stiction. Sens.: sensitivity, the share of cycling loops called stiction."
-                " AUC: area under the ROC curve. With a band: the method gives no decision between"
-                " two thresholds; decided: share of loops decided; wrong: share of wrong answers"
-                " among them."
+                " AUC: area under the ROC curve. Two thresholds: between them the method gives no"
+                " decision; decided: share of loops decided; wrong: share of wrong answers among"
+                " these."
             ),
         ]
         vague = [r.method for r in self.table.itertuples() if not r.informative]

@@ -111,7 +111,7 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimat
     if variance == 0.0 or value in (0.0, 1.0):
         return Estimate(value, *(float(x) for x in wilson(value * min(m, n), min(m, n), level)))
     centre, slope = np.log(value / (1 - value)), 1 / (value * (1 - value))
-    half = scipy.stats.norm.ppf(0.5 + level / 2) * np.sqrt(variance) * slope
+    half = ndtri(0.5 + level / 2) * np.sqrt(variance) * slope
     return Estimate(value, *(float(1 / (1 + np.exp(-(centre + s * half)))) for s in (-1, 1)))
 
 

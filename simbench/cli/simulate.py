@@ -152,9 +152,9 @@ def predict(
     """Predict from theory whether valve stiction makes a loop cycle.
 
     The output compares four answers: Table 11.3 of the book chapter that simbench implements, the
-    same with its conditions on the loop, the describing function (period, amplitude of OP,
-    stability), and the exact cycle. The smallest kick is the change of OP (%) that starts the cycle
-    from rest.
+    same table with its conditions on the loop checked, the describing function (approximate
+    period, amplitude of OP, stability), and the exact cycle, with the least offset of OP (%) that
+    starts it from rest.
     """
     from scenarios.spec import load_loop
     from simbench.theory.predict import as_text

@@ -3,22 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PINK,
-    RED,
-    SKY,
-    label,
-    panel,
-    styled,
-)
-
-_COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
-_DASHES = ("-", "--", ":")
+from simbench.figures._style import label, panel, series, styled
 
 
 @styled
@@ -31,8 +16,7 @@ def draw(table: pd.DataFrame) -> Figure:
     gap = max(float(last.max() - last.min()), 0.05) / max(len(last) - 1, 1) * 0.9
     at = float("-inf")
     for k, (method, value) in enumerate(last.items()):
-        colour = _COLOURS[k % len(_COLOURS)]
-        dashes = _DASHES[k // len(_COLOURS) % len(_DASHES)]
+        colour, dashes = series(k)
         line = wide[method]
         place.plot(range(len(line)), line, marker="o", color=colour, linestyle=dashes)
         at = max(float(value), at + gap)

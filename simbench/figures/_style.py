@@ -22,6 +22,8 @@ BLACK, ORANGE, SKY, GREEN, _YELLOW, BLUE, RED, PINK = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
 GREY = "#6E6E6E"
+_SERIES = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
+_DASHES = ("-", "--", ":")  # of the first eight series, the second, the third
 SIGNAL = {"OP": BLUE, "MV": GREEN, "PV": RED, "SP": GREY}
 VERDICT = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
 _LABEL_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
@@ -122,6 +124,11 @@ def mosaic(
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplot_mosaic(layout, **more)
+
+
+def series(k: int) -> tuple[str, str]:
+    """Return colour and dashes of the k-th of many lines, which repeat after 24."""
+    return _SERIES[k % len(_SERIES)], _DASHES[k // len(_SERIES) % len(_DASHES)]
 
 
 def label(axes: Axes, x: str, y: str, title: str = "") -> None:

@@ -20,15 +20,15 @@ from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
 from simbench.loop.plant import first_order_like
 
-# most nats of an effect that the load may have made: anything else that explains as much is named
-# first
+# upper limit (nats) on the gain of an effect that an ordinary load could imitate: any other effect
+# that explains as much is named first
 LAST = 9.0
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: its gain (nats) over the base, its numbers paid for; `used` False when
-    nothing was switched on.
+    """A fitted effect: its gain over the base in log-likelihood (nats), after the penalty for its
+    parameters; `used` is False when nothing was switched on.
     """
 
     effect: str

@@ -2,9 +2,8 @@
 gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
-with each effect (`ClosedLoops`), weigh the effects (`classify`), refuse an effect that does not
-narrow the gap (`closing`), describe what stays unknown (`_locate_unknown`), and write the report
-(`report`).
+with each effect (`ClosedLoops`), weigh the effects (`classify`), describe what stays unknown
+(`_locate_unknown`), and write the report (`report`).
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-import numpy as np
 from joblib import Parallel, delayed
 
 from detectors.compiled import one_thread
@@ -25,7 +23,7 @@ from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
@@ -56,9 +54,6 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
-# share of the least noise that is believed, below which the model predicts PV to its digits:
-# nothing is missing
-_PREDICTED = 0.1
 
 
 def diagnose(
@@ -143,11 +138,10 @@ def diagnose_all(
     with one_thread():
         assessment, loops, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(assessment, seed)
-        judged_by = closing(classify(assessment), assessment, runs)
-        weights, like = judged_by, None
-        if describe and named_by(judged_by, assessment) == [UNKNOWN]:
-            weights, like = _locate_unknown(judged_by, assessment, seed)
-        return replace(report(assessment, weights, runs, more, loops, judged_by), looks_like=like)
+        weights, like = classify(assessment), None
+        if describe and named_by(weights, assessment) == [UNKNOWN]:
+            weights, like = _locate_unknown(weights, assessment, seed)
+        return replace(report(assessment, weights, runs, more, loops), looks_like=like)
 
 
 def _locate_unknown(
@@ -345,46 +339,6 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
 
 
-def closing(weights: Classified, assessment: Assessment, runs: ClosedLoops) -> Classified:
-    """Return the probabilities with "unknown" in the place of an effect that does not narrow the
-    simulated loop's gap.
-
-    What single samples, the controller's law or MV show holds unless the gap widens beyond its
-    interval: a twin may fail for its load's sake.
-    """
-    named = named_by(weights, assessment)
-    effects = [e for e in named if e in EFFECTS]
-    if not effects:
-        return _unless_wide(weights, assessment, runs) if named == [NONE] else weights
-    gap = runs.shrink(effects)
-    widens = gap.hi < 0.0 if assessment.shown(effects[0]) else gap.after >= gap.before
-    return weights.refuted(effects[0]) if gap.resolvable and widens else weights
-
-
-def _unless_wide(weights: Classified, assessment: Assessment, runs: ClosedLoops) -> Classified:
-    """Return "unknown" for "none" where a wide gap stays that is not the load's.
-
-    Either the best model does not explain everything, or the record differs from its simulation in
-    every stretch of it alike.
-    """
-    if not _wide(assessment, runs) or float(np.std(assessment.base.residual)) < _PREDICTED:
-        return weights
-    left, block = max(
-        (assessment.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items()
-    )
-    if left > 1.0 and not assessment.situation.trusted:
-        return weights.refuted(NONE, block)
-    lacks = runs.lacking
-    if (
-        lacks is None
-        or lacks.least <= _WIDE
-        or (left <= 1.0 and assessment.tested and lacks.block != "sensor")
-    ):
-        # tests under which the model is whole refute that plant, valve or load lack something
-        return weights
-    return weights.refuted(NONE, block if left > 1.0 else lacks.block)
-
-
 def _wide(assessment: Assessment, runs: ClosedLoops) -> bool:
     """Return whether a gap stays that recalibration does not close; an identified baseline is
     recalibrated already.
@@ -400,11 +354,8 @@ def report(
     runs: ClosedLoops,
     more: Sequence[str] = (),
     loops: CandidateLoops | str = "",
-    judged_by: Classified | None = None,
 ) -> GapReport:
-    """Turn scores and probabilities into the answer; the conclusion is by `judged_by`, before what
-    is unknown was described.
-    """
+    """Turn scores and probabilities into the answer."""
     situation = assessment.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     named = named_by(weights, assessment)
@@ -477,7 +428,7 @@ def report(
     if situation.trusted and not loops:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
         visible = sizes.get(FRICTION, (float("inf"), ""))[0]
-        conclusion = from_posterior(judged_by or weights, named, assessment, visible, test)
+        conclusion = from_posterior(weights, named, assessment, visible, test)
     elif situation.trusted:
         conclusion = without(str(loops), named)
     else:

@@ -19,7 +19,6 @@ import numpy as np
 
 from detectors.errors import ParameterError, UserError
 from detectors.signal.oscillation import find_oscillation
-from detectors.verdict import NO_DECISION
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
@@ -29,35 +28,30 @@ from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.margins import gain_margin
 from simbench.loop.effects import NONE, UNKNOWN
-from simbench.loop.resolve import undisturbed
 from simbench.loop.simulate import simulate
 
 SECTIONS = ("controller", "setpoint")  # of a loop file, that an operator sets
 _DRAWS = 80  # number of loops drawn
 _FAINT = 0.03  # probability below which an explanation is not drawn
-_FREQUENCIES = 1500  # number at which the open loop is computed
 _QUANTILES = (0.05, 0.95)  # ends of a 90 % interval, as probabilities
 _NORMAL = 1.645  # standard deviations of a normal distribution to its 95 % quantile
 # the one number calibrated: error of any corrected model before and after the change, as a standard
-# deviation of the logarithm. With it 90 % intervals of PV, OP and travel held .89, .85 and .91 of
-# fresh records in the 68 valid of 96 answers for development records of the three simulators (seeds
-# 957001 to 957003).
+# deviation of the logarithm. With it 90 % intervals of PV, OP and travel held .90, .85 and .90 of
+# fresh records in the 102 valid of 144 answers for development records of the three simulators
+# (seeds 957001 to 957003).
 MODEL_ERROR = 0.03
-_LEAST_SPREAD = 0.02  # standard deviation of a logarithm to which no record is reproduced better
 _LEAST = 1e-12  # smallest value that a logarithm is taken of
 # draws that oscillate before and after the change, from which the two periods are compared
 _FEWEST = 10
 # where an answer ends to be valid
-# gain margin: below it small errors of gain or dead time decide how the loop swings
-_LEAST_MARGIN = 1.3
-_SHARE = 0.1  # share of the draws that may lie below it, or run away
-_REPRODUCED = 3.0  # standard deviations of the draws from the record
-_FARTHER = 2.5  # times the recorded standard deviation of PV or OP
-# upper over lower end of the interval of PV, from which the record tells too little. Within it .81
-# of the values lay within 10 % of the truth, beyond it 1 of 8 (the same records).
-_WIDEST = 2.0
+_SHARE = 0.1  # share of the draws that may run away
+# upper over lower end of the interval of PV, from which the record tells too little. Of the answers
+# with a narrower interval .84 were right on these records, of wider ones 5 of 24.
+_WIDEST = 1.8
+# times the recorded standard deviation of PV or OP: farther moves, such as the swings of a loop
+# that gets unstable between the limits of OP, are of no range that the record shows
+_FARTHER = 2.5
 
 
 @dataclass(frozen=True)
@@ -313,23 +307,16 @@ class Measures:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A draw before and after the change; None where it runs away. `margin`: gain margin after it,
-    None where not known.
-    """
+    """A draw before and after the change; None where it runs away."""
 
     before: Measures | None
     after: Measures | None
-    margin: float | None
 
 
 def _run(s: Situation, draw: _Draw, settings: Mapping[str, Any], seed: int) -> _Pair:
     changed = draw.loop.with_all(_moved(draw.loop, settings))
     # of another seed: the load of the record will not come again
-    return _Pair(
-        _simulated(s, draw, draw.loop, seed),
-        _simulated(s, draw, changed, seed + 1),
-        _margin(changed),
-    )
+    return _Pair(_simulated(s, draw, draw.loop, seed), _simulated(s, draw, changed, seed + 1))
 
 
 def _moved(loop: Loop, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -387,28 +374,6 @@ def measure(op: np.ndarray, pv: np.ndarray, Ts: float) -> Measures:
     )
 
 
-def _margin(loop: Loop) -> float | None:
-    """Return the gain margin with the lags of effects in the loop, its hold as half a sample; None
-    of other controllers.
-    """
-    if loop.controller.type not in ("P", "PI"):
-        return None
-    setup = undisturbed(loop)
-    if setup.not_linear:
-        return None
-    w = np.geomspace(1e-4, 1.0, _FREQUENCIES) * np.pi / setup.Ts
-    jw = 1j * w
-    response = setup.sign * setup.Kc * np.polyval(setup.num, jw) / np.polyval(setup.den, jw)
-    response *= np.exp(-jw * (setup.Td + 0.5 * setup.Ts)) / (1.0 + jw * setup.sensor_tau)
-    for part in loop.effect:
-        # a stage of the valve, which is not in the plant's polynomials
-        if part.name == "valve_lag":
-            response /= 1.0 + jw * float(part.parameters["tau"])
-    if setup.Ti is not None:
-        response *= 1.0 + 1.0 / (jw * setup.Ti)
-    return gain_margin(response)
-
-
 # 3. Intervals
 
 _PREDICTED = ("pv_std", "op_std", "op_travel_per_hour")
@@ -464,7 +429,7 @@ def _answer(
         p = float(np.mean([x.after is not None and not np.isnan(x.after.period_s) for x in whole]))
         numbers["period_s"] = _corrected("period_s", record, whole) if p >= 0.5 else None
     why = _limits(report, record, pairs, whole, numbers)
-    reason = "; ".join(why) or "the loop stays stable and within the range that the record shows"
+    reason = "; ".join(why) or "the loop stays within the range that the record shows"
     return Prediction(
         **numbers, oscillates=p, valid=not why, reason=reason, now=now, settings=dict(settings)
     )
@@ -480,50 +445,31 @@ def _limits(
     whole: Sequence[_Pair],
     numbers: Mapping[str, Any],
 ) -> list[str]:
-    """Return what speaks against the prediction, each in words; nothing where it holds."""
-    why = []
+    """Return what speaks against the prediction, each in words; nothing where it holds.
+
+    No veto of a gain margin, of an undecided valve or of a record that the model misses: on 216
+    answers for development records (seeds 957001 to 957003 and 967001 to 967003) each forbade
+    mostly right answers, or nothing that these let pass.
+    """
     if report.effect == UNKNOWN:
-        why.append(
-            f"something in the {report.block} block is missing that no known effect explains"
-        )
-    if report.conclusion.verdict == NO_DECISION:
-        why.append("it is not decided whether the valve sticks")
-    margin = [p.margin for p in pairs if p.margin is not None]
-    if margin and np.quantile(margin, _SHARE) < _LEAST_MARGIN:
-        why.append(
-            "the fitted loop comes near its stability limit (gain margin"
-            f" {np.quantile(margin, _SHARE):.2g})"
-        )
+        # of 29 such answers 23 were right, but some of the others by a factor of twenty
+        return [f"something in the {report.block} block is missing that no known effect explains"]
     if len(whole) < (1.0 - _SHARE) * len(pairs):
-        why.append(f"{len(pairs) - len(whole)} of {len(pairs)} draws of the model run away")
-        return why
-    for name, words in (("pv_std", "PV"), ("op_std", "OP")):
-        x = np.log([getattr(p.before, name) for p in whole])
-        seen, middle = np.log(max(getattr(record, name), 1e-12)), np.median(x)
-        if abs(seen - middle) > _REPRODUCED * max(float(x.std()), _LEAST_SPREAD):
-            why.append(
-                f"the corrected model does not reproduce the record: standard deviation of {words}"
-                f" {np.exp(middle):.3g}, recorded {np.exp(seen):.3g}"
-            )
-    for name, words in (("pv_std", "PV"), ("op_std", "OP")):
-        if numbers[name].value > _FARTHER * getattr(record, name):
-            why.append(
-                f"{words} would move {numbers[name].value / getattr(record, name):.1f} times as far"
-                " as in the record"
-            )
-    pv = numbers["pv_std"]
+        return [f"{len(pairs) - len(whole)} of {len(pairs)} draws of the model run away"]
+    why, pv = [], numbers["pv_std"]
     if pv.hi > _WIDEST * pv.lo:
         why.append(
-            f"the record is too short for its load: PV's standard deviation may be {pv.lo:.3g} or"
-            f" {pv.hi:.3g}"
+            f"PV's standard deviation may be {pv.lo:.3g} or {pv.hi:.3g}: the record is too short"
+            " for its load, or the loop comes near its stability limit"
         )
+    for name, words in (("pv_std", "PV"), ("op_std", "OP")):
+        times = numbers[name].value / max(getattr(record, name), _LEAST)
+        if times > _FARTHER:
+            why.append(f"{words} would move {times:.1f} times as far as in the record")
     mean = float(np.median([p.after.op_mean for p in whole if p.after is not None]))
     if not record.op_lo <= mean <= record.op_hi:
         why.append(
             f"OP would stand at {mean:.3g} %, outside the record's {record.op_lo:.3g} to"
             f" {record.op_hi:.3g} %"
         )
-    lo, hi = (float(np.median([getattr(p.after, n) for p in whole])) for n in ("op_lo", "op_hi"))
-    if (lo <= 0.0 < record.op_lo) or (hi >= 100.0 > record.op_hi):
-        why.append("OP would reach a limit that it does not reach in the record")
     return why

@@ -1,6 +1,7 @@
 """Load the templates of HTML pages: those of one package, and those that all pages share."""
 
 from functools import cache
+from pathlib import PurePath
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -29,8 +30,8 @@ def _environment(room: str) -> Environment:
 
 def _shown(value: Any) -> Any:
     """Escape what a browser would not show of a text that is not yet a part of a page."""
-    plain = isinstance(value, str) and not isinstance(value, Markup) and not value.isprintable()
-    return printable(value, "\n\t") if plain else value
+    plain = isinstance(value, (str, PurePath)) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if plain and not str(value).isprintable() else value
 
 
 def render(room: str, template: str, **values: Any) -> Markup:

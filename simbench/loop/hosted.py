@@ -1,5 +1,5 @@
-"""Valves, effects, plants and controllers of others: what one takes part in is computed in its
-worker process.
+"""Run valves, effects, plants and controllers of plug-ins in worker processes: a loop that contains
+one is simulated in the process of that plug-in.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def hosted_parts(
     controllers: _Files = (),
     seconds: float = SECONDS,
 ) -> Iterator[None]:
-    """Make files of parts known for one question; these, and what is installed, live in worker
-    processes.
+    """Register plug-in files for the duration of a `with` block; they, and installed plug-ins, run
+    in worker processes.
     """
     with contextlib.ExitStack() as stack:
         stack.callback(_close)

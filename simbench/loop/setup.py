@@ -129,10 +129,7 @@ class Setup:
     @property
     def resting_mv(self) -> float:
         """MV (%) at rest under OP = op0: what the chain of valves makes of it."""
-        v = self.op0
-        for module, p in self.valves:
-            v = float(module.start(v, p)[0])
-        return v
+        return resting_mv(self.valves, self.op0)
 
     @property
     def bands(self) -> list[tuple[float, float]]:
@@ -172,6 +169,14 @@ class Setup:
         """Freeze a signal at its last value over the tail."""
         signal[self.end :] = signal[self.end - 1]
         return signal
+
+
+def resting_mv(valves: list[tuple[ModuleType, Any]], op0: float) -> float:
+    """Return MV (%) at rest under OP = op0: what a chain of valves makes of it."""
+    v = op0
+    for module, p in valves:
+        v = float(module.start(v, p)[0])
+    return v
 
 
 def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:

@@ -45,11 +45,14 @@ def section(run: RunData) -> Markup:
         table=sortable(frame, long=["value"]),
         commands=reproduce(manifest),
         folder=run.folder,
+        exam=manifest.get("exam"),
     )
 
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
+    if manifest.get("exam"):
+        return ["simbench exam open EXAM --key KEY ANSWERS.csv --report REPORT.html"]
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     words += ["--set", f"seed={manifest['seed']}"]
     words += [

@@ -11,26 +11,12 @@ from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from simbench.bench.statistics import auc
-from simbench.figures._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PINK,
-    RED,
-    SKY,
-    label,
-    panel,
-    styled,
-)
+from simbench.figures._style import GREY, label, panel, series, styled
 from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "ROC"
-_COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, GREY, BLACK)
-_LINES = ("-", "--", ":")  # of the first eight, the second, the third
 
 
 class _Curve(NamedTuple):
@@ -79,8 +65,7 @@ def _draw(curves: Sequence[_Curve]) -> Figure:
     figure, axes = panel(7.6, 4.6)
     axes.plot([0, 1], [0, 1], color=GREY, linestyle=":", linewidth=0.9)
     for i, curve in enumerate(curves):
-        colour = _COLOURS[i % len(_COLOURS)]
-        line = _LINES[i // len(_COLOURS) % len(_LINES)]
+        colour, line = series(i)
         caption = f"{curve.method}  {curve.area}"
         axes.plot(
             curve.points["false_alarms"],

@@ -1,5 +1,5 @@
-"""The exact limit cycle of the sampled loop: found by its switching times, averaged by marching
-from there.
+"""Compute the exact limit cycle of the sampled loop: the switching times give a first estimate, and
+simulating sample by sample from it gives the mean period and amplitude.
 """
 
 from __future__ import annotations

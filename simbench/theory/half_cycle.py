@@ -100,7 +100,7 @@ def _with_moving_samples(
     while 2 ** len(powers) <= 2 * lows[-1] + 4:
         powers.append(powers[-1] @ powers[-1])
     for low in lows.tolist():
-        at, z, Y = _solved(head, T, powers, loop.fs, np.array([low, low + 1]))
+        at, z, Y = _solved(head, T, powers, loop.fs, (low, low + 1))
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
@@ -110,13 +110,17 @@ def _with_moving_samples(
         )
 
 
-def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solved(
+    head, T, powers, fs: float, q: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residual, z and Y for whole numbers `q` of samples after the head."""
     c = len(head)
-    Y = np.repeat(head[None], len(q), axis=0)
-    for bit, power in enumerate(powers):
-        on = (q >> bit) & 1 == 1
-        Y[on] = power @ Y[on]
+    Y = np.empty((len(q), c, c + 1))
+    for i, samples in enumerate(q):
+        Y[i] = head
+        for bit, power in enumerate(powers):
+            if (samples >> bit) & 1:
+                Y[i] = power @ Y[i]
     mirrored = Y + np.eye(c, c + 1)
     # mean OP around the break-away that began the half cycle
     threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])

@@ -70,17 +70,17 @@ def as_text(found: dict[str, Any]) -> str:
         cycle = "none"
     else:
         kick = (
-            "no kick starts it"
+            "no offset of OP starts it"
             if exact["kick_min"] is None
-            else f"smallest kick {exact['kick_min']:.4g} %"
+            else f"started by an offset of OP of {exact['kick_min']:.4g} % or more"
         )
         cycle = f"{exact['period']:.4g} s, OP +-{exact['amplitude']:.4g} %, {kick}"
     lines = [
         ("Table 11.3", word[found["table_11_3"]]),
-        ("with its conditions", word[found["refined"]]),
+        ("same, with conditions", word[found["refined"]]),
         ("describing function", "; ".join(waves) or "no limit cycle"),
         ("exact cycle", cycle),
     ]
     if found["reason"]:
-        lines.append(("reason", found["reason"]))
-    return "\n".join(f"{name:<19}  {says}" for name, says in lines)
+        lines.append(("note", found["reason"]))
+    return "\n".join(f"{name:<21}  {says}" for name, says in lines)

@@ -7,6 +7,7 @@ import pytest
 from plain_loops import DELAYED, LEVEL
 
 from detectors.judge import UNFIT, judge
+from detectors.prepared import prepare
 from detectors.quality import inspect, saturation, steps
 from detectors.record import LoopRecord
 
@@ -146,3 +147,8 @@ def test_every_method_abstains_on_an_unfit_record_and_gives_its_reason(flag):
     for verdict in judge(faults()[flag], ["horch", "he", "yamashita"]):
         assert verdict.verdict == "no_decision"
         assert flag in verdict.reason
+
+
+def test_gaps_tell_how_many_periods_of_the_loop_are_left():
+    flag = prepare(noisy(notes=("gaps: 3 of 2000 samples missing",))).flags["gaps"]
+    assert flag.evidence.endswith("; 40 periods of the loop are left")  # 2000 s / (16 pi s)

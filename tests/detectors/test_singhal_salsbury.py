@@ -24,6 +24,12 @@ def test_ratio_is_the_geometric_one():
     assert area_ratio(late[:, ::-1]) == pytest.approx(1 / 3, rel=0.15)
 
 
+def test_a_half_cycle_with_its_peak_at_an_end_counts_a_thousand_at_most():
+    edge = (POINT < 1 / HALF_CYCLE_POINTS)[None].repeat(4, axis=0).astype(float)
+    ratios = area_ratio(edge), area_ratio(edge[:, ::-1])
+    assert ratios == pytest.approx((1e3, 1e-3))
+
+
 def test_noise_alone_lifts_the_ratio_above_one():
     noise = np.random.default_rng(1).standard_normal((60, HALF_CYCLE_POINTS))
     assert area_ratio(np.sin(np.pi * POINT) + 0.3 * noise) > 1.2

@@ -52,8 +52,9 @@ def test_text_that_a_spreadsheet_would_compute_is_quoted(cell, tmp_path):
 
 
 def test_text_after_a_list_separator_is_another_cell_in_many_countries():
-    cells = ("x;=1+1", "x; @SUM(A1)", "x\t+cmd|'/c'!A0")
-    assert [plain_cell(c) for c in cells] == ["x;'=1+1", "x;' @SUM(A1)", "x\t'+cmd|'/c'!A0"]
+    cells = ("x;=1+1", "x; @SUM(A1)", "x\t+cmd|'/c'!A0", "x\n=1", 'x;"=1', "x;\uff1d1")
+    quoted = ["x;'=1+1", "x;' @SUM(A1)", "x\t'+cmd|'/c'!A0", "x\n'=1", "x;'\"=1", "x;'\uff1d1"]
+    assert [plain_cell(c) for c in cells] == quoted
 
 
 @pytest.mark.parametrize(

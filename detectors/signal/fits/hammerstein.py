@@ -19,6 +19,7 @@ from detectors.signal.fits.hammerstein_kernels import (
     Valves,
     descend,
     errors,
+    keep_apart,
 )
 from detectors.signal.oscillation import detrend
 
@@ -140,17 +141,16 @@ class _Search:
         """
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
-        valves, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
-        for i, values in enumerate(parts):
-            valves[i] = values
+        table, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
+        for row, values in zip(table, parts):
+            row[...] = values
         windows[0], windows[1] = low, count
-        size = valves[0].size
-        out = np.empty((size, 2))
-        first, counts = self.delays[0] + windows[0].reshape(size), windows[1].reshape(size)
-        compiled(errors)(self.stretch, Valves(*valves.reshape(5, size), first, counts), stride, out)
-        return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(
-            np.int64
-        ) * stride
+        valves, (first, counts) = table.reshape(5, -1), windows.reshape(2, -1)
+        out = np.empty((counts.size, 2))
+        own = Valves(*valves, first + self.delays[0], counts)
+        compiled(errors)(self.stretch, own, stride, out)
+        at = windows[0] + stride * out[:, 1].astype(np.int64).reshape(shape)
+        return out[:, 0].reshape(shape), at
 
     def window(self, d: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
         """Return first index and number of the delays within `reach` of those with index `d`."""
@@ -220,7 +220,7 @@ def fit_hammerstein(
 def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     """The best end under either map."""
     everywhere, integrating = full.delays.size, poles.size == 1
-    S, J = _grid(_S_SHARES * full.swing, _J_SHARES)
+    S, J = _grid(_GRID, full.swing)
     stride = max(1, everywhere // 8)
     grid = _MAPS[:, None], S[:, None], J[:, None], MOVING_UP, poles[:, None]
     tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
@@ -231,7 +231,7 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
     # does not
-    S, J = _grid(S_FINE * full.swing, _J_FINE)
+    S, J = _grid(_FINE_GRID, full.swing)
     for _ in range(_PASSES):
         best = ends.best(1)
         low, count = short.window(best.d, 1)
@@ -287,23 +287,23 @@ class _Ends(NamedTuple):
         )
 
 
-def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S and J of every combination, a row for each map."""
-    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(
-        (S[:, None] * shares).ravel(), (2, 1)
-    )
+def _combined(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(shares, (2, S.size))
+
+
+_GRID, _FINE_GRID = _combined(_S_SHARES, _J_SHARES), _combined(S_FINE, _J_FINE)
+
+
+def _grid(shares: tuple[np.ndarray, np.ndarray], swing: float) -> tuple[np.ndarray, np.ndarray]:
+    """S and J of every combination of shares of the swing and of S, a row for each map."""
+    S = shares[0] * swing
+    return S, S * shares[1]
 
 
 def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
     """Indices of the best candidates of each row that are not next to a better one."""
-    left, size, share = errors.copy(), np.log(S), J / S
     kept = np.empty((len(errors), count), dtype=np.int64)
-    for i in range(count):
-        k = left.argmin(axis=1, keepdims=True)
-        kept[:, i] = k[:, 0]
-        left[(np.abs(size - size[_ROWS, k]) <= 0.1) & (np.abs(share - share[_ROWS, k]) <= 0.4)] = (
-            np.inf
-        )
+    compiled(keep_apart)(errors.copy(), np.log(S), J / S, kept)
     return kept
 
 

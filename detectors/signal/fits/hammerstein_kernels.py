@@ -51,6 +51,20 @@ class Valves(NamedTuple):
     count: np.ndarray  # of delays
 
 
+def keep_apart(left, size, share, kept):
+    """Fill `kept` with the indices of the least of `left` in each row, none next to another in
+    `size` and `share`; those next to them become inf.
+    """
+    for row in range(kept.shape[0]):
+        for i in range(kept.shape[1]):
+            k = left[row].argmin()
+            kept[row, i] = k
+            for j in range(left.shape[1]):
+                near = abs(size[row, j] - size[row, k]) <= 0.1
+                if near and abs(share[row, j] - share[row, k]) <= 0.4:
+                    left[row, j] = np.inf
+
+
 def state_before(u, S, J, start, lo, hi):
     """Return the valve's state before OP `u`: at rest at a share of the break-away band below it,
     or moving past it.

@@ -17,6 +17,7 @@ from detectors.plugins.registry import methods as registry
 from detectors.record import LoopRecord
 from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
 from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
+from simbench.bench.execute.lease import lease
 from simbench.bench.execute.run import choose_with_oracle
 from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.oracle import ORACLE
@@ -68,8 +69,9 @@ def answer_exam(
         if out.exists():
             _refuse_other_answers(out, names, exam.records)
             return 0
-        _refuse_other_settings(make_folder(parts) / _SETTINGS, settings)
-        return _ask(exam.records, names, files, out, parts, jobs)
+        with lease(make_folder(parts)):
+            _refuse_other_settings(parts / _SETTINGS, settings)
+            return _ask(exam.records, names, files, out, parts, jobs)
 
 
 def _ask(

@@ -20,7 +20,7 @@ from detectors.judge import answers, check_thresholds
 from detectors.method import Method
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
-from detectors.prepared import Prepared, prepare
+from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report.summary import level_ends
 from detectors.sources import as_plugin
@@ -36,6 +36,7 @@ from simbench.bench.execute.plugin_host import (
     theory,
     truth,
 )
+from simbench.bench.scenario.kept import prepare_once
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
@@ -188,7 +189,7 @@ def judge_both(
     declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    blind = prepare(record.without_mv(), front_end)
+    unsighted, blind = record.without_mv(), prepare_once(record, front_end)
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -197,7 +198,7 @@ def judge_both(
         method: Method = registry.load(name).METHOD
         since = time.perf_counter()
         # one that takes MV without needing it is ranked with those that do not see it
-        prepared = blind.seen_by(method, record if method.needs_mv else record.without_mv())
+        prepared = blind.seen_by(method, record if method.needs_mv else unsighted)
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
         verdicts, error = answers(name, prepared, modes, dict(values))

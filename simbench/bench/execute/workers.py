@@ -8,6 +8,7 @@ import contextlib
 import queue
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
@@ -53,7 +54,8 @@ def on_processes(jobs: int) -> Iterator[Runner]:
     def end(kill: bool) -> None:
         nonlocal executor
         if executor is not None:
-            executor.shutdown(wait=True, kill_workers=kill)
+            with _loky_silent():
+                executor.shutdown(wait=True, kill_workers=kill)
         executor = None
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
@@ -73,6 +75,24 @@ def on_processes(jobs: int) -> Iterator[Runner]:
         end(kill=True)
         raise
     end(kill=False)
+
+
+@contextlib.contextmanager
+def _loky_silent() -> Iterator[None]:
+    """Let loky's thread end without a traceback: told to kill its workers, it may look for a piece
+    that it has just taken back.
+    """
+    usual = threading.excepthook
+
+    def hook(about: threading.ExceptHookArgs) -> None:
+        if about.thread is None or about.thread.name != "ExecutorManagerThread":
+            usual(about)
+
+    threading.excepthook = hook
+    try:
+        yield
+    finally:
+        threading.excepthook = usual
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class GridMap:
             ),
             "",
             (
-                f"{'method':<20}{'cost':<18}{'cost, oscillating':<19}"
+                f"{'method':<20}{'cost':<21}{'cost, oscillating':<21}"
                 f"{'accuracy > .9':<15}{'Brier score':<13}n"
             ),
         ]
@@ -73,12 +73,12 @@ class GridMap:
         for name in sorted(self.methods, key=lambda m: self.methods[m]["cost"]["value"] or 0.0):
             of = self.methods[name]
             costs = [
-                "unknown" if of["value"] is None else "{value:.3f} ({lo:.2f}-{hi:.2f})".format(**of)
+                "unknown" if of["value"] is None else "{value:.3f} ({lo:.3f}-{hi:.3f})".format(**of)
                 for of in (of["cost"], of["oscillating"]["cost"])
             ]
             share = f"{100.0 * good[name]:.0f} % of cells"
             lines.append(
-                f"{name:<20}{costs[0]:<18}{costs[1]:<19}{share:<15}{self.brier[name]:<13.3f}{of['n']}"
+                f"{name:<20}{costs[0]:<21}{costs[1]:<21}{share:<15}{self.brier[name]:<13.3f}{of['n']}"
             )
         lines += [
             "",
@@ -198,9 +198,9 @@ def map_grid(
         rates_of_grid[name] = {**some["all"], "oscillating": some["oscillating"]}
     import pandas as pd
 
-    table = pd.concat(tables, ignore_index=True)
     with whole_file(folder / "map.parquet", "wb") as f:
-        table.to_parquet(f, index=False)
+        _write_table(f, tables)
+    table = pd.concat(tables, ignore_index=True)
     with whole_file(folder / "map.json") as f:
         f.write(json.dumps(rates_of_grid, indent=1, allow_nan=False) + "\n")
     return GridMap(folder, sample, names, axes.values, table, rates_of_grid, brier)
@@ -265,6 +265,18 @@ def _predicted(
             for end, values in zip(("", "_lo", "_hi"), rate_of_cells(halves, name), strict=True):
                 columns[f"{name}{end}"].append(values)
     return {name: np.concatenate(parts) for name, parts in columns.items()}, total / cell.size
+
+
+def _write_table(file: IO[bytes], tables: list[pd.DataFrame]) -> None:
+    """Write the tables of the methods below each other, one at a time: memory."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    parts = (pa.Table.from_pandas(table, preserve_index=False) for table in tables)
+    first = next(parts)
+    with pq.ParquetWriter(file, first.schema) as writer:
+        for part in itertools.chain([first], parts):
+            writer.write_table(part.cast(first.schema))
 
 
 def _as_json(estimate: Estimate) -> dict[str, float | None]:

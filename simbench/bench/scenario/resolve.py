@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
-from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
 from scenarios.cell import Draft, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
+from simbench.bench.scenario.kept import prepare_once, run_once
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.swing import (
     Cycle,
@@ -29,10 +29,10 @@ from simbench.bench.scenario.swing import (
     significant,
     steadied,
 )
-from simbench.bench.scenario.truth import least_swing, run_once
+from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.setup import plain_setup
+from simbench.loop.setup import plain_setup, resting_mv, stages_of
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
 from simbench.theory.sampled import sampled_loop, ultimate_gain
@@ -236,7 +236,7 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple
         # costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
         if found is None or (group.matched and not found.sustained):
-            found = prepare(record.without_mv()).oscillation
+            found = prepare_once(record).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < (
             _NEAR if group.matched else _SETTLED
         ):
@@ -284,8 +284,11 @@ def _settled(
     if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
         # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that
         # was drawn
-        setup = plain_setup(Loop.from_table(table, "cell"), 0)
-        table["operating_point"]["op0"] = significant(setup.resting_mv)
+        model, own = table["valve"]["model"], {**table["valve"]}
+        del own["model"]
+        stages = stages_of(Part(name=model, parameters=own), table["sampling"]["Ts"])
+        op0 = table["operating_point"]["op0"]
+        table["operating_point"]["op0"] = significant(resting_mv(stages, op0))
     if swing is not None and not tuned:
         add_load(table, swing, cycle)
     if rules.noise_ratio is not None:

@@ -90,11 +90,15 @@ def add_load(table: dict[str, Any], swing: WantedOscillation, cycle: Cycle) -> N
         {**swing.load, "amplitude": 1.0, "period": 1.0}, cycle.pv_std, cycle.period
     )
     table["disturbance"] = [*table.get("disturbance", []), load]
+    loop = Loop.from_table(table, "cell")
     for _ in range(2):  # the first is exact in a linear loop
-        std = float(np.std(simulated_op(Loop.from_table(table, "cell"))))
+        std = float(np.std(simulated_op(loop)))
         if std == 0.0:  # OP stands at a limit
             raise UnmatchedError
         load["amplitude"] = significant(load["amplitude"] * cycle.op_std / std)
+        *others, last = loop.disturbance
+        sized = (*others, _sized(last, load["amplitude"]))
+        loop = loop.model_copy(update={"disturbance": sized})
     slow = _slow_load(swing.wander, cycle, *_WANDERS)
     table["disturbance"].append({"type": slow.name, **slow.parameters})
 
@@ -222,12 +226,16 @@ def _excited(loop: Loop, factor: float) -> Loop:
         (t, rest + (v - rest) * factor if t == 0.0 else v) for t, v in loop.setpoint.steps
     )
     setpoint = loop.setpoint.model_copy(update={"steps": steps})
-    loads = tuple(_larger(d, factor) if d.name == "ramp" else d for d in loop.disturbance)
+    loads = tuple(
+        _sized(d, float(d.parameters["amplitude"]) * factor)  # type: ignore[arg-type]
+        if d.name == "ramp"
+        else d
+        for d in loop.disturbance
+    )
     return loop.model_copy(update={"setpoint": setpoint, "disturbance": loads})
 
 
-def _larger(load: Part, factor: float) -> Part:
-    amplitude = float(load.parameters["amplitude"]) * factor  # type: ignore[arg-type]
+def _sized(load: Part, amplitude: float) -> Part:
     return Part(name=load.name, parameters={**load.parameters, "amplitude": amplitude})
 
 

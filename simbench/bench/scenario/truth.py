@@ -5,16 +5,16 @@ mixed.
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarios.spec import Loop, Part
+from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
 from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
-from simbench.loop.simulate import simulate, valve_tail
+from simbench.loop.simulate import valve_tail
 
 _TAIL_PERIODS = 20
 MIN_REVERSALS = 6
@@ -28,7 +28,6 @@ _MOMENTS = (
 )  # of the record's last period, from its end back, at which the noise goes off
 _FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
 _MAX_TAIL = 20_000  # samples
-_RUNS: deque[tuple[Loop, int, Run]] = deque(maxlen=16)
 YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
 CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
 
@@ -78,19 +77,6 @@ def simulate_with_truth(
     if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
         said = _ENTRAINED
     return run, Cycled(said, moved.period * Ts, moved.swing)
-
-
-def run_once(loop: Loop, seed: int) -> Run:
-    """Return `simulate(loop, seed)`; of the loops that were just run the run is kept.
-
-    The rules of a group are settled by runs of its loops, and the last of each is the scenario's.
-    """
-    for known, its, run in _RUNS:
-        if known is loop and its == seed:
-            return run
-    run = simulate(loop, seed)
-    _RUNS.append((loop, seed, run))
-    return run
 
 
 def least_swing(loop: Loop) -> float:

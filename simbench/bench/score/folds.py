@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.compiled import one_thread
+
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
@@ -49,16 +51,15 @@ def risk_coverage(
     if known.size:
         place, fold = np.unique(ranks[known], return_inverse=True)[1], fold[known]
         folds, levels = int(fold.max()) + 1, int(place.max()) + 1
-        cell = fold * levels + place
-        # how many of all and of the positives stand at every rank, in the other folds
-        counts, ups = (
-            some.sum(axis=0) - some
+        cell = fold * (levels + 1) + place + 1
+        # how many of all and of the positives stand below every rank, in the other folds
+        below, missed = (
+            (some.sum(axis=0) - some).cumsum(axis=1)
             for some in (
-                np.bincount(cells, minlength=folds * levels).reshape(folds, levels)
+                np.bincount(cells, minlength=folds * (levels + 1)).reshape(folds, levels + 1)
                 for cells in (cell, cell[positive[known]])
             )
         )
-        below, missed = (np.pad(x.cumsum(axis=1), ((0, 0), (1, 0))) for x in (counts, ups))
         # errors when the lowest 0, 1, ... different scores are called healthy, but for a constant
         best = (2 * missed - below).argmin(axis=1)
         with np.errstate(invalid="ignore"):  # a fold beside which there is nothing to learn from
@@ -90,19 +91,21 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
     than it is asked about.
     """
     fold, said = folds_of(groups), np.full(label.size, 0.5)
+    learned = []
     for k in np.unique(fold):
         there, here = fold != k, fold == k
         if there.any():
             said[here] = label[there].mean()
         if label.size >= _LEAST and 0 < label[there].sum() < there.sum():
-            # here, for they take a second to load
-            from sklearn.ensemble import HistGradientBoostingClassifier
-            from threadpoolctl import threadpool_limits
+            learned.append((there, here))
+    if learned:
+        # here, for it takes a second to load
+        from sklearn.ensemble import HistGradientBoostingClassifier
 
-            # two threads on a busy machine wait for each other for minutes
-            with threadpool_limits(1):
-                model = HistGradientBoostingClassifier(random_state=0).fit(
-                    features[there], label[there]
-                )
+        # two threads on a busy machine wait for each other for minutes
+        with one_thread():
+            for there, here in learned:
+                model = HistGradientBoostingClassifier(random_state=0)
+                model.fit(features[there], label[there])
                 said[here] = model.predict_proba(features[here])[:, 1]
     return said

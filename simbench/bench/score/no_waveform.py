@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from detectors.record import LoopRecord
+from detectors.signal.autocorrelation import centred
 from detectors.signal.conditioning import median
 from simbench.bench.score.folds import out_of_fold
 
@@ -80,19 +81,19 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
 
 
 def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
-    std = float(np.std(x))
-    unit, begin, end = max(std, _SMALLEST), x[:fifth], x[-fifth:]
+    std = centred(x)[1]
+    unit, begin, end, levels = max(std, _SMALLEST), x[:fifth], x[-fifth:], np.sort(x)
     return {
         "std": std,
         "mean": float(np.mean(x)),
         "first": float(x[0]),
-        "max": float(np.max(x)),
-        "min": float(np.min(x)),
-        "repeats": float(np.mean(np.diff(x) == 0)),
-        "values": np.unique(x).size / x.size,
+        "max": float(levels[-1]),
+        "min": float(levels[0]),
+        "repeats": np.count_nonzero(x[1:] == x[:-1]) / (x.size - 1),
+        "values": (1 + np.count_nonzero(levels[1:] != levels[:-1])) / x.size,
         "noise": _NOISE_SCALE * median(np.abs(np.diff(x, 4))) / unit if x.size > 4 else 0.0,
-        "begin": float(np.std(begin)) / unit,
-        "end": float(np.std(end)) / unit,
+        "begin": centred(begin)[1] / unit,
+        "end": centred(end)[1] / unit,
         "trend": abs(float(np.mean(end) - np.mean(begin))) / unit,
     }
 

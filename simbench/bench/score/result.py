@@ -242,7 +242,7 @@ class Scores:
             "no_decision",
             "found",
         ]
-        said = f"oscillating loops; methods closer than {self.resolution:.3f} in cost share a rank"
+        said = f"oscillating loops; costs at least {self.resolution:.3f} apart give different ranks"
         return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
 
     def write(self, folder: str | Path | Place) -> None:

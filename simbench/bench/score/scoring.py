@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from detectors.signal.conditioning import median
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names
 from scenarios.spec import read_toml
@@ -333,7 +334,7 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
     else:
         row["auc"] = area(score, positive)
     row["errors"] = int(a.failed[use].sum())
-    row["median_ms"] = round(1e3 * float(np.median(a.runtime[use])), 4) if n else math.nan
+    row["median_ms"] = round(1e3 * median(a.runtime[use]), 4) if n else math.nan
     return row
 
 

@@ -43,7 +43,7 @@ _KINDS = (
     "-- nonlinearity tests, not ranked",
 )
 _TRUTHS = {
-    "cycled": "the loop cycles by itself",
+    "cycled": "the valve makes the loop cycle",
     "predicted": "Table 11.3 predicts a limit cycle",
     "sticky": "the valve has friction",
 }
@@ -53,7 +53,8 @@ _DETECTION = {
 }
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
-    " grid, + on a related grid. no_waveform: a classifier that knows everything but the waveform."
+    " grid, + on a related grid. no_waveform: a classifier that sees period, amplitude and noise,"
+    " but no waveform."
 )
 
 
@@ -143,11 +144,12 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {_why_not(scores, rows)}.")
     elif stable.winner is None:
-        said.append("There is no ranking: one method alone covers these loops.")
+        said.append("Only one method covers these loops, so it has no rival to be ranked against.")
     else:
         apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
-            f"Methods whose costs differ by less than {_rate(standing.resolution)} share a rank."
+            "Rank: 1 more than the number of methods whose cost is lower by at least"
+            f" {_rate(standing.resolution)}, the least difference that these loops resolve."
             f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar"
             " test, Holm)."
         )
@@ -243,7 +245,7 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
         return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
     more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
     return (
-        f"Methods closer than {_rate(standing.resolution)} share a rank; 9 of 10 runs would resolve"
+        f"These loops resolve costs {_rate(standing.resolution)} apart; 9 of 10 runs would resolve"
         f" {more}."
     )
 

@@ -23,7 +23,7 @@ def gap_sentences(
         sizes.append(f"{after:.2f} with {added} added")
     lines = [
         "Gap: distance between record and simulations, in standard deviations between simulations.",
-        "Gap: " + ", ".join(sizes) + ".",
+        "It is " + ", ".join(sizes) + ".",
         f"Repeatability floor: two simulations that differ only in their seeds are {floor:.2f}"
         " apart.",
     ]

@@ -1,6 +1,4 @@
-"""Describe in words what a simulation does not reproduce of a record, and whether the difference is
-permanent or intermittent.
-"""
+"""Describe in words what a simulation does not reproduce of a record, wherever in it one looks."""
 
 from __future__ import annotations
 
@@ -13,9 +11,7 @@ from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import simulated
 from simbench.gap.closed_loop.summary_features import (
     Features,
-    distance,
     features,
-    floor_of,
     seed_spread,
 )
 from simbench.gap.situation import Situation
@@ -43,29 +39,18 @@ _LINKS = {"op after pv": "OP follows PV otherwise", "pv after op": "PV follows O
 
 @dataclass(frozen=True)
 class Lacking:
-    """Features in which a record differs from its simulation, each as (words, seed-to-seed standard
-    deviations, block).
-
-    `least` is the smallest distance of any stretch of the record, in floors: small where the
-    difference comes and goes.
+    """Features in which a record differs from its simulation in every stretch of it, the plainest
+    first, each as (words, seed-to-seed standard deviations).
     """
 
-    least: float
-    features: tuple[tuple[str, float, str], ...]
-
-    @property
-    def block(self) -> str:
-        """The block in which the plainest feature, the first, arises; a load where many blocks
-        could make it.
-        """
-        return self.features[0][2] if self.features else "disturbance"
+    features: tuple[tuple[str, float], ...]
 
     @property
     def sentence(self) -> str:
         """The plainest differences in words."""
         return ", ".join(
             f"{words} ({abs(size):.0f} standard deviations)"
-            for words, size, _ in self.features[:_IN_SENTENCE]
+            for words, size in self.features[:_IN_SENTENCE]
         )
 
 
@@ -79,7 +64,7 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
     n = situation.record.n
     runs = [as_archived(situation, np.asarray(r.op), np.asarray(r.pv)) for r in records]
     real, length = (situation.op, np.asarray(situation.record.pv)), int(_SHARE * n)
-    ratios, sizes, names = [], [], []
+    sizes, names = [], []
     for begin in (int(share * n) for share in _BEGINS):
         part = slice(begin, begin + length)
         sp = situation.sp[part]
@@ -91,17 +76,13 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
         if not np.all(np.isfinite(sims)):
             return None
         spread, names = seed_spread(sims), list(named)
-        ratios.append(distance(recorded, sims, spread) / max(floor_of(sims, spread), 1e-9))
         sizes.append((recorded - sims.mean(axis=0)) / spread)
     # what differs in every stretch, in the same direction
     same = np.all(np.sign(sizes) == np.sign(sizes[0]), axis=0)
     least = np.where(same, np.min(np.abs(sizes), axis=0), 0.0) * np.sign(sizes[0])
     differing = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
     differing.sort(key=lambda f: -abs(f[1]))
-    worded = tuple(
-        (_in_words(name, z, situation, length), z, _block(name)) for name, z in differing
-    )
-    return Lacking(float(min(ratios)), worded)
+    return Lacking(tuple((_in_words(name, z, situation, length), z) for name, z in differing))
 
 
 def _without_tails(values: Features) -> Features:
@@ -128,11 +109,3 @@ def _in_words(name: str, z: float, s: Situation, length: int) -> str:
     elif kind == "memory":
         words += f" over {int(number) * s.record.Ts:.3g} s"
     return f"{signal.upper()} {words}"
-
-
-def _block(name: str) -> str:
-    if name.startswith(("op after pv", "op at", "op straight")):
-        return "controller"
-    if name.startswith(("pv at", "pv straight")):
-        return "sensor"
-    return "process" if name.startswith("pv after op") else "disturbance"

@@ -26,7 +26,6 @@ from simbench.gap.controller.regression import (
     about_zero,
     by_steps,
     by_sums,
-    leak,
     spread,
     with_derivative,
 )
@@ -34,21 +33,19 @@ from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 _EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
-# times what rounding leaves of the law, below which it is taken as known all the same ...
+# the law is also taken as known if its residual is below this multiple of what rounding explains
 _DIGITS = 2.5
-_CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
-# ... which no longer shows as a lattice where OP is written in more than this share of it
+_CARD = 0.05  # % of OP: the rounding step of an output card of 11 bits
+# the card's lattice is hidden if OP is written in steps of more than this share of it
 _BLURRED = 0.1
-_HALF = 0.5  # ... unless that is half of all that OP does
-# share of samples in which a fine OP rests, from which it is not the mean of a moving PV
-# that hides
+_HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
+# share of samples at rest from which a finely written OP cannot follow the mean of a moving PV
 _RESTING = 0.05
 _RESTS_LONG = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 _NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
 _FINER = 0.02  # of OP's lattice, to which rounding never brings a law
-_LEAKS = 60.0  # nats that OP itself adds to the law of its changes, from which the integral leaks
 # share of PV on straight lines from which the archive is known to have been thinned
 _THINNED = 0.25
 
@@ -99,7 +96,9 @@ def examine_law(
     trusted: bool = True,
     noise: float = 0.0,
 ) -> Law:
-    """Judge the controller from SP, PV and OP."""
+    """Return the controller law that SP, PV and OP show; `trusted`: Kc and Ti (s) are those of the
+    plant, not identified; `noise`: standard deviation of the noise of PV.
+    """
     loop = (Ts, Kc, Ti, trusted, noise)
     law = _examine(op, pv, sp, loop)
     if law.known and not law.averaged:
@@ -323,11 +322,6 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
     if fitted.plain:
         seen = recover_pv(asked.op, fitted.e, asked.pv, free.inside, fit.a, fit.b, Ti is None)
         law = replace(law, recovered_pv=seen)
-        obeys = free.rows & ~np.isin(np.arange(1, asked.op.size), fit.strays)
-        if Ti and leak(asked.op, fitted.e, obeys, asked.Kc, asked.Ki, free.size) > _LEAKS:
-            law = replace(
-                law, foreign="OP leans back to one level beside the law: the integral leaks"
-            )
     # a baseline that explains OP as well is the simpler truth
     if (fit.base < fitted.tolerance and fitted.coarse) or fit.base < 1.5 * fit.residual:
         law = replace(law, Kc=asked.Kc, Ti=Ti or np.inf)

@@ -112,30 +112,6 @@ def by_sums(
     return LawFit(float(beta[0] + beta[1]), float(-beta[0]), *left, np.empty(0, dtype=int))
 
 
-def leak(
-    op: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float
-) -> float:
-    """Return the nats that OP itself adds to the law of its changes, of the stated law and the
-    fitted one the lesser.
-
-    A wrong tuning leans on OP under the stated law, the digits of a coarse error under the fitted
-    one; a leak under both.
-    """
-    k = np.flatnonzero(rows[1:]) + 2
-    du, now, before, level = op[k] - op[k - 1], e[k], e[k - 1], op[k - 2] - op.mean()
-    stated = min(
-        (du - (Kc + s * Ki) * now - ((1.0 - s) * Ki - Kc) * before for s in FORMS), key=about_zero
-    )
-
-    def nats(y: np.ndarray, *terms: np.ndarray) -> float:
-        X = np.column_stack([*terms, np.ones(k.size), level])
-        left = [float(np.mean((y - Z @ solved(Z, y)) ** 2)) for Z in (X[:, :-1], X)]
-        # what is left of an exact law is the machine's rounding
-        return 0.5 * k.size * float(np.log(np.divide(*(np.array(left) + (1e-3 * size) ** 2))))
-
-    return min(nats(stated), nats(du, now, before))
-
-
 def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
     """Return what a law with filtered derivative leaves of dOP."""
     X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])[rows[2:]]

@@ -13,13 +13,13 @@ _OBEYED = 0.03  # residual of a move, relative to the moves, below which it foll
 _LEANT = 3.0
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
 _RESTS = 6
-# share of samples in which OP rests off its extremes, from which it does so at them by
-# chance too
+# share of samples in which OP rests away from its extremes; above it, rests at the extremes can be
+# chance
 _OFTEN = 0.01
-# of the error's range, within which a loop without noise has settled and OP rests for that
+# share of the error's range: a smaller band is taken for a loop without noise that has settled
 _SETTLED = 1e-3
-# share of the rarer kind of samples, resting or moving, that a band must separate from the other:
-# no chance does
+# share of the rarer kind of samples, resting or moving, that a band must separate from the other;
+# less can be chance
 _SEPARATED = 0.4
 # share of samples with OP exactly at rest from which a gap in the error is looked for
 _STILL = 0.005

@@ -14,6 +14,8 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 # factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
 # quite true
 TEMPERATURE = 0.35
+# No answer hangs on these two (doubled or halved they change none of 72), only the probability that
+# is printed beside a second effect.
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 # slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
@@ -38,14 +40,6 @@ class Classified:
         sums = {b: sum(v for e, v in p.items() if self.block(e) == b) for b in BLOCKS}
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
-
-    def refuted(self, effect: str, block: str = "") -> Classified:
-        """Return the same with the probability of an effect, or of none, given to `unknown`, in the
-        given block or that of the effect.
-        """
-        p = dict(self.probability)
-        p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
-        return Classified(p, block or block_of(effect))
 
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""

@@ -28,8 +28,10 @@ from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
 _MORE = 0.1  # share of the evidence that another block may have more, for a law to be kept
-# share by which the evidence above a middle must outweigh that below it, to be called a regime
-_SIDED = 0.3
+# share of the gap that a law must remove where only the likelihood of PV speaks for it, and which
+# acts all the time. Where nothing was hidden such laws removed .24 and .71 of it (mill, seed 95301,
+# 60 records): no load of a plant is quite the model's.
+_CLOSES = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,6 @@ class Discovery:
     why: str
     block: str
     probability: float = 1.0
-    regime: str = ""
     nearest: str | None = None
     on: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool))
     gap: Shrinkage | None = None
@@ -110,10 +111,9 @@ class Discovery:
             if share > 0.99
             else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         )
-        regime = f", {self.regime}" if self.regime else ""
         lines = [
             self.sentence(),
-            f"It acts in {spells}{regime}.",
+            f"It acts in {spells}.",
             f"On samples that it was not fitted to, it raises the log-likelihood by {law.nats:.0f}"
             f" (p <= {chance(law.nats):.2g} by chance).",
             *gap_sentences(g.before, g.recalibrated, g.after, g.floor, "this model"),
@@ -155,8 +155,8 @@ def described(
     """Return a law with where it acts, what it resembles and how far it closes the gap; else the
     block of all evidence.
 
-    A law is kept unless another block has plainly more of the evidence, or it does not narrow the
-    gap; `known` assesses the effects of the library.
+    A law is kept unless another block has plainly more of the evidence, or it removes too little of
+    the gap; `known` assesses the effects of the library.
     """
     if finding.law is not None and finding.law.late:
         s = replace(s, law=replace(s.law, late=finding.law.late))
@@ -172,8 +172,10 @@ def described(
             )
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
-        elif gap.resolvable and gap.after > gap.before:
-            why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
+        elif gap.value is not None and gap.value < (
+            _CLOSES if law.on is None and not finding.block else 0.0
+        ):
+            why = f"the likeliest law ({law.text}) removes {100 * gap.value:.0f} % of the gap only"
     if law is None or why:
         return Discovery(
             s,
@@ -184,9 +186,7 @@ def described(
         )
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
     share = seen.shares[law.block]
-    return Discovery(
-        s, law, "", law.block, share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs
-    )
+    return Discovery(s, law, "", law.block, share, seen.nearest.get(law.block), on, gap, runs)
 
 
 def _simulated(
@@ -209,23 +209,3 @@ def _simulated(
     return measure(s, first, again or first, after, seed=seed), {
         name: (run.op, run.pv) for name, run in named
     }
-
-
-def _regime(s: Situation, law: FoundLaw) -> str:
-    """Return where in OP, PV or the error's size the evidence lies, if plainly on one side of a
-    middle.
-    """
-    if law.evidence is None:
-        return ""
-    weight = np.maximum(np.asarray(law.evidence)[-s.record.n :], 0.0)
-    total, best = float(weight.sum()) or 1.0, ("", 0.0)
-    pv = np.asarray(s.record.pv)
-    for name, x, unit in (("OP", s.op, " %"), ("PV", pv, ""), ("|e|", np.abs(s.sp - pv), "")):
-        middle = float(np.median(x))
-        above = float(weight[-x.size :][x[-weight.size :] > middle].sum()) / total
-        if abs(above - 0.5) > max(_SIDED, abs(best[1])):
-            best = (
-                f"mostly while {name} is {'above' if above > 0.5 else 'below'} {middle:.3g}{unit}",
-                above - 0.5,
-            )
-    return best[0]

@@ -203,14 +203,18 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fi
     evidence = _louder(r, quiet, loud)
     on = spells_of(evidence, _PRICE)
     judge, changes = slice(first, None), np.abs(np.diff(on[first:].astype(int))).sum()
-    plain = float(np.sum(_louder(r[judge], quiet, float(np.std(r[judge])) + 1e-9)))
+    share = min(float(on.mean()), 0.95)
+    # without spells: innovations of one size, or as often loud as in the spells but at any time
+    one_size = _louder(r[judge], quiet, float(np.std(r[judge])) + 1e-9)
+    any_time = np.logaddexp(np.log1p(-share), np.log(share + 1e-9) + evidence[judge])
+    plain = max(float(one_size.sum()), float(any_time.sum()))
     nats = float(evidence[judge][on[judge]].sum()) - plain - _PRICE * float(changes + 1)
     runs = max(int(np.sum(np.diff(on.astype(int)) == 1)), 1)
     length = float(on.sum()) / runs
     if loud < _LOUD * quiet or length < _SPELL or nats <= 0.0:
         return None
-    Ts, theta, share = s.record.Ts, null.theta, float(on.mean())
-    numbers = {"share": min(share, 0.95), "length": length * Ts}
+    Ts, theta = s.record.Ts, null.theta
+    numbers = {"share": share, "length": length * Ts}
     more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)))
     if of_load(learn, np.flatnonzero(on[:first]), null) and theta["load"] > 0.0:
         load = {

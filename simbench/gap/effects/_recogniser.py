@@ -50,8 +50,8 @@ class Recogniser:
     by_innovations : callable
         Evidence in the innovations of the fit without effect, where the samples themselves were
         not conclusive.
-    masked_by_archive : callable
-        Whether something proven makes all the evidence of this effect.
+    masked : callable
+        Whether something proven or ordinary makes all the evidence of an effect of these numbers.
     remark : callable
         What the record shows of it besides the answer; "" for nothing.
     needs : {"", "plant", "tuning"}
@@ -61,8 +61,6 @@ class Recogniser:
         if it integrated.
     bends_plant : bool
         PV answers OP as another plant would: asked before a record is called another loop's.
-    leaves_traces : bool
-        Even the right fit leaves jumps, spells and heavy tails in the innovations.
     replaces : str
         The plant's number (K, T or Td) that the effect states in place of the fit.
     initial_op_offset : callable
@@ -88,12 +86,11 @@ class Recogniser:
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
         None
     )
-    masked_by_archive: Callable[[Situation], bool] = lambda s: False
+    masked: Callable[[Situation, Parameters], bool] = lambda s, p: False
     remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""
     band: Callable[[Mapping[str, float | str]], float] | None = None
     bends_plant: bool = False
-    leaves_traces: bool = False
     replaces: str = ""
     initial_op_offset: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
     mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: (

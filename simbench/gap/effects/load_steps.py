@@ -140,5 +140,4 @@ RECOGNISER = Recogniser(
     numbers=numbers,
     ordinary=ordinary,
     bends_plant=True,
-    leaves_traces=True,
 )

@@ -37,7 +37,7 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     # rounding and compression make noise
-    masked_by_archive=lambda s: s.archive.rounding is not None or s.archive.band > 0.0,
+    masked=lambda s, p: s.archive.rounding is not None or s.archive.band > 0.0,
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
 )

@@ -107,6 +107,5 @@ RECOGNISER = Recogniser(
     explains="spikes",
     by_innovations=by_innovations,
     remark=remark,
-    leaves_traces=True,
     smallest=smallest,
 )

@@ -50,7 +50,6 @@ RECOGNISER = Recogniser(
     by_mv_leaves=0.85,  # friction is only known up to its model; the other maps are exact
     band=lambda p: float(p["S"]),
     bends_plant=True,
-    leaves_traces=True,
     initial_op_offset=lambda p: float(p["S"]),
     smallest=lambda probe: probe.band(kernels.STICK),
 )

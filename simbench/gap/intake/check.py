@@ -18,7 +18,10 @@ from simbench.gap.situation import Situation
 def check(
     record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool | None = None
 ) -> Situation:
-    """Refuse what cannot be compared, and settle what needs no fit."""
+    """Raise an error if record and baseline cannot be compared; otherwise return what is known
+    without a fit: the archive's properties, the controller law, the effects proven by single
+    samples. `trusted`: the baseline was given, not identified; `tuned`: its tuning is known too.
+    """
     it = Observed(record, baseline, trusted, trusted if tuned is None else tuned)
     refuse_unusable(it)
     archive, plant_pv, resolution, unexplained = archived(it)

@@ -37,8 +37,9 @@ _HOPELESS = 4.0  # nats below the base from which a grid's best point is not wor
 
 
 def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
-    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle,
-    scan again, narrow down.
+    """Return the fit of a valve map (`kind`: play, dead zone or stick-slip; a point holds S, J and
+    where MV starts). The likelihood is rough in these: scan them, refit plant, load and noise, scan
+    again, refine.
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones

@@ -85,7 +85,7 @@ class PlannedTests:
     def sentence(self) -> str:
         """Return the plan in a sentence."""
         if not self.tests:
-            return self.why
+            return f"No further test is recommended: {self.why}."
         then = f"; if the answer stays open, {self.pair[1]} is next" if self.tests[1:] else ""
         return f"Next test, {self.pair[0]}: {self.tests[0].trial.says}{then}."
 
@@ -152,10 +152,10 @@ def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:
     if len(named) > 1 and not assessment.shown(named[1]):
         return ""
     if first in assessment.situation.proven and probability[first] > 0.5:
-        return f"the record itself shows {name}; no test would tell more"
+        return f"the record itself shows {name}"
     if first == UNKNOWN:
         unexplained = assessment.unexplained.get("controller")
-        return f"{unexplained}; no test on the menu would change that" if unexplained else ""
+        return f"{unexplained}, and no test on the menu changes that" if unexplained else ""
     if probability[first] >= _SETTLED:
-        return f"{name} has probability {probability[first]:.2f}; no further test is recommended"
+        return f"{name} has probability {probability[first]:.2f}"
     return ""

@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.discovery import Discovery
-from simbench.gap.discover.search import chance
 from simbench.gap.report import law_pictures
 from simbench.gap.report.parts import captioned, compared, render, write
 from simbench.gap.report.traces import Traces
@@ -34,34 +33,12 @@ def write_law_page(discovery: Discovery, path: str | Path) -> None:
 
 
 def law_section(discovery: Discovery) -> Markup:
-    """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and
-    its certificate.
+    """Return the law as on the terminal, where it acts, its curve and its numbers; or why there is
+    none.
     """
-    law, g = discovery.law, discovery.gap
-    if law is None or g is None:
-        return render(
-            "law.html",
-            sentence=discovery.sentence(),
-            tiles=[],
-            items=[],
-            table=None,
-            block=discovery.block,
-        )
-    tiles = [
-        (law.block, "block"),
-        (
-            f"{law.nats:.0f}",
-            (
-                f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no"
-                " form held)"
-            ),
-        ),
-        (
-            f"{g.recalibrated:.2f} to {g.after:.2f}",
-            f"gap, recalibrated and with the law, floor {g.floor:.2f}",
-        ),
-        ((discovery.nearest or "none").replace("_", " "), "nearest known effect"),
-    ]
+    law, lines = discovery.law, discovery.as_text().splitlines()
+    if law is None:
+        return render("law.html", lines=lines, items=[], table=None)
     rules = LAW_FORMS[law.form].numbers
     rows = [
         {
@@ -75,25 +52,17 @@ def law_section(discovery: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]
-    shaded = f": {discovery.regime}" if discovery.regime else ""
     caption = "record with the law's spells shaded"
     items = [
         {
             "svg": inline_svg(law_pictures.draw_windows(discovery), "windows", caption),
-            "caption": f"Where it acts, shaded{shaded}.",
+            "caption": "Where it acts, shaded.",
         }
     ]
     if law_pictures.law_curve(discovery) is not None:
         drawn = inline_svg(law_pictures.draw_law(discovery), "law", law.text)
         items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
-    return render(
-        "law.html",
-        sentence=discovery.sentence(),
-        tiles=tiles,
-        items=items,
-        table=sortable(pd.DataFrame(rows)),
-        block=law.block,
-    )
+    return render("law.html", lines=lines, items=items, table=sortable(pd.DataFrame(rows)))
 
 
 def _look(discovery: Discovery) -> Markup:

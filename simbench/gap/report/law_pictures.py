@@ -78,11 +78,11 @@ def draw_lacking(lacks: Lacking) -> Figure:
     axes: Axes = grid[0, 0]
     axes.barh(
         range(len(rows)),
-        [z for _, z, _ in rows],
-        color=[RED if z > 0 else BLUE for _, z, _ in rows],
+        [z for _, z in rows],
+        color=[RED if z > 0 else BLUE for _, z in rows],
         height=0.6,
     )
-    axes.set_yticks(range(len(rows)), [words for words, _, _ in rows], fontsize=6.5)
+    axes.set_yticks(range(len(rows)), [words for words, _ in rows], fontsize=6.5)
     axes.axvline(0.0, color=BLACK, linewidth=0.8)
     axes.set_xlabel("record beside its simulation\n(seed-to-seed standard deviations)")
     return figure

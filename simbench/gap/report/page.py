@@ -21,9 +21,6 @@ from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
-_SHOWN = 6  # candidates drawn as bars; the table holds all
-_SEEN = 0.005  # probability that is not rounded to 0
-_POSSIBLE = 0.05  # probability from which a candidate is called still possible
 _MEANING = {
     NONE: "the simulation lacks nothing",
     UNKNOWN: "something that no known effect explains",
@@ -89,21 +86,13 @@ def _answer(report: GapReport) -> Markup:
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    caption = "control loop; probability of each block: " + ", ".join(
+    caption = "probability of each block: " + ", ".join(
         f"{b} {100 * p:.0f} %" for b, p in shares.items()
     )
-    likely = {
-        b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares
-    }
     return render(
         "where.html",
         svg=inline_svg(pictures.draw_blocks(shares), "blocks", caption),
         any=any(shares.values()),
-        findings=[
-            (b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows))
-            for b, rows in likely.items()
-            if rows
-        ],
     )
 
 
@@ -142,7 +131,6 @@ def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
 
 
 def _which(report: GapReport) -> Markup:
-    top = [r for r in report.ranking[:_SHOWN] if r.probability >= _SEEN] or list(report.ranking[:1])
     frame = pd.DataFrame(
         {
             "effect": [words(r.effect) for r in report.ranking],
@@ -154,13 +142,8 @@ def _which(report: GapReport) -> Markup:
         }
     )
     meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
-    chances = [r.probability for r in top]
-    caption = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
-    svg = inline_svg(
-        pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", caption
-    )
     table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
-    return render("which.html", svg=svg, table=table, meaning=meaning)
+    return render("which.html", table=table, meaning=meaning)
 
 
 def _shrinkage(report: GapReport) -> Markup:
@@ -189,15 +172,9 @@ def _open(report: GapReport) -> Markup:
         if math.isfinite(size)
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
-    answers = {e["effect"] for e in report.effects}
     return render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
-        possible=[
-            (words(r.effect), r.probability)
-            for r in report.ranking
-            if r.effect not in answers and r.probability >= _POSSIBLE
-        ],
         next_test=report.next_line(),
         notes=report.notes,
         table=sortable(pd.DataFrame(rows)) if rows else None,

@@ -1,4 +1,4 @@
-"""Draw a diagnosis: the loop as blocks, signals, PV-OP plots, spectra, probabilities, and the gap
+"""Draw a diagnosis: probable blocks, signals, PV-OP plots, spectra, probabilities, and the gap
 as bars.
 """
 
@@ -8,9 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, FancyBboxPatch
 from scipy.signal import welch
 
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
@@ -28,63 +26,13 @@ LOOK = {
 }
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
-_BOXES = {
-    "controller": (0.72, 1.05, 0.92),
-    "valve": (2.0, 1.05, 0.72),
-    "process": (3.35, 1.05, 0.82),
-    "disturbance": (2.62, 1.95, 1.0),
-    "sensor": (2.12, 0.12, 0.82),
-}  # left edge, lower edge, width
-_HIGH = 0.62
-
 
 @styled
 def draw_blocks(shares: Mapping[str, float]) -> Figure:
-    """Draw the control loop, every block the redder the more of the gap lies in it."""
-    figure = Figure(figsize=(_WIDTH, 2.6))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, _WIDTH), ylim=(0, 2.6))
-    axes.set_axis_off()
-    y, low = 1.05 + _HIGH / 2, 0.12 + _HIGH / 2
-    first, second = 0.44, 3.1
-    lines: list[Sequence[tuple[float, float]]] = [
-        ((0.02, y), (first - 0.09, y)),
-        ((first + 0.09, y), (0.72, y)),
-        ((1.64, y), (2.0, y)),
-        ((2.72, y), (second - 0.09, y)),
-        ((second + 0.09, y), (3.35, y)),
-        ((4.17, y), (4.58, y)),
-        ((second, 1.95), (second, y + 0.09)),
-        ((4.37, y), (4.37, low), (2.94, low)),
-        ((2.12, low), (first, low), (first, y - 0.09)),
-    ]
-    for points in lines:
-        _arrow(axes, points)
-    for x in (first, second):
-        axes.add_patch(Circle((x, y), 0.09, fill=False, edgecolor=BLACK, linewidth=0.9))
-    for name, x, z in (("SP", 0.13, y), ("OP", 1.82, y), ("MV", 2.86, y), ("PV", 1.2, low)):
-        axes.text(x, z + 0.05, name, ha="center", va="bottom")
-    axes.text(first - 0.13, y - 0.2, "-", ha="center", va="center")
-    for block, (left, lower, wide) in _BOXES.items():
-        share = float(shares.get(block, 0.0))
-        style = "round,pad=0,rounding_size=0.05"
-        face = (*to_rgb(RED), 0.7 * share)
-        axes.add_patch(
-            FancyBboxPatch(
-                (left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0
-            )
-        )
-        inside = [(block, "normal"), (f"{100 * share:.0f} %", "bold")]
-        step = _HIGH / (len(inside) + 0.4)
-        for i, (text, weight) in enumerate(inside):
-            axes.text(
-                left + wide / 2,
-                lower + _HIGH - step * (i + 0.7),
-                text,
-                ha="center",
-                va="center",
-                fontweight=weight,
-            )
+    """Draw the probability of each block as bars, the largest on top."""
+    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(shares))
+    blocks = sorted(shares, key=lambda b: -shares[b])
+    fill_ranking(grid[0, 0], blocks, [shares[b] for b in blocks])
     return figure
 
 
@@ -181,16 +129,8 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
 
-@styled
-def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure:
-    """Draw candidates as bars of their probability."""
-    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(names))
-    fill_ranking(grid[0, 0], names, probabilities)
-    return figure
-
-
 def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
-    """Draw candidates as bars of their probability, as `draw_ranking`."""
+    """Draw candidates as bars of their probability."""
     _bars(axes, names, probabilities, [RED, *[GREY] * (len(names) - 1)])
     axes.set(xlim=(0, 1.12), xlabel="probability")
 
@@ -261,16 +201,3 @@ def _mark_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool
         warning = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
         axes.text(0.5, 0.5, warning, transform=axes.transAxes, ha="center", va="center")
     return beyond
-
-
-def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
-    axes.plot(*zip(*points[:-1]), color=BLACK, linewidth=0.9, solid_joinstyle="miter")
-    arrow = {
-        "arrowstyle": "-|>",
-        "color": BLACK,
-        "linewidth": 0.9,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 7,
-    }
-    axes.annotate("", points[-1], points[-2], arrowprops=arrow)

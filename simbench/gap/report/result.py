@@ -257,7 +257,9 @@ class GapReport:
             shares = [
                 f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
             ]
-            lines.append(f"Probability of each block: {', '.join(shares)}.")
+            lines.append(
+                f"Probability of each block, unknown effects included: {', '.join(shares)}."
+            )
         lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}".rstrip()
@@ -272,7 +274,7 @@ class GapReport:
         Returns
         -------
         list of str
-            One sentence each.
+            Sentences on the gap before and after, its floor and its shrinkage.
         """
         g = self.gap
         lines = gap_sentences(
@@ -292,7 +294,7 @@ class GapReport:
         Returns
         -------
         list of str
-            One sentence, or none.
+            One sentence on the next test, or none where there is nothing to say.
         """
         one = self.next_test
         return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]

@@ -35,7 +35,8 @@ _APART = 0.15  # confidence by which the likeliest must lead the next
 _KEPT = (
     0.9,
     0.98,
-)  # phase kept with one sine from which the swing is a line of the load, and from which surely
+)  # share of the phase that one sine keeps: from the first on the oscillation may come from the
+# load, from the second on it surely does
 _FEWEST_PERIODS = 12  # periods below which every swing keeps its phase
 _TIGHT = (
     2.2,

@@ -154,7 +154,8 @@ def from_posterior(
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
-        f"effects with friction, and {STICKING_VALVES:g} of what is unknown, hold {p:.2f}",
+        f"the effects with friction have probability {p:.2f}, which counts"
+        f" {100 * STICKING_VALVES:g} % of what is unknown as friction",
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
     if answer != STICTION:

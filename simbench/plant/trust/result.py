@@ -172,9 +172,8 @@ class Trust:
         return (
             f"Replicates: this loop simulated {len(self.twins) - sticky} times with a healthy valve"
             f" and {sticky} times with stiction; accuracy weights both equally. Smallest S:"
-            f" detected"
-            " in 4 of 5 replicates (-: no size tried). Threshold: the method reports stiction above"
-            " this score (empty: as published)."
+            " detected in 4 of 5 replicates (-: in none of the sizes tried). Threshold: the method"
+            " reports stiction above this score (empty: as published)."
         )
 
 

@@ -11,7 +11,9 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from detectors.errors import RecordError
 from detectors.records import tables
@@ -804,7 +806,7 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
 
 
-@pytest.mark.parametrize("mark", [" ?", " (Q)", "*"])
+@pytest.mark.parametrize("mark", [" ?", " (Q)", "*", "[?]", " (uncertain)"])
 def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark):
     marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
@@ -822,9 +824,27 @@ def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch
     file = tmp_path / "rec.parquet"
     pd.DataFrame({"t": np.arange(400.0), "op": 50.0, "pv": 20.0}).to_parquet(file)
     monkeypatch.setattr(tables, limit, 100)
-    monkeypatch.setattr(pd, "read_parquet", lambda path: pytest.fail("it was read"))
+    monkeypatch.setattr(parquet, "read_table", lambda *path, **how: pytest.fail("it was read"))
     with pytest.raises(RecordError, match=words):
         read_record(file)
+
+
+def test_a_value_that_repeats_in_a_parquet_file_counts_as_often_as_it_is_there(tmp_path):
+    rows, columns = 100_000, {f"c{i}": np.zeros(100_000) for i in range(1300)}
+    file = tmp_path / "rec.parquet"
+    signals = {"t": np.arange(rows), "op": np.zeros(rows), "pv": np.zeros(rows)}
+    parquet.write_table(pa.table({**signals, **columns}), file)
+    assert file.stat().st_size < 5e6
+    with pytest.raises(RecordError, match="unpacks to 1042 MB"):
+        read_record(file)
+
+
+def test_a_text_that_repeats_in_a_parquet_file_is_kept_once(tmp_path):
+    n = 400_000
+    text = pa.DictionaryArray.from_arrays(np.zeros(n, dtype=np.int32), ["y" * 100_000])
+    signals = {"t": np.arange(n), "op": np.arange(n) % 50, "pv": np.arange(n) % 20}
+    parquet.write_table(pa.table({**signals, "note": text}), tmp_path / "rec.parquet")
+    assert read_record(tmp_path / "rec.parquet").n == n  # 40 GB, each text for itself
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
@@ -962,6 +982,9 @@ def test_an_output_that_may_be_in_milliamperes_or_counts_is_noted(tmp_path):
     low = written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(4 + 0.16 * OP, 3)), "csv")
     assert "add --op-span 4 20" in read_record(low).notes[-1]
     assert read_record(low, op_span=(4, 20)).op_percent == pytest.approx(OP, abs=0.01)
+    share = [1.04, *np.round(OP[1:] / 100, 5)]  # a share of 1 that overruns once
+    over = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), PV, share), "csv"))
+    assert "add --op-span 0 1" in over.notes[-1]
     counts = read_record(
         written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(40.95 * OP)), "txt")
     )

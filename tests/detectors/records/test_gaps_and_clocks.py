@@ -126,9 +126,10 @@ def test_the_option_is_not_proposed_where_no_segment_can_be_judged(tmp_path):
     assert caught.value.cure == ""
 
 
-def test_a_mark_for_bad_makes_a_sample_missing(tmp_path):
+@pytest.mark.parametrize("bad", [" (B)", " [b]", "(Bad)", " [bad]"])
+def test_a_mark_for_bad_makes_a_sample_missing(tmp_path, bad):
     marked = [
-        f"{x:.4f}{' (B)' if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)
+        f"{x:.4f}{bad if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)
     ]
     record = read_record(write(tmp_path / "rec.csv", range(N), marked))
     assert any("2 samples of PV marked as bad count as missing" in note for note in record.notes)

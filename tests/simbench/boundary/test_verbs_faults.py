@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.blind import leave_out
+from simbench.bench.execute.lease import LEASE
+from simbench.blind import leave_out, seal
 from simbench.files import HOST
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
@@ -55,7 +56,9 @@ HEAVY = {
     "exam open --report": "exam open ../exam --key ../exam.key ../answers.csv --report open.html",
     "withheld make": "gap withheld make made --key made.key -n 100 --seed 1",
 }
-TIMES = ("times", "runtime_s", "median_ms")  # what differs between two runs of the same bits
+# what differs between two runs of the same bits: times, and digests of files that hold times
+TIMES = ("times", "runtime_s", "median_ms", "cpu_s", "tables", "checksum")
+SECRETS = ("made/answers.sealed", "made/commitment.txt", "made.key")  # drawn anew in each call
 CLOCK = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?")
 
 
@@ -121,10 +124,12 @@ def contents(folder) -> dict[str, object]:
         file = folder / name
         if name.endswith(".json"):
             whole = json.loads(file.read_text())
-            found[name] = {k: v for k, v in whole.items() if k not in (*TIMES, "checksum")}
+            found[name] = {k: v for k, v in whole.items() if k not in TIMES}
         elif name.endswith((".parquet", ".csv")):
             table = pd.read_parquet(file) if name.endswith(".parquet") else pd.read_csv(file)
             found[name] = table[[c for c in table if c not in TIMES]].to_csv()
+        elif name in SECRETS:
+            found[name] = seal.is_key_of(folder / SECRETS[-1], folder / "made")
         elif name.endswith("html"):
             found[name] = CLOCK.sub(b"", file.read_bytes())
     return found
@@ -195,12 +200,12 @@ def test_a_table_that_grows_keeps_its_digits(home, cheap, monkeypatch):
     assert set(pd.read_csv(folder / "left" / "leave_out.csv").before) == {1 / 3}
 
 
-def started(words, folder):
+def started(words, folder, stderr=subprocess.DEVNULL):
     return subprocess.Popen(
         [sys.executable, "-m", "simbench.cli", *words],
         cwd=folder,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=stderr,
         start_new_session=True,
     )
 
@@ -223,11 +228,12 @@ def begun(home, name, words):
 def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
     """`KILLS=4` of each by default."""
     words = ({**QUICK, **HEAVY}[verb]).split()
-    whole = begun(home, "whole", words)
-    since = time.monotonic()
-    process = started(words, whole)
-    said = process.communicate()[0]
-    assert process.returncode == 0
+    for _ in range(2):  # the first may compile what the second finds
+        whole = begun(home, "whole", words)
+        since = time.monotonic()
+        process = started(words, whole)
+        said = process.communicate()[0]
+        assert process.returncode == 0
     took, expected = time.monotonic() - since, contents(whole)
     kills, ended = int(os.environ.get("KILLS", "4")), 0
     for k in range(kills):
@@ -251,3 +257,54 @@ def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
 def whole_exam(verb, folder, expected) -> bool:
     """Whether a kill came after all of an exam was there, which is not made again."""
     return verb in ("exam make", "withheld make") and contents(folder) == expected
+
+
+RESUMED = ["run", "map", "report", "exam answer", "calibrate", "detect"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", RESUMED)
+def test_two_processes_at_one_thing_leave_what_one_leaves(home, verb):
+    words = ({**QUICK, **HEAVY}[verb]).split()
+    folder = begun(home, "whole", words)
+    assert started(words, folder).wait() == 0
+    expected, folder = contents(folder), begun(home, "twice", words)
+    both = [started(words, folder, stderr=subprocess.PIPE) for _ in range(2)]
+    ends = [(p.communicate()[1].decode(), p.returncode) for p in both]
+    assert 0 in [code for _, code in ends], ends
+    for message, code in ends:  # the second is refused in a sentence, or does the same
+        assert code == 0 or (code == 2 and "works there" in message), message
+    assert contents(folder) == expected
+    assert started(words, folder).wait() == 0
+    assert contents(folder) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", ["run", "map"])
+@pytest.mark.parametrize("woken", ["afterwards", "meanwhile"])
+def test_a_process_that_was_stopped_and_goes_on_spoils_nothing(home, verb, woken):
+    """As a laptop that sleeps, or a job that a batch system suspends and starts once more."""
+    words = ({**QUICK, **HEAVY}[verb]).split()
+    folder = begun(home, "whole", words)
+    assert started(words, folder).wait() == 0
+    expected, folder = contents(folder), begun(home, "twice", words)
+    first = started(words, folder, stderr=subprocess.PIPE)
+    until = time.monotonic() + 120.0
+    while not list(folder.rglob(LEASE)) and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    os.killpg(first.pid, signal.SIGSTOP)
+    second = started(words, folder)
+    if woken == "meanwhile":  # once the second holds the lease
+        held = next(folder.rglob(LEASE)).read_bytes()
+        while next(folder.rglob(LEASE)).read_bytes().partition(b"token")[2][:40] in held:
+            time.sleep(0.05)
+    else:
+        assert second.wait() == 0
+        assert contents(folder) == expected
+    os.killpg(first.pid, signal.SIGCONT)
+    assert second.wait() == 0
+    message = first.communicate()[1].decode()
+    # what the second has joined already is gone for the first
+    assert first.returncode == 0 or (first.returncode == 2 and "error: " in message), message
+    assert contents(folder) == expected

@@ -226,7 +226,7 @@ def test_the_text_holds_the_answer(sticky):
     assert len(sticky.plot().patches) == 6
     assert sticky.sentence().split(",")[0] in sticky._repr_html_()
     assert "stiction" in text
-    assert "next test: " in text
+    assert "Next test, " in text
 
 
 @pytest.mark.parametrize("mv", [True, pytest.param(False, marks=pytest.mark.slow)])

@@ -2,7 +2,6 @@
 on stand-ins.
 """
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,10 +11,9 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
-from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
-from simbench.gap.diagnosis import closing, diagnose, named_by, report
+from simbench.gap.diagnosis import diagnose, named_by, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
@@ -53,6 +51,7 @@ def situation(
     return SimpleNamespace(
         op=np.array(op),
         data=SimpleNamespace(K=K),
+        baseline=None,
         integrating=integrating,
         record=SimpleNamespace(pv=pv, mv=mv),
         law=SimpleNamespace(known=known),
@@ -122,71 +121,6 @@ def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, nam
     assert named_by(weighed(**p), assessed(*chosen)) == named
 
 
-@pytest.mark.parametrize(
-    ("shrinkage", "shown", "refuted"),
-    [
-        (gap(), (), False),
-        (gap(after=4.0), (), True),
-        (gap(after=4.1), (), True),
-        (gap(after=9.0, resolvable=False), (), False),
-        # what single samples show stands unless the gap surely widens
-        (gap(after=4.1, hi=0.01), ("stiction",), False),
-        (gap(after=4.1, hi=-0.01), ("stiction",), True),
-        (gap(after=4.1, hi=-0.01, resolvable=False), ("stiction",), False),
-    ],
-)
-def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkage, shown, refuted):
-    weights = closing(weighed(), assessed("stiction", shown=shown), Loops(shrinkage))
-    assert weights.probability["stiction"] == (0.0 if refuted else 0.5)
-    assert weights.probability["unknown"] == pytest.approx(0.55 if refuted else 0.05)
-    assert weights.block("unknown") == ("valve" if refuted else "process")
-
-
-def test_nothing_named_is_nothing_refuted():
-    loops = Loops(gap(after=9.0, resolvable=False))
-    same = weighed(none=0.9, stiction=0.1)
-    assert closing(same, assessed("stiction"), loops) is same
-    assert loops.shrunk == [[]]
-
-
-@pytest.mark.parametrize(
-    ("floor", "left", "unknown"), [(2.8, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)]
-)
-def test_none_is_answered_with_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
-    wide = assessed(s=situation(trusted=False), tests={"memory": left})
-    weights = closing(weighed(none=0.9, stiction=0.1), wide, Loops(replace(gap(), floor=floor)))
-    assert (weights.probability["unknown"] > 0.8) == unknown
-    assert weights.block("unknown") == ("disturbance" if unknown else "process")
-
-
-@pytest.mark.parametrize(("least", "unknown"), [(1.4, False), (1.6, True)])
-@pytest.mark.parametrize("trusted", [True, False])
-def test_none_is_not_answered_with_a_gap_that_stays_along_the_record(trusted, least, unknown):
-    loops = Loops(
-        gap(), lacking=Lacking(least, (("OP stands still more often", 9.0, "controller"),))
-    )
-    weights = closing(
-        weighed(none=0.9, stiction=0.1), assessed(s=situation(trusted=trusted)), loops
-    )
-    assert (weights.probability["unknown"] > 0.8) == unknown
-    assert weights.block("unknown") == ("controller" if unknown else "process")
-
-
-@pytest.mark.parametrize(("tested", "left", "block", "unknown"), [
-    (1, 0.0, "controller", False), (0, 0.0, "controller", True), (1, 20.0, "controller", True),
-    # no test of plant and valve says anything of what single samples show
-    (1, 0.0, "sensor", True),
-])  # fmt: skip
-def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_load(
-    tested, left, block, unknown
-):
-    loops = Loops(gap(), lacking=Lacking(1.6, (("stands still more often", 9.0, block),)))
-    weights = closing(
-        weighed(none=0.9, stiction=0.1), assessed(tests={"memory": left}, tested=tested), loops
-    )
-    assert (weights.probability["unknown"] > 0.8) == unknown
-
-
 @pytest.fixture
 def stubs(monkeypatch):
     seen = {}
@@ -200,6 +134,7 @@ def stubs(monkeypatch):
         diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
     )
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
+    monkeypatch.setattr(diagnosis, "with_sound_valve", lambda loop: loop)
     monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
     return seen
 

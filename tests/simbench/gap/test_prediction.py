@@ -97,7 +97,7 @@ def test_the_json_has_the_contracts_keys_and_ordered_intervals(report):
 
 
 @pytest.mark.parametrize(("settings", "word"), [
-    ({"controller.Kc": 4.5}, "stability limit"),
+    ({"controller.Kc": 4.5}, "times as far as in the record"),
     ({"setpoint.value": 80.0}, "outside the record's"),
 ])  # fmt: skip
 def test_outside_its_range_a_prediction_is_not_valid(report, settings, word):
@@ -127,7 +127,7 @@ def pairs(before, after):
     def runs(x):
         return [Measures(v, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0) for v in np.exp(x)]
 
-    return [_Pair(b, a, None) for b, a in zip(runs(before), runs(after))]
+    return [_Pair(b, a) for b, a in zip(runs(before), runs(after))]
 
 
 @pytest.mark.parametrize(("common", "taken_over"), [(0.3, 1.0), (0.0, 0.0)])

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import welch
 
 from scenarios.spec import Part
-from simbench.loop.disturbance import disturbance_signal
+from simbench.loop.disturbance import DISTURBANCES, disturbance_signal
 
 
 def coloured(n=200_000, Ts=1.0, seed=0, **parameters):
@@ -44,6 +44,11 @@ def test_power_falls_with_the_second_power_of_frequency_or_with_lag_the_fourth(l
     assert p[low].mean() > 20 * p[band].mean()
 
 
-def test_a_longer_signal_begins_with_the_same_bits():
-    short, long = (coloured(n=n, amplitude=1.0, period=20.0, lag=5.0) for n in (300, 900))
-    assert np.array_equal(short, long[:300])
+@pytest.mark.parametrize("kind", DISTURBANCES)
+def test_a_longer_signal_begins_with_the_same_bits(kind):
+    more = {"jitter": 0.3} if kind in ("sine", "propagated") else {}
+    load = Part(name=kind, parameters={"amplitude": 2.0, "period": 30.0, "start": 7.0, **more})
+    short, long = (disturbance_signal(load, n, 1.0, (5, 100))[1] for n in (400, 900))
+    assert np.array_equal(short, long[:400])
+    assert np.ptp(short) > 0.0
+    assert disturbance_signal(load, 400, 1.0, (5, 100))[1] is short

@@ -258,11 +258,11 @@ def test_a_prediction_is_printed_line_by_line():
         "reason": "why",
     }
     assert as_text(prediction).splitlines() == [
-        "Table 11.3           limit cycle",
-        "with its conditions  no limit cycle",
-        "describing function  20 s, OP +-3 %, stable; 5 s, OP +-9.5 %, unstable",
-        "exact cycle          19 s, OP +-2.5 %, smallest kick 3.51 %",
-        "reason               why",
+        "Table 11.3             limit cycle",
+        "same, with conditions  no limit cycle",
+        "describing function    20 s, OP +-3 %, stable; 5 s, OP +-9.5 %, unstable",
+        "exact cycle            19 s, OP +-2.5 %, started by an offset of OP of 3.51 % or more",
+        "note                   why",
     ]
     bare = {
         "table_11_3": None,
@@ -271,14 +271,14 @@ def test_a_prediction_is_printed_line_by_line():
         "exact": None,
         "reason": "",
     }
-    assert [line[21:] for line in as_text(bare).splitlines()] == [
+    assert [line[23:] for line in as_text(bare).splitlines()] == [
         "no cell",
         "no cell",
         "no limit cycle",
         "none",
     ]
     unkicked = {**prediction, "exact": {**prediction["exact"], "kick_min": None}}
-    assert "no kick starts it" in as_text(unkicked)
+    assert "no offset of OP starts it" in as_text(unkicked)
 
 
 def test_the_loops_that_check_a_cell_cover_delays_resets_gains_and_jumps():

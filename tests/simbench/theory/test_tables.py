@@ -9,8 +9,8 @@ import pytest
 from detectors.errors import UnknownName
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
-from simbench.theory.sampled import sampled_loop
-from simbench.theory.table_check import check_table_11_3
+from simbench.theory.sampled import sampled_loop, ultimate_gain
+from simbench.theory.table_check import _loops, check_table_11_3
 from simbench.theory.tables import TABLE_11_2, TABLE_11_3, cell, refined, table_11_3, truth_columns
 
 EIGHT = [
@@ -170,3 +170,15 @@ def test_checked_table_has_eight_cells_and_theory_meets_its_conditions():
         assert sum(c.disagreements.values()) == (c.loops - c.exist if c.table else c.exist)
     assert checks[3].exist == checks[3].loops
     assert any("K Kc J > S" in condition for c in checks for condition in c.disagreements)
+
+
+def test_the_table_is_checked_on_the_600_loops_that_are_stated():
+    cells = {key: list(_loops(*key)) for key in TABLE_11_3}
+    assert [len(loops) for loops in cells.values()] == 2 * [15, 60, 45, 180]
+    for process in ("self-regulating", "integrating"):
+        loops = cells[process, "P", "stick-slip"]
+        # 8 stands for the ultimate gain, which a loop without dead time does not have
+        shares = [1 / ultimate_gain(x) if x.Td else abs(x.gain) / 8 for x in loops]
+        stated = [share for share in (0.1, 0.3, 0.5, 0.7, 0.9) for _ in range(4)] * 3
+        assert shares == pytest.approx(stated, rel=1e-6)
+        assert [x.J / x.S for x in loops] == pytest.approx([0.2, 0.5, 1.0, 1.5] * 15)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 
+from detectors.compiled import compiled
 from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill import archive, controller, loop, nature, valve
 from results.studies.worlds.mill.controller import PRODUCTS
@@ -393,4 +394,4 @@ def test_kernel_takes_what_the_rig_gives_it_without_compiling_anew():
     """One signature for all loops: a second one would cost seconds in every process."""
     for number in range(6):
         run(draw_loop(np.random.default_rng(number)))
-    assert len(loop._run.signatures) == 1
+    assert len(compiled(loop._run).signatures) == 1

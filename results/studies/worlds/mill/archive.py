@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from detectors.compiled import compiled
 from results.studies.worlds.mill.nature import stream
 
 Stage = dict[str, Any]
@@ -36,7 +36,7 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     """
     if band <= 0.0:
         return x.copy()
-    kept = np.flatnonzero(_door(x, band))
+    kept = np.flatnonzero(compiled(_door)(x, band))
     return np.interp(np.arange(len(x)), kept, x[kept])
 
 
@@ -68,7 +68,7 @@ def _average(x: np.ndarray, stage: Stage, rng: np.random.Generator) -> np.ndarra
 def _exception(x: np.ndarray, stage: Stage, rng: np.random.Generator) -> np.ndarray:
     if stage["band"] <= 0.0:
         return x
-    kept = np.flatnonzero(_moved(x, stage["band"]))
+    kept = np.flatnonzero(compiled(_moved)(x, stage["band"]))
     return np.interp(np.arange(len(x)), kept, x[kept])
 
 
@@ -89,7 +89,6 @@ _STAGES = {
 }
 
 
-@njit
 def _moved(x, band):
     """Mark the samples that an exception report sends: the first, the last, each that moved by more
     than the band.
@@ -105,7 +104,6 @@ def _moved(x, band):
     return kept
 
 
-@njit
 def _door(x, band):
     """Mark the samples that a swinging door keeps."""
     n = len(x)

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 PROPORTIONAL, VELOCITY, CONDITIONAL, TRACKING, CLAMPED = range(5)
 
 # integral rule: shares of the newest and the previous error in one increment Kc Ts/Ti e
@@ -58,7 +56,6 @@ PRODUCTS = {
 STATES = 3  # integral or bias, previous error, OP before anything is added to it
 
 
-@njit
 def clip(u, lo, hi):
     """Limit u to lo..hi."""
     return min(max(u, lo), hi)
@@ -67,7 +64,6 @@ def clip(u, lo, hi):
 # `law` in what follows is the named tuple `Law` of loop.py
 
 
-@njit
 def proportional(e, state, law):
     """u = bias + Kc e."""
     state[1] = e
@@ -75,13 +71,11 @@ def proportional(e, state, law):
     return state[2]
 
 
-@njit
 def increment(e, state, law):
     """Return ki (now e + before e_prev), what one scan adds to the integral."""
     return law.ki * (law.now * e + law.before * state[1])
 
 
-@njit
 def velocity(e, state, law):
     """u = limited last u + Kc (e - e_prev) + ki (now e + before e_prev): the limit itself is the
     anti-windup.
@@ -92,7 +86,6 @@ def velocity(e, state, law):
     return state[2]
 
 
-@njit
 def conditional(e, state, law):
     """u = Kc e + I; the increment of I is dropped while u is beyond a limit and the increment would
     drive it further.
@@ -108,7 +101,6 @@ def conditional(e, state, law):
     return state[2]
 
 
-@njit
 def tracking(e, state, law):
     """u = Kc e + I; I is corrected by `back` (Ts/Tt, at most 1) times what the limit took away."""
     state[0] += increment(e, state, law)
@@ -119,7 +111,6 @@ def tracking(e, state, law):
     return state[2]
 
 
-@njit
 def clamped(e, state, law):
     """u = Kc e + I with I itself limited: at a limit the proportional part can still take OP
     back.
@@ -130,7 +121,6 @@ def clamped(e, state, law):
     return state[2]
 
 
-@njit
 def control(e, state, law):
     """Return OP of one scan of the product's law; e has the sign of the action already."""
     if law.product == PROPORTIONAL:
@@ -144,7 +134,6 @@ def control(e, state, law):
     return clamped(e, state, law)
 
 
-@njit
 def follow(law, e, state, Kc, u):
     """Take over `u` from a hand without a bump: what the law remembers fits to it."""
     state[1] = e

@@ -7,12 +7,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from results.studies.worlds.mill import controller, valve
+from detectors.compiled import compiled
+from results.studies.worlds.mill.controller import STATES as CONTROLLER_STATES
 from results.studies.worlds.mill.controller import clip, control, follow
 from results.studies.worlds.mill.plant import Discrete
-from results.studies.worlds.mill.valve import DEADZONE, deadzone, friction, installed, play
+from results.studies.worlds.mill.valve import DEADZONE, STATES, deadzone, friction, installed, play
 
 
 class Law(NamedTuple):
@@ -86,7 +86,6 @@ class Place(NamedTuple):
     back: int  # after so many samples
 
 
-@njit
 def _titrate(y, width, shape):
     if width <= 0.0:
         return y
@@ -95,7 +94,6 @@ def _titrate(y, width, shape):
     return width * np.sinh(min(max(y / width, -6.0), 6.0))
 
 
-@njit
 def _valve(u, memory, ring_state, element):
     """One sample of the final control element; memory: play, lag, stroke, then the friction model's
     own.
@@ -122,14 +120,13 @@ def _valve(u, memory, ring_state, element):
     return v
 
 
-@njit
 def _run(plant, law, element, sensor, s, place):
     """Return PV as the controller saw it, OP, MV and PV as it is, each (N,)."""
     A, old, new, c, delay = plant
     n, m = len(s.sp), len(c)
     pv, op, mv, w, true = np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
     x, following = np.zeros(m), np.zeros(m)
-    memory, ring_state, state = np.zeros(3 + valve.STATES), np.zeros(2), np.zeros(controller.STATES)
+    memory, ring_state, state = np.zeros(3 + STATES), np.zeros(2), np.zeros(CONTROLLER_STATES)
     memory[0], memory[3], memory[5] = place.op0, place.op0, place.op0
     memory[1], memory[2], ring_state[0] = place.mv0, place.mv0, place.mv0
     state[0], state[2] = place.op0, place.op0
@@ -192,5 +189,5 @@ def run(
     plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place
 ) -> dict[str, np.ndarray]:
     """Run the loop over all rows of the signals, from rest at the operating point."""
-    pv, op, mv, true = _run(plant, law, element, sensor, signals, place)
+    pv, op, mv, true = compiled(_run)(plant, law, element, sensor, signals, place)
     return {"pv": pv, "op": op, "mv": mv, "true": true}

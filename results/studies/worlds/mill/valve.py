@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 # what the compiled loop calls the friction in its valve
 NO_FRICTION, DEADZONE, CHOUDHURY, _HE, _COULOMB, _KARNOPP, _STRIBECK = range(7)
@@ -43,13 +42,11 @@ def friction_numbers(S: float, J: float) -> np.ndarray:
     return np.array([(S + J) / 2.0, (S - J) / 2.0])
 
 
-@njit
 def play(u, v, width):
     """Backlash of a band `width`: v = max(u - width/2, min(u + width/2, v))."""
     return max(u - width / 2.0, min(u + width / 2.0, v))
 
 
-@njit
 def deadzone(u, width, centre):
     """MV = c + sign(u - c) max(|u - c| - D/2, 0)."""
     far = abs(u - centre) - width / 2.0
@@ -58,7 +55,6 @@ def deadzone(u, width, centre):
     return centre + far if u > centre else centre - far
 
 
-@njit
 def choudhury(u, state, fs, fd):
     """The two-parameter automaton (equations.md 1.5). State: position, direction of motion (0 =
     stuck), previous OP.
@@ -76,7 +72,6 @@ def choudhury(u, state, fs, fd):
     return v
 
 
-@njit
 def he(u, state, fs, fd):
     """He's flow chart (equations.md 1.7) with its invariant: the residual is OP minus position."""
     pull = u - state[0]
@@ -87,7 +82,6 @@ def he(u, state, fs, fd):
     return state[0]
 
 
-@njit
 def coulomb(u, state, fs, fd, creep):
     """One sample of m x'' = u - x - friction, exact: each phase of motion is a sum of two
     exponentials (equations.md 1.8).
@@ -124,7 +118,6 @@ def coulomb(u, state, fs, fd, creep):
     return x
 
 
-@njit
 def stribeck(u, state, fs, fd):
     """A stem under a pressure that ramps from the last OP to this one; friction fs - fd fades with
     speed (equations.md 1.8).
@@ -151,7 +144,6 @@ def stribeck(u, state, fs, fd):
     return x
 
 
-@njit
 def friction(kind, u, state, fs, fd):
     """Return the position after one sample of the friction model `kind`, whose memory is
     `state`.
@@ -169,7 +161,6 @@ def friction(kind, u, state, fs, fd):
     return u
 
 
-@njit
 def installed(u, R):
     """MV = 100 (R^(u/100) - 1)/(R - 1)."""
     if R == 1.0:

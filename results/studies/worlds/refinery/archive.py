@@ -4,13 +4,11 @@ never on the loop.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 STYLES = ("digits", "decimals")
 
 
-@numba.njit
 def swinging_door(x, band):
     """Thin a series by a swinging door of half width `band` and rebuild it by straight lines.
 
@@ -39,7 +37,6 @@ def swinging_door(x, band):
     return out
 
 
-@numba.njit
 def exceptions(x, band):
     """Report a value only when it differs by more than `band` from the last reported one; rebuild
     by straight lines.

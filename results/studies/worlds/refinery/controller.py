@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 FORMS = ("positional", "velocity")
@@ -44,7 +43,6 @@ class Controller(NamedTuple):
     close_rate: float = 0.0  # foreign: fastest closing, % per s; 0 = not limited
 
 
-@numba.njit
 def _shaped(e, c):
     """The error that the law sees: dead-band, then the error-squared mixture."""
     if abs(e) <= 0.5 * c.dead_width:
@@ -54,7 +52,6 @@ def _shaped(e, c):
     return e
 
 
-@numba.njit
 def _area(e, last, c):
     """Integral of the error over one scan by the chosen rule, times Kc/Ti, in %."""
     if c.Ti <= 0.0:
@@ -63,7 +60,6 @@ def _area(e, last, c):
     return c.Kc * c.Ts / c.Ti * mean
 
 
-@numba.njit
 def positional(proportional, step, lo, hi, state, c):
     """bias + P + I with the anti-windup on I; returns the limited output (%)."""
     free = c.bias + proportional + state[_INTEGRAL] + step
@@ -81,7 +77,6 @@ def positional(proportional, step, lo, hi, state, c):
     return out
 
 
-@numba.njit
 def execute(sp, pv, manual, state, c):
     """One scan: returns OP (%), rounded as it goes to valve and record.
 
@@ -120,7 +115,6 @@ def execute(sp, pv, manual, state, c):
     return out
 
 
-@numba.njit
 def take(sp, pv, out, state, c):
     """One scan in an operator's hand: OP (%) is his, rounded and limited as ever; the law goes on
     from it without a bump.
@@ -129,7 +123,6 @@ def take(sp, pv, out, state, c):
     return execute(sp, pv, True, state, c)
 
 
-@numba.njit
 def at_rest():
     """Return the state of a controller before its first scan."""
     return np.zeros(6)

@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from results.studies.worlds.refinery import controller, valves
+from results.studies.worlds.refinery.controller import OUT, at_rest, execute, take
+from results.studies.worlds.refinery.valves import play, scan, stroke
 
 SUBSTEPS = 24
 
@@ -69,7 +69,6 @@ class Signals(NamedTuple):
     between: np.ndarray  # bool: a row of a log faster than the scan
 
 
-@numba.njit
 def _delayed(line, head, steps):
     """Read the delay line `steps` (may be a fraction) cells before the newest one."""
     whole = math.floor(steps)
@@ -78,7 +77,6 @@ def _delayed(line, head, steps):
     return (1.0 - part) * line[(head - whole) % size] + part * line[(head - whole - 1) % size]
 
 
-@numba.njit
 def _lagged(state, old, new, keep):
     """First-order lag over one fine step with the input's mean; `keep` = exp(-h/tau), 0 passes the
     input.
@@ -89,12 +87,10 @@ def _lagged(state, old, new, keep):
     return middle + (state - middle) * keep
 
 
-@numba.njit
 def _keep(h, tau):
     return math.exp(-h / tau) if tau > 0.0 else 0.0
 
 
-@numba.njit
 def _digitise(y, s):
     """Range, converter lattice, coarse lattice."""
     y = min(max(y, s.clip_lo), s.clip_hi)
@@ -105,7 +101,6 @@ def _digitise(y, s):
     return y
 
 
-@numba.njit
 def _react(x, w, back, h, p, keeps):
     """One fine step of the main plant from delayed input `w`; x[0] main state, x[1] swell; `back`
     the recycled output.
@@ -126,7 +121,6 @@ def _react(x, w, back, h, p, keeps):
         x[1] = goal + (x[1] - goal) * keeps[2]
 
 
-@numba.njit
 def _keeps(h, p, sensor_lag, valve_lag):
     """exp(-h/tau) of every first-order element: T rising, T falling, swell, three lags,
     transmitter, valve.
@@ -138,7 +132,6 @@ def _keeps(h, p, sensor_lag, valve_lag):
     return keeps
 
 
-@numba.njit
 def close_loop(p, c, v, s, x, m0, pv0, stem):
     """Run the loop over all scans of `x` (Signals) about the balance (MV `m0` %, PV `pv0`); `stem`
     is the valve's state.
@@ -156,7 +149,7 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
         np.empty(n),
     )
     line, back = np.zeros(int(p.Td / h) + 3), np.zeros(int(p.recycle_delay / h) + 3)
-    state, keeps = controller.at_rest(), _keeps(h, p, s.lag, v.lag)
+    state, keeps = at_rest(), _keeps(h, p, s.lag, v.lag)
     y, chain = np.zeros(2), np.full(4, x.sp[0] - pv0)  # chain: plant, then three lags
     y[0] = shown = chain[0]
     back[:] = y[0]
@@ -175,16 +168,16 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
         if x.between[k]:
             op[k] = op[k - 1] if k else m0
         elif np.isnan(x.hand[k]):
-            op[k] = controller.execute(x.sp[k], reading, x.manual[k], state, c)
+            op[k] = execute(x.sp[k], reading, x.manual[k], state, c)
         else:
             if k == 0 or np.isnan(x.hand[k - 1]):
-                taken = state[controller.OUT]
-            op[k] = controller.take(x.sp[k], reading, taken + x.hand[k], state, c)
-        drive = valves.scan(op[k], stem, v)
+                taken = state[OUT]
+            op[k] = take(x.sp[k], reading, taken + x.hand[k], state, c)
+        drive = scan(op[k], stem, v)
         noise = x.noise[min(k + 1, n - 1)]
         average = valve_average = 0.0
         for j in range(SUBSTEPS):
-            position = valves.stroke(drive, h, keeps[7], stem, v)
+            position = stroke(drive, h, keeps[7], stem, v)
             cell, last = (cell + 1) % line.size, (last + 1) % back.size
             line[cell] = position + x.load[k * SUBSTEPS + j] - m0
             _react(
@@ -203,7 +196,7 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
                 chain[i] = _lagged(before, old, new, keeps[2 + i])
                 old, new = before, chain[i]
             if s.float_play > 0.0:
-                old, shown = shown, valves.play(new, shown, s.float_play)
+                old, shown = shown, play(new, shown, s.float_play)
                 new = shown
             wild = x.error[k] + noise * (1.0 + s.flow_noise * (max(position / m0, 0.1) - 1.0))
             filtered = _lagged(filtered, pv0 + old + wild, pv0 + new + wild, keeps[6])

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from detectors.compiled import compiled
 from results.studies.worlds.refinery import archive, loads, physics, valves
 from results.studies.worlds.refinery.controller import FORMS, RULES, WINDUPS, Controller
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
@@ -127,7 +128,7 @@ def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> di
         signals.between[:] = (np.arange(signals.sp.size) - case["warm"]) % plan.faster != 0
     stem = valves.rest(valves.untrim(case["m0"], setup.valve.R))
     control = setup.controller._replace(bias=float(valves.untrim(case["m0"], setup.valve.R)))
-    raw = physics.close_loop(
+    raw = compiled(physics.close_loop)(
         setup.plant,
         control,
         setup.valve,
@@ -154,9 +155,9 @@ def _archive(
         pv = pv + loads.spikes(_stream(seed, _SPIKES_RECORD), n, *setup.spikes_record)
     pv = archive.lattice(pv, setup.record_quantum)
     if how["band"] > 0.0:
-        pv = archive.exceptions(pv, how["band"])
+        pv = compiled(archive.exceptions)(pv, how["band"])
     if setup.door > 0.0:
-        pv = archive.swinging_door(pv, setup.door)
+        pv = compiled(archive.swinging_door)(pv, setup.door)
     # the mean of the scan before, or a historian that reads before the controller writes: OP and MV
     # are one scan old
     shift = 1 if how["late"] or how["averaging"] else 0

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 FRICTION = ("none", "choudhury", "he", "karnopp", "stribeck", "lugre")
@@ -45,13 +44,11 @@ class Valve(NamedTuple):
     R: float = 1.0
 
 
-@numba.njit
 def play(u, x, width):
     """Backlash: `x` follows `u` only beyond half the width (equations.md 1.2)."""
     return max(u - width / 2, min(u + width / 2, x))
 
 
-@numba.njit
 def dead_zone(u, width, centre):
     """Rest at the centre inside the zone, memoryless (equations.md 1.3)."""
     d = u - centre
@@ -60,7 +57,6 @@ def dead_zone(u, width, centre):
     return u - width / 2 if d > 0 else u + width / 2
 
 
-@numba.njit
 def trim(x, R):
     """Inherent characteristic 100 (R^(x/100) - 1)/(R - 1)."""
     return x if R == 1.0 else 100.0 * (R ** (x / 100.0) - 1.0) / (R - 1.0)
@@ -71,7 +67,6 @@ def untrim(mv: float, R: float) -> float:
     return mv if R == 1.0 else 100.0 * math.log1p(mv / 100.0 * (R - 1.0)) / math.log(R)
 
 
-@numba.njit
 def choudhury(u, state, fs, fd):
     """Two-parameter model, one scan: stuck until |u - x| > fs, moving at offset fd until OP
     reverses or rests.
@@ -89,7 +84,6 @@ def choudhury(u, state, fs, fd):
     state[_LAST] = u
 
 
-@numba.njit
 def he(u, state, fs, fd):
     """He's model (He, Wang, Pottmann, Qin 2007), one scan: the stem sticks again after every
     scan.
@@ -99,7 +93,6 @@ def he(u, state, fs, fd):
         state[_STEM] = u - fd if residual > 0.0 else u + fd
 
 
-@numba.njit
 def _stribeck_speed(push, v):
     """Speed at which viscous plus Stribeck friction balances the push, on the stable branch; 0
     where there is none.
@@ -119,7 +112,6 @@ def _stribeck_speed(push, v):
     return x
 
 
-@numba.njit
 def _slide(u, h, state, v):
     """Karnopp's or Stribeck's stem over one fine step: exact between break-away and stop (force
     held).
@@ -143,7 +135,6 @@ def _slide(u, h, state, v):
     state[_STEM] += way * left * (1.0 - math.exp(-h / v.travel_time))
 
 
-@numba.njit
 def _bristles(u, h, state, v):
     """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic
     equation.
@@ -168,7 +159,6 @@ def _bristles(u, h, state, v):
     state[_STEM] += h * way * speed
 
 
-@numba.njit
 def scan(op, state, v):
     """Once per scan: backlash, zone and the map-type frictions; returns what drives the stem until
     the next scan.
@@ -191,7 +181,6 @@ def scan(op, state, v):
     return u
 
 
-@numba.njit
 def stroke(u, h, keep, state, v):
     """One fine step of `h` s from drive `u` to the flow position MV (%); `keep` = exp(-h/lag)."""
     if v.friction >= KARNOPP:

@@ -2,11 +2,13 @@
 is mixed.
 """
 
+import contextlib
 import shutil
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,6 +19,7 @@ import pandas as pd
 import pytest
 from bench_fixtures import SMALL, raise_after
 from joblib import Parallel, delayed
+from joblib.externals.loky import process_executor
 from killing import kill_when_it_stops, stops
 
 import scenarios
@@ -366,6 +369,23 @@ def test_a_stopped_process_ends_at_once_and_names_resume(tmp_path, jobs, sent, s
     assert "Traceback" not in err
     # those at work when it came, and what was judged before it came
     assert judged <= 4 * jobs
+
+
+def test_loky_that_fails_as_it_ends_prints_no_traceback(monkeypatch, capfd):
+    manager = process_executor._ExecutorManagerThread
+    usual = manager.add_call_item_to_queue
+
+    def add(self):
+        if self.executor_flags.shutdown:  # as it does, now and then, of a piece taken back
+            raise KeyError(7)
+        usual(self)
+
+    monkeypatch.setattr(manager, "add_call_item_to_queue", add)
+    monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)  # pytest has another
+    with contextlib.suppress(KeyboardInterrupt), workers.on_processes(2) as run:
+        for _ in run(divmod, [(number, 1) for number in range(20)]):
+            raise KeyboardInterrupt
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

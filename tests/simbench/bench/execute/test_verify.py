@@ -18,6 +18,7 @@ from simbench.bench.execute import verify as verify_module
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.verify import verify_run
+from simbench.bench.execute.verify_result import Notes
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import benchmark_of, grid_of
@@ -385,3 +386,11 @@ def test_further_rounds_of_an_adaptive_run_follow_from_the_grid(tmp_path):
         parts.pop()
     forgery.write()
     assert verify_run(tmp_path / "f").contradictions
+
+
+def test_tables_are_compared_key_by_key_and_a_table_in_place_of_a_number_is_one_contradiction():
+    notes = Notes()
+    notes.compare("grid", "", {"seed": 1, "title": "a"}, {"seed": 2, "title": "a", "n": 3})
+    notes.compare("hash", "", None, {"parts": 1})
+    notes.compare("same", "", {"a": 1}, {"a": 1})
+    assert set(notes.entries) == {"grid: seed", "grid: n", "hash"}

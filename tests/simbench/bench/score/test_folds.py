@@ -49,6 +49,36 @@ def test_the_surest_answers_come_first_in_a_risk_coverage_curve():
     assert curve[-1] == pytest.approx(np.mean((score > 0.5) != positive), abs=0.02)
 
 
+def by_loops(ranks, positive, fold):
+    """What is wrong and how sure it is, one loop after the other."""
+    wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
+    for i in np.flatnonzero(ranks >= 0):
+        known = (fold != fold[i]) & (ranks >= 0)
+        if not known.any():
+            continue
+        cuts = [*np.unique(ranks[known]), np.inf]
+        errors = [np.sum(positive[known] & (ranks[known] < c)) for c in cuts]
+        errors += np.array([np.sum(~positive[known] & (ranks[known] >= c)) for c in cuts])
+        best = np.mean(ranks[known] < cuts[int(np.argmin(errors))])
+        place = 0.5 * (np.mean(ranks[known] < ranks[i]) + np.mean(ranks[known] <= ranks[i]))
+        wrong[i], sure[i] = (place > best) != positive[i], abs(place - best)
+    return wrong, sure
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_risk_and_coverage_equal_those_counted_loop_by_loop(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 60))
+    ranks, fold = rng.integers(-1, 12, n), rng.integers(0, rng.integers(1, 6), n)
+    positive = rng.random(n) < 0.5
+    wrong, sure = by_loops(ranks, positive, fold)
+    levels = np.unique(sure)[::-1]
+    # answers equally sure come in any order: each has the mean of them
+    risk = np.concatenate([np.full(np.sum(sure == x), wrong[sure == x].mean()) for x in levels])
+    curve = risk_coverage(ranks, positive, fold)[0]
+    assert curve == pytest.approx(np.cumsum(risk) / np.arange(1, n + 1))
+
+
 def test_equally_sure_answers_have_the_same_risk_in_any_order():
     positive = np.arange(100) < 50
     curve = risk_coverage(np.zeros(100, dtype=int), positive, np.tile(np.arange(5), 20))[0]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.spec import Loop
-from simbench.gap.closed_loop.lacking import Lacking, lacking
+from simbench.gap.closed_loop.lacking import lacking
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
 
@@ -24,18 +24,11 @@ LOOP = Loop.from_table(
 
 def test_a_loop_lacks_nothing_of_a_record_of_itself():
     lacks = lacking(check(simulate(LOOP, 9).record, LOOP), LOOP, 0)
-    assert lacks.least < 1.5
     assert lacks.features == ()
 
 
-def test_what_stays_along_the_record_is_put_in_words_with_its_block():
+def test_what_stays_along_the_record_is_put_in_words():
     record = simulate(LOOP, 9).record
     held = np.repeat(np.asarray(record.op)[::5], 5)[: record.n]
     lacks = lacking(check(replace(record, op=held), LOOP), LOOP, 0)
-    assert lacks.least > 1.5
-    assert lacks.block == "controller"
     assert "OP stands still more often" in lacks.sentence
-
-
-def test_without_a_plain_difference_the_load_is_blamed():
-    assert Lacking(2.0, ()).block == "disturbance"

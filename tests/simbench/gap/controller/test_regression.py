@@ -7,7 +7,6 @@ from simbench.gap.controller.regression import (
     about_zero,
     by_steps,
     by_sums,
-    leak,
     spread,
     with_derivative,
 )
@@ -100,24 +99,3 @@ def test_a_filtered_derivative_is_a_law_and_chance_is_none(filter_):
     assert with_derivative(du, E, ROWS, spread(du)) < 1e-6
     chance = np.random.default_rng(3).permutation(du)
     assert with_derivative(chance, E, ROWS, spread(du)) > 0.8
-
-
-@pytest.mark.parametrize(
-    ("rate", "tuning", "digits", "leaks"),
-    [
-        (0.005, 1.0, 0.01, True),
-        (0.005, 1.0, 0.0, True),
-        (0.0, 1.0, 0.01, False),
-        (0.0, 1.0, 0.0, False),
-        (0.0, 1.1, 0.01, False),
-        (0.0, 1.0, 0.3, False),
-    ],
-)
-def test_a_leak_shows_despite_the_digits_and_no_tuning_is_one(rate, tuning, digits, leaks):
-    op = np.zeros(N)
-    for k in range(1, N):
-        op[k] = op[k - 1] + tuning * (KC * (E[k] - E[k - 1]) + KI * E[k]) - rate * op[k - 1]
-    e = E
-    if digits:
-        op, e = 0.01 * np.round(op / 0.01), digits * np.round(E / digits)
-    assert (leak(op, e, ROWS, KC, KI, spread(np.diff(op))) > 60.0) == leaks

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.contract import check_file
 from simbench.files import write_record
-from simbench.gap.discover.discovery import discover
+from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.discover.blocks import Located
+from simbench.gap.discover.discovery import described, discover
 from simbench.gap.discover.effect_file import lent_effect, refuse_effect_file, write_effect
-from simbench.gap.discover.search import chance
+from simbench.gap.discover.search import Finding, chance
 from simbench.gap.law import FoundLaw, spells_of, windows_of
 from simbench.loop.effects import PLUGINS
 from simbench.loop.laws import forms
@@ -178,3 +181,23 @@ def test_spells_are_where_the_evidence_outweighs_the_price_of_a_change():
     assert windows_of(spells_of(evidence, 6.0), 2.0) == [[100.0, 266.0]]
     assert windows_of(spells_of(evidence, 1.0), 1.0) == [[50.0, 90.0], [93.0, 133.0]]
     assert windows_of(spells_of(-np.ones(9), 1.0), 1.0) == []
+
+
+@pytest.mark.parametrize(
+    ("block", "closes", "kept"),
+    [("", 0.6, True), ("", 0.4, False), ("valve", 0.4, True), ("valve", -0.1, False)],
+)
+def test_a_law_that_only_the_likelihood_names_must_remove_half_of_the_gap(
+    monkeypatch, block, closes, kept
+):
+    law = FoundLaw("rate", {"slowness": 4.0}, 30.0)
+    gap = Shrinkage(4.0, 3.9, 2.5, 1.0, True, closes, 0.0, 1.0, {})
+    seen = Located("valve", {"valve": 0.9}, "", {})
+    place = "simbench.gap.discover.discovery"
+    monkeypatch.setattr(f"{place}.matched", lambda s, finding, seed: finding)
+    monkeypatch.setattr(f"{place}.located", lambda *evidence: seen)
+    monkeypatch.setattr(f"{place}._simulated", lambda *case: (gap, {}))
+    situation = SimpleNamespace(record=SimpleNamespace(n=100))
+    told = described(situation, Finding(law, None, None, block=block), lambda: None)
+    assert (told.law is law) == kept
+    assert kept or "of the gap only" in told.why

@@ -244,7 +244,7 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     assert bare.proven(None) is bare.by_innovations(None, None) is bare.smallest(None) is None
     assert bare.remark(None) == ""
     assert bare.possible(None)
-    assert not bare.masked_by_archive(None)
+    assert not bare.masked(None, {})
     # an exact map leaves little of an ideal valve's misfit, friction most of it
     assert (bare.by_mv_leaves, recogniser("stiction").by_mv_leaves) == (0.3, 0.85)
 
@@ -256,7 +256,13 @@ def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
     noise, rounding, band, drowned
 ):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
-    assert recogniser("noise").masked_by_archive(s) == drowned
+    assert recogniser("noise").masked(s, {}) == drowned
+
+
+@pytest.mark.parametrize(("period", "load"), [(110.0, False), (150.0, True)])
+def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, load):
+    s = SimpleNamespace(record=SimpleNamespace(duration=1000.0))
+    assert recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0}) == load
 
 
 @pytest.mark.parametrize("height", [6.0, 9.0])

@@ -79,12 +79,12 @@ def directions(u, y=None, T=1e-3, Td=0.0, integrating=False):
     values = generic_directions(
         engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0)
     )
-    return values, dict(zip(("dynamics", "shape", "aging", "level"), engine.asked))
+    return values, dict(zip(("shape", "aging"), engine.asked))
 
 
 def test_every_direction_pays_for_its_numbers():
     values, _ = directions(OP)
-    numbers = {"dynamics nats": 4, "shape nats": 2, "aging nats": 2, "level nats": 1}
+    numbers = {"shape nats": 2, "aging nats": 2}
     assert values == pytest.approx(
         {name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()}
     )

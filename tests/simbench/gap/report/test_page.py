@@ -123,7 +123,6 @@ def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_under_its_name(sti
     text = text_of(tmp_path / "page.html")
     assert unknown.sentence() in text
     assert "with the nearest effect added" in text
-    assert "Still possible in place of the answer: stiction" in text
 
 
 VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
@@ -165,8 +164,8 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
         assert page.errors == []
         assert page.requests == [file.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
-    # blocks, PV, OP, PV over OP, spectra, ranking, gap; MV over OP where it was recorded
-    assert len(pictures) == 7 + (name == "sticky")
+    # blocks, PV, OP, PV over OP, spectra, gap; MV over OP where it was recorded
+    assert len(pictures) == 6 + (name == "sticky")
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
         assert min(w, h) > 40
         assert w > 280

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.figure import Figure
 
 from simbench.gap.report import page
 from simbench.gap.report.pictures import (
@@ -15,9 +15,9 @@ from simbench.gap.report.pictures import (
     draw_blocks,
     draw_gap,
     draw_loops,
-    draw_ranking,
     draw_spectra,
     draw_traces,
+    fill_ranking,
     spectrum,
 )
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
@@ -31,22 +31,11 @@ def trace(scale=1.0, mv=True):
     return Traces(op=op, pv=pv, sp=np.full(800, 50.0), mv=op if mv else None, Ts=1.0)
 
 
-def test_blocks_are_apart_within_the_picture_and_are_the_redder_the_larger_their_share():
+def test_blocks_are_bars_of_their_probability_the_largest_on_top():
     axes = draw_blocks(SHARES).axes[0]
-    boxes = [p for p in axes.patches if isinstance(p, FancyBboxPatch)]
-    extents = [p.get_bbox().extents for p in boxes]
-    for i, (x0, y0, x1, y1) in enumerate(extents):
-        assert 0.0 <= x0 < x1 <= axes.get_xlim()[1]
-        assert 0.0 <= y0 < y1 <= axes.get_ylim()[1]
-        assert not any(x0 < c and a < x1 and y0 < d and b < y1 for a, b, c, d in extents[i + 1 :])
-    colours = [p.get_facecolor() for p in boxes]
-    assert [c[3] for c in colours] == pytest.approx([0.7 * s for s in SHARES.values()])
-    assert colours[0][0] > 1.5 * max(colours[0][1:3])
-    words = {t.get_text(): t.get_position() for t in axes.texts}
-    for (name, share), (x0, y0, x1, y1) in zip(SHARES.items(), extents):
-        for word in (name, f"{100 * share:.0f} %"):
-            assert x0 < words[word][0] < x1
-            assert y0 < words[word][1] < y1
+    ranked = dict(sorted(SHARES.items(), key=lambda share: -share[1]))
+    assert [p.get_width() for p in axes.patches] == pytest.approx(list(ranked.values()))
+    assert [t.get_text() for t in axes.get_yticklabels()] == list(ranked)
 
 
 def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
@@ -71,7 +60,8 @@ def test_the_axes_hold_the_record_and_what_is_near():
 
 
 def test_bars_are_as_long_as_their_numbers_from_the_top_down():
-    axes = draw_ranking(["stiction", "noise"], [0.91, 0.05]).axes[0]
+    axes = Figure().add_subplot()
+    fill_ranking(axes, ["stiction", "noise"], [0.91, 0.05])
     assert [p.get_width() for p in axes.patches] == pytest.approx([0.91, 0.05])
     assert axes.patches[0].get_y() > axes.patches[1].get_y()
     assert [t.get_text() for t in axes.texts] == ["0.91", "0.05"]

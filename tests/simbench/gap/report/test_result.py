@@ -115,9 +115,10 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     lines = report().as_text().splitlines()
     assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
     assert lines[7:12] == [
-        "Probability of each block: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %.",
+        "Probability of each block, unknown effects included: valve 91 %, process 1 %, sensor 7 %,"
+        " disturbance 1 %.",
         "Gap: distance between record and simulations, in standard deviations between simulations.",
-        "Gap: 4.00 with the model as given, 3.50 with K, T, Td refitted, 1.25 with the effect"
+        "It is 4.00 with the model as given, 3.50 with K, T, Td refitted, 1.25 with the effect"
         " added.",
         "Repeatability floor: two simulations that differ only in their seeds are 0.80 apart.",
         "Of the gap above this floor, the effect removes 86 % (90 % interval 76 to 91 %).",

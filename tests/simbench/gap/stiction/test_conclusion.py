@@ -220,8 +220,8 @@ def test_what_is_unknown_counts_as_any_valve_does_and_in_the_valve_leaves_it_ope
     w = weights(stiction=0.45, none=0.05, unknown=0.5)
     assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.45 + 0.3 * 0.5)
     assert from_posterior(w, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
-    refuted = weights(stiction=0.95, none=0.05).refuted("stiction")
-    assert from_posterior(refuted, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+    in_valve = Classified(weights(none=0.05, unknown=0.95).probability, "valve")
+    assert from_posterior(in_valve, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
 
 
 def test_friction_of_the_loop_file_is_not_claimed_beside_another_effect():

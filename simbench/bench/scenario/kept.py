@@ -1,0 +1,37 @@
+"""Runs and prepared records of the last few loops: the rules of a group are settled by running its
+loops, and the last run of each is the scenario's.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from detectors.prepared import Prepared, prepare
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
+
+_MOST = 16  # loops of a group
+_runs: deque[tuple[Loop, int, Run]] = deque(maxlen=_MOST)
+_prepared: deque[tuple[LoopRecord, str, Prepared]] = deque(maxlen=_MOST)
+
+
+def run_once(loop: Loop, seed: int) -> Run:
+    """Return `simulate(loop, seed)`; the run of a loop that was just run is kept."""
+    for known, its, run in _runs:
+        if known is loop and its == seed:
+            return run
+    run = simulate(loop, seed)
+    _runs.append((loop, seed, run))
+    return run
+
+
+def prepare_once(record: LoopRecord, front_end: str = "acf") -> Prepared:
+    """Return a record without MV made ready for judging; that of a run just made is kept."""
+    for known, its, prepared in _prepared:
+        if known is record and its == front_end:
+            return prepared
+    prepared = prepare(record.without_mv(), front_end)
+    _prepared.append((record, front_end, prepared))
+    return prepared
