@@ -143,7 +143,13 @@ class Trust:
         return "\n".join([*lines, *([""] if more else []), *more])
 
     def advice(self) -> list[str]:
-        """Return the smallest visible stiction and the most reliable method, a line each."""
+        """Return the smallest visible stiction and the most reliable method, a line each.
+
+        Returns
+        -------
+        list of str
+            One or two sentences.
+        """
         seen = self._seen()
         lines, best = [f"{seen[0].upper()}{seen[1:]}."], self.best
         if best is not None:
