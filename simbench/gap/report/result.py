@@ -257,9 +257,7 @@ class GapReport:
             shares = [
                 f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
             ]
-            lines.append(
-                f"Probability of each block, unknown effects included: {', '.join(shares)}."
-            )
+            lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
         lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}".rstrip()

@@ -115,7 +115,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     lines = report().as_text().splitlines()
     assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
     assert lines[7:12] == [
-        "Probability of each block, unknown effects included: valve 91 %, process 1 %, sensor 7 %,"
+        "Probability by block, with unknown effects: valve 91 %, process 1 %, sensor 7 %,"
         " disturbance 1 %.",
         "Gap: distance between record and simulations, in standard deviations between simulations.",
         "It is 4.00 with the model as given, 3.50 with K, T, Td refitted, 1.25 with the effect"
