@@ -13,6 +13,7 @@ import importlib
 import pkgutil
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -188,7 +189,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             idle.append(f"{name} {what}")
         else:
             print(f"{what:12s} {line(cases, before, after)}  {name}", flush=True)
-    print("no answer changes: " + (", ".join(idle) or "-"))
+    print(textwrap.fill("no answer changes: " + (", ".join(idle) or "-"), 100))
 
 
 if __name__ == "__main__":
