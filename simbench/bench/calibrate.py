@@ -96,7 +96,8 @@ class _Calibration:
             (
                 "Ranges are 95 % intervals. False positives (FP): share of the loops that their"
                 " valve does not make cycle called stiction. Sens.: sensitivity, the same share of"
-                " the loops that it makes cycle. AUC: area under the ROC curve. Two thresholds: between"
+                " the loops that it makes cycle. AUC: area under the ROC curve. Two thresholds:"
+                " between"
                 " them the method gives no decision; decided: share of loops decided; wrong: share"
                 " of wrong answers among these."
             ),
