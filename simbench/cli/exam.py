@@ -65,9 +65,7 @@ def make(
     from simbench.bench.exam.making import make_exam
 
     print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")
-    say(
-        f"Publish this checksum of the key now, hand out the folder {out}, and keep {key} secret."
-    )
+    say(f"Publish this checksum of the key now, hand out the folder {out}, and keep {key} secret.")
 
 
 @exam_app.command(
