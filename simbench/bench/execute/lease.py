@@ -56,6 +56,7 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
 
 
 def _made(file: Path, about: dict) -> bool:
+    file.parent.mkdir(exist_ok=True)  # the holder before may have removed it when it was done
     try:
         with open(file, "xb") as f:
             f.write(_text(about, 0))
