@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.signal.holds import runs_of
-from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
+from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import NOT_TRIED
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -114,7 +114,8 @@ def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
     at, T = np.arange(d.n), base.theta["T"] if d.T > 0 else 0.0
     for name, channels in directions(base, d).items():
         if name != "shape" or s.record.mv is None:
-            yield RESIDUAL_LIMITS[f"{name} nats"][1], Spec(channels=channels), len(channels)
+            block = "valve" if name == "shape" else "process"
+            yield block, Spec(channels=channels), len(channels)
     yield "sensor", Spec(free=frozenset({"noise_std"})), 1.0
     lowest = _FINER * _PERIODS
     power = np.abs(np.fft.rfft(x - x.mean(), _FINER * d.n))[lowest:-_FINER]
