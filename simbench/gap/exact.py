@@ -318,7 +318,8 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     if ends and still[at_end].mean() > 0.3:
         laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
-    if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
+    beyond_chance = long.mean() > _HELD and not s.samples.by_exception
+    if beyond_chance and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
         numbers = {
             "share": float(long.mean()),

@@ -103,9 +103,11 @@ class Observed:
 
     @property
     def frozen(self) -> bool:
-        """Whether PV rests while OP moves; without noise it rests for the dead time
-        alone.
+        """Whether PV rests while OP moves, other than in an archive that reports by exception;
+        without noise it rests for the dead time alone.
         """
+        if self.samples.by_exception:
+            return False
         stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
         return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
 

@@ -14,6 +14,11 @@ from detectors.signal.lines import share_on_lines
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
 
+# An archive that reports by exception stores no move within its band. Of moves that are not
+# filtered so, the smallest hundredth lies below .02 of the median (normal law: .019), and a written
+# PV has moves of one and two digits.
+_EXCEPTION, _DIGITS, _MOVES = 0.2, 3.0, 30
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -24,7 +29,7 @@ class Samples:
     beyond chance, `spikes` the indices of isolated points, `heights` how far off they are, `held`
     the longest exact standstill in samples, `stuck` the share of samples in standstills longer than
     rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
-    the noise.
+    the noise; `by_exception` whether an archive repeats PV until it leaves a band.
     """
 
     resolution: float
@@ -35,6 +40,7 @@ class Samples:
     held: int
     stuck: float
     heavy: bool = False
+    by_exception: bool = False
 
     @property
     def digits(self) -> float:
@@ -63,4 +69,15 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
         int(holds(pv).max()),
         stuck(pv, unit),
         heavy,
+        reported_by_exception(pv, rounding),
     )
+
+
+def reported_by_exception(pv: np.ndarray, rounding: float) -> bool:
+    """Return whether PV repeats values between moves that are all wider than some band."""
+    moves = np.abs(np.diff(pv))
+    repeats, moves = np.mean(moves == 0.0), moves[moves > 0.0]
+    if moves.size < _MOVES or not repeats:
+        return False
+    least = float(np.quantile(moves, 0.01))
+    return least > max(_DIGITS * rounding, _EXCEPTION * float(np.median(moves)))

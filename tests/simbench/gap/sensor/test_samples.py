@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.sensor.samples import inspect_samples
+from simbench.gap.sensor.samples import inspect_samples, reported_by_exception
 from simbench.loop.effects.compression import swinging_door
 
 
@@ -46,3 +46,24 @@ def test_a_noise_with_heavy_tails_has_no_spikes():
     samples = inspect_samples(pv)
     assert samples.heavy
     assert samples.spikes.size == 0
+
+
+def archived_by_exception(x, band):
+    out = np.array(x)
+    for k in range(1, out.size):
+        if abs(out[k] - out[k - 1]) <= band:
+            out[k] = out[k - 1]
+    return out
+
+
+def test_an_archive_that_reports_by_exception_is_told_from_a_sensor_that_freezes():
+    rng = np.random.default_rng(11)
+    pv = 50.0 + np.convolve(rng.normal(0.0, 1.0, 1500), np.ones(8) / 8.0, "same")
+    frozen = pv.copy()
+    for start in range(100, 1400, 150):
+        frozen[start : start + 60] = frozen[start]
+    assert reported_by_exception(archived_by_exception(pv, 0.3), 0.0)
+    assert reported_by_exception(np.round(archived_by_exception(pv, 0.3), 2), 0.01)
+    assert not reported_by_exception(pv, 0.0)
+    assert not reported_by_exception(frozen, 0.0)
+    assert not reported_by_exception(np.round(pv, 1), 0.1)
