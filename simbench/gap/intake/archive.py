@@ -33,7 +33,7 @@ def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
 
 def _resolution(archive: Archive, samples: Samples) -> float:
     if archive.rounding is None:
-        return samples.digits
+        return samples.hidden
     step, at = archive.rounding
     return step if at == "loop" else samples.resolution
 
@@ -56,6 +56,9 @@ def _astray(it: Observed) -> str:
     marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(
         np.asarray(it.record.pv), it.samples.digits
     )
+    if it.law.hidden > 0.0:
+        # what an archive by exception repeats is not what the controller saw or wrote
+        marked[1:] |= (np.diff(it.op) == 0.0) | (np.diff(it.record.pv) == 0.0)
     # an end of OP's range is everybody's
     marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
