@@ -22,7 +22,7 @@ def as_archived(
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
-        pv = _mean_like(np.asarray(situation.record.pv), situation.law.recovered_pv, pv)
+        pv = _mean_like(situation.record.pv, situation.law.recovered_pv, pv)
     op_digits, pv_digits = _digits_of(situation)
     return _rounded(op, op_digits), _rounded(pv, pv_digits)
 
@@ -32,7 +32,7 @@ def _digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, computed once per record because it is
     simulated many times.
     """
-    pv = np.asarray(s.record.pv)
+    pv = s.record.pv
     return _digits(s.op, pv), _digits(pv, s.op)
 
 

@@ -53,9 +53,7 @@ def _astray(it: Observed) -> str:
     """
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
-    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(
-        np.asarray(it.record.pv), it.samples.digits
-    )
+    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(it.record.pv, it.samples.digits)
     # an end of OP's range is everybody's
     marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
@@ -70,7 +68,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     makes it move.
     """
     law, samples = it.law, it.samples
-    pv, seen = np.asarray(it.record.pv), law.recovered_pv
+    pv, seen = it.record.pv, law.recovered_pv
     place, band, step = "record" if it.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
@@ -88,7 +86,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect:
     # the controller saw PV
     blurred = seen is not None and (law.averaged or _lines_where_apart(it))
-    plant_pv = np.asarray(seen) if blurred or (it.apart and (step or band)) else pv
+    plant_pv = seen if blurred or (it.apart and (step or band)) else pv
     spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
@@ -100,7 +98,7 @@ def _spikes(
     moves as no PV makes it.
     """
     law, samples = it.law, it.samples
-    pv, seen, mismatch = np.asarray(it.record.pv), law.recovered_pv, ""
+    pv, seen, mismatch = it.record.pv, law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
     if seen is not None and not law.foreign and not thinned:
         only, sizes = isolated(pv - seen, 0.0)
@@ -114,10 +112,10 @@ def _spikes(
             if near or np.var(np.diff(pv - seen)) < specks:
                 # an archive that drops the samples least missed; a PV recovered a little off drifts
                 # away from it
-                return None, np.asarray(seen) if near else plant_pv, ""
+                return None, seen if near else plant_pv, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
-            spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
+            spikes, heights, place, plant_pv = only, sizes, "record", seen
     elif spikes.size >= 3 and seen is None and not _answered(it, spikes, heights):
         place = "record"
     if spikes.size < 3 or thinned:
@@ -131,7 +129,7 @@ def _lines_where_apart(it: Observed) -> bool:
     """Return whether PV lies on straight lines wherever it is not what the controller saw: an
     archive thinned a little.
     """
-    pv, seen, digits = np.asarray(it.record.pv), it.law.recovered_pv, it.samples.digits
+    pv, seen, digits = it.record.pv, it.law.recovered_pv, it.samples.digits
     apart = np.abs(pv - seen) > max(3.0 * digits, 5.0 * it.law.blur, 1e-3 * float(np.std(pv)))
     # at a decimal's distance a line through two samples kept is not quite straight
     return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)

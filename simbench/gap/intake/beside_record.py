@@ -30,9 +30,9 @@ _EDGE = 1  # samples at a change of mode that may be written down on either side
 
 def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     """Return the settings and signals of a test that the fits need."""
-    r, op = test.record, np.asarray(test.record.op_percent)
+    r, op = test.record, test.record.op_percent
     if r.mv is not None:
-        refuse_mv_units(np.asarray(r.mv), op, test.path)
+        refuse_mv_units(r.mv, op, test.path)
     pace = s.record.Ts / r.Ts
     plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
     law, proven = None, {}
@@ -42,12 +42,8 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         proven = {e: p for e, p in situation.proven.items() if e not in ("detuning", "noise")}
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)
-        pv = cleaned(np.asarray(r.pv, dtype=float), samples.spikes)
-        u = (
-            through_valve(op, s.baseline.valve, r.Ts)
-            if r.mv is None
-            else np.asarray(r.mv, dtype=float)
-        )
+        pv = cleaned(r.pv, samples.spikes)
+        u = through_valve(op, s.baseline.valve, r.Ts) if r.mv is None else r.mv
         data = replace(
             s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits
         )
@@ -60,7 +56,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         1.0 if plain else pace,
         data,
         op,
-        None if r.mv is None else np.asarray(r.mv, dtype=float),
+        None if r.mv is None else r.mv,
         test.lab,
         float(test.settings.get("test", {}).get("lab_std", 0.0)),
         law,
@@ -71,8 +67,8 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
 
 def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
     r = test.record
-    sp = None if r.sp is None else np.asarray(r.sp)[rows]
-    op, pv = np.asarray(r.op_percent)[rows], np.asarray(r.pv)[rows]
+    sp = None if r.sp is None else r.sp[rows]
+    op, pv = r.op_percent[rows], r.pv[rows]
     if np.ptp(op) == 0.0:
         return None
     return examine_controller(op, pv, sp, r.Ts, test.loop, s.tuned, s.data.noise)
@@ -135,7 +131,7 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
     manual = test.manual
     if not manual.any():
         return ""
-    moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
+    moves, edge = _moves(test.record.op), _EDGE + late
     rests = max([edge, *(1.5 * (rows.stop - rows.start) for rows in _runs(~_moves(usual)[1:]))])
     misfit = f"the mode column of {test.name} does not fit its OP, which"
     for rows in _runs(manual):

@@ -47,19 +47,19 @@ class Observed:
         """OP in %; as recorded where the scale is not known and nothing rests on it."""
         r = self.record
         if r.op_percent is not None:
-            return np.asarray(r.op_percent)
+            return r.op_percent
         if self.trusted or self.tuned:
             raise RecordError(
                 f"{self.where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of"
                 " travel; give --op-span, the values that mean 0 and 100 %"
             )
-        return np.asarray(r.op)
+        return r.op
 
     @property
     def sp(self) -> np.ndarray:
         """Set point; the mean of PV replaces one that was not recorded."""
         r = self.record
-        return np.full(r.n, r.pv.mean()) if r.sp is None else np.asarray(r.sp)
+        return np.full(r.n, r.pv.mean()) if r.sp is None else r.sp
 
     @property
     def Kc(self) -> float:
@@ -132,7 +132,7 @@ class Observed:
         """
         r, plant = self.record, first_order_like(self.baseline.plant)
         integrating = plant.integrating
-        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
+        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else r.mv
         return Data(
             u=np.ascontiguousarray(u, dtype=float),
             y=np.ascontiguousarray(plant_pv, dtype=float),

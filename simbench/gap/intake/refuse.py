@@ -30,9 +30,9 @@ def refuse_unusable(it: Observed) -> None:
     refuse_unfit(r, it.where)
     _refuse_other_pace(it)
     if r.mv is not None:
-        refuse_mv_units(np.asarray(r.mv), op, it.where)
+        refuse_mv_units(r.mv, op, it.where)
     if it.tuned:
-        refuse_op_units(np.asarray(r.op), it.law, it.Kc, control.Ti, it.where)
+        refuse_op_units(r.op, it.law, it.Kc, control.Ti, it.where)
         if it.samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(it.law, it.Kc, it.where)

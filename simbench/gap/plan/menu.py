@@ -6,14 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from detectors.errors import ParameterError, UserError, nearest
+from detectors.errors import UserError
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, read_toml
+from scenarios.spec import Loop, Real
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
@@ -64,60 +64,25 @@ _LEVELS = {
 _HOLD = {"sp_steps": (12.0, 20), "bump": (6.0, 15), "stairs": (4.0, 10)}
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(BaseModel):
     """What a test may do to the plant: ranges of PV and OP, how far PV and OP may move, how
     long it lasts.
     """
 
-    pv: tuple[float, float] = (-np.inf, np.inf)
-    op: tuple[float, float] = (0.0, 100.0)
-    pv_excursion: float = np.inf
-    op_travel: float = np.inf
-    minutes: float = np.inf
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    pv: tuple[Real, Real] = (-np.inf, np.inf)
+    op: tuple[Real, Real] = (0.0, 100.0)
+    pv_excursion: Annotated[Real, Field(gt=0)] = np.inf
+    op_travel: Annotated[Real, Field(gt=0)] = np.inf
+    minutes: Annotated[Real, Field(gt=0)] = np.inf
 
-
-def read_limits(path: str | Path) -> Limits:
-    """Read limits: `pv` and `op` as [lo, hi] or as tables of lo, hi and excursion or travel;
-    `minutes`.
-    """
-    plain, out = Limits(), {}
-    for name, value in _flat(read_toml(path)).items():
-        if name not in Limits.__dataclass_fields__:
-            raise ParameterError(
-                f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}"
-            )
-        pair = isinstance(getattr(plain, name), tuple)
-        numbers = value if pair else [value]
-        if (
-            not isinstance(numbers, list)
-            or len(numbers) != 1 + pair
-            or not all(isinstance(x, (int, float)) for x in numbers)
-        ):
-            raise ParameterError(
-                f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed"
-            )
-        if not (numbers[0] < numbers[-1] if pair else numbers[0] > 0):
-            raise ParameterError(
-                f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is"
-                " needed"
-            )
-        out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
-    return Limits(**out)
-
-
-def _flat(table: dict[str, Any]) -> dict[str, Any]:
-    """Return limits with [pv] and [op] as the names of single limits."""
-    out = dict(table)
-    for name, more in (("pv", "excursion"), ("op", "travel")):
-        if isinstance(table.get(name), dict):
-            table_of = dict(out.pop(name))
-            if more in table_of:
-                out[f"{name}_{more}"] = table_of.pop(more)
-            lo, hi = getattr(Limits(), name)
-            # a key that is left is no pair of numbers, and refused as such
-            out[name] = [table_of.pop("lo", lo), table_of.pop("hi", hi), *table_of]
-    return out
+    @field_validator("pv", "op", mode="before")
+    @classmethod
+    def _range(cls, given: Any) -> Any:
+        match given:
+            case [int() | float() as lo, int() | float() as hi] if lo < hi:
+                return given
+        raise ValueError(f"{given!r} is no range; [lo, hi] with lo below hi is needed")
 
 
 @dataclass(frozen=True, eq=False)

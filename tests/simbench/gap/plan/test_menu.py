@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
-from scenarios.spec import Loop
-from simbench.gap.plan.menu import LEAD, Limits, read_limits, sized
+from scenarios.errors import SpecError
+from scenarios.spec import Loop, checked
+from simbench.gap.plan.menu import LEAD, Limits, sized
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},
@@ -82,29 +82,22 @@ def test_a_test_that_would_last_too_long_is_left_out_and_a_passive_one_is_cut():
     assert trial.minutes == pytest.approx(5.0)
 
 
-def test_limits_are_read_flat_or_as_tables(tmp_path):
-    file = tmp_path / "limits.toml"
-    file.write_text("pv = [10.0, 20.0]\nminutes = 30\n")
-    assert read_limits(file) == Limits(pv=(10.0, 20.0), minutes=30.0)
-    file.write_text("[pv]\nlo = 10\nhi = 20\nexcursion = 3\n[op]\nlo = 20\ntravel = 5\n")
-    assert read_limits(file) == Limits(
-        pv=(10.0, 20.0), op=(20.0, 100.0), pv_excursion=3.0, op_travel=5.0
-    )
+def test_limits_are_read_from_a_table():
+    limits = checked(Limits, {"pv": [10, 20.0], "minutes": 30}, "limits.toml")
+    assert limits == Limits(pv=(10.0, 20.0), minutes=30.0)
+    assert limits.op == (0.0, 100.0)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("table", "message"),
     [
-        ("minute = 3\n", "did you mean 'minutes'?"),
-        ("minutes = -1\n", "a number above 0"),
-        ("pv = [3.0, 1.0]\n", "lo below hi"),
-        ("pv = 3.0\n", "[lo, hi]"),
-        ("[op]\nlow = 3\n", "[lo, hi]"),
+        ({"minute": 3}, "did you mean 'minutes'?"),
+        ({"minutes": -1}, "minutes = -1; input should be greater than 0"),
+        ({"pv": [3.0, 1.0]}, "[3.0, 1.0] is no range"),
+        ({"pv": 3.0}, "[lo, hi] with lo below hi"),
     ],
 )
-def test_limits_that_cannot_be_meant_are_refused(tmp_path, text, message):
-    file = tmp_path / "limits.toml"
-    file.write_text(text)
-    with pytest.raises(UserError) as error:
-        read_limits(file)
+def test_limits_that_cannot_be_meant_are_refused(table, message):
+    with pytest.raises(SpecError) as error:
+        checked(Limits, table, "limits.toml")
     assert message in str(error.value)
