@@ -9,7 +9,6 @@ import numpy as np
 from detectors.signal.lattice import hides_nothing
 from detectors.signal.lines import on_line
 from detectors.signal.spikes import cleaned, isolated
-from simbench.gap.controller.recovered_pv import mean_of
 from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
@@ -72,22 +71,16 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     place, band, step = "record" if it.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
-    elif samples.straight > _STRAIGHT:
-        kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
-        size = float(np.quantile(np.abs(pv - kept), 0.98))
-        # noise that the archive's mean has smoothed lies on lines sooner
-        band = (
-            (size or 0.5 * float(np.std(np.diff(pv))))
-            if not law.averaged or size > it.noise
-            else 0.0
-        )
+    # noise that an archive's mean has smoothed lies on lines sooner
+    elif samples.straight > _STRAIGHT and not law.averaged:
+        size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
+        band = size or 0.5 * float(np.std(np.diff(pv)))
     elif not hides_nothing(samples.digits, pv, it.noise):
         step = samples.digits
-    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect:
-    # the controller saw PV
-    blurred = seen is not None and (law.averaged or _lines_where_apart(it))
-    plant_pv = seen if blurred or (it.apart and (step or band)) else pv
-    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
+    # a mean over a sample is the archive's and no effect: the controller saw PV
+    hidden = seen is not None and (law.averaged or (it.apart and (step or band)))
+    plant_pv = seen if hidden else pv
+    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or law.averaged)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
@@ -123,16 +116,6 @@ def _spikes(
     if place == "loop" or seen is None:
         plant_pv = cleaned(plant_pv, spikes)
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
-
-
-def _lines_where_apart(it: Observed) -> bool:
-    """Return whether PV lies on straight lines wherever it is not what the controller saw: an
-    archive thinned a little.
-    """
-    pv, seen, digits = it.record.pv, it.law.recovered_pv, it.samples.digits
-    apart = np.abs(pv - seen) > max(3.0 * digits, 5.0 * it.law.blur, 1e-3 * float(np.std(pv)))
-    # at a decimal's distance a line through two samples kept is not quite straight
-    return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
 
 
 def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:

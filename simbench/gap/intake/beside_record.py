@@ -12,16 +12,14 @@ from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.pi_law import RETUNED, Law
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import longest_run
+from simbench.gap.intake.observed import LAW_ROWS, longest_run
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import ModelledTest, Situation, through_valve
 
-_RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
-_LAW_ROWS = 60  # samples in automatic from which a controller can be compared
 _BRISK = 20  # samples at an end of a manual run ...
 _OFTEN = 5  # ... and moves of OP among them, from which no operator made them
 _ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
@@ -48,7 +46,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
             s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits
         )
         rows = longest_run(~test.manual)
-        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= _LAW_ROWS:
+        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= LAW_ROWS:
             law = _law(test, rows, s)
     return ModelledTest(
         test.name,
@@ -99,7 +97,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
     off = [np.log(abs(law.Kc / Kc))]
     off += [np.log(law.Ti / Ti)] if np.isfinite(law.Ti) and np.isfinite(Ti) else []
-    if law.Kc * Kc > 0 and max(map(abs, off)) < _RETUNED:
+    if law.Kc * Kc > 0 and max(map(abs, off)) < RETUNED:
         return ""
     return (
         f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the"

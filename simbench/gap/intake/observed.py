@@ -20,7 +20,7 @@ from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-_LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
+LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
 _STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
@@ -83,7 +83,7 @@ class Observed:
             )
         # in manual OP is an input and no law is asked
         rows = longest_run(~np.asarray(manual))
-        if rows.stop - rows.start < _LAW_ROWS:
+        if rows.stop - rows.start < LAW_ROWS:
             return Law(0.0, 0.0, self.Kc, self.baseline.controller.Ti or np.inf)
         sp = None if r.sp is None else r.sp[rows]
         law = examine_controller(

@@ -11,6 +11,7 @@ import numpy as np
 from detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.regression import EXACT
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
@@ -31,7 +32,7 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
         return
     if (
         law.known
-        and law.residual < 0.03
+        and law.residual < EXACT
         and np.isfinite(law.Kc)
         and law.Kc != 0.0
         and law.gap == 0.0
