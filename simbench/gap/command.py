@@ -299,16 +299,10 @@ def _again(
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
     for name, value in about.items():
         if isinstance(value, dict):
-            words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]
-        elif isinstance(value, list):
-            words += [word for one in value for word in (f"--{name}", str(one))]
-        elif value is True:
-            words += [f"--{name.replace('_', '-')}"]
-        elif value is not None:
-            words += [
-                f"--{name.replace('_', '-').lower()}",
-                *map(str, value if isinstance(value, tuple) else [value]),
-            ]
+            value = ",".join(f"{role}={column}" for role, column in value.items())
+        for one in value if isinstance(value, list) else [] if value is None else [value]:
+            numbers = one if isinstance(one, tuple) else () if one is True else (one,)
+            words += [f"--{name.replace('_', '-').lower()}", *map(str, numbers)]
     words += ["--write-loop", "fixed.toml"]
     kick = report.behind.loops.kick(report.named)
     return [

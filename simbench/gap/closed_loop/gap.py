@@ -112,8 +112,9 @@ def measure(
     # features move together from record to record, which drawing them one by one would average away
     chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
     for _ in range(40):
-        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])]
-        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (runs[0], runs[2])))
+        before_, after_ = (
+            x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
+        )
         keep = rng.integers(0, real.size, real.size)
         ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
         far = np.minimum(

@@ -17,8 +17,8 @@ RUNS = (
 )
 _ROUNDS = 4  # times that the operating point is moved at most
 _CLOSE = 0.02  # share of the record's standard deviation, at which the level is reached
-_WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
-_RUNAWAY = 1e9  # PV units; far beyond any transmitter, far below what overflows a feature
+WITHIN = (1.0, 99.0)  # % of travel, where the operating point may lie
+RUNAWAY = 1e9  # PV units; far beyond any transmitter, far below what overflows a feature
 
 
 def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
@@ -47,7 +47,7 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
             loop = loop.with_(
                 "operating_point.pv0", loop.pv0 + d_pv - loop.plant.K * (d_op + at.op0 - op0)
             )
-        loop = loop.with_("operating_point.op0", float(np.clip(op0, *_WITHIN)))
+        loop = loop.with_("operating_point.op0", float(np.clip(op0, *WITHIN)))
     return best
 
 
@@ -59,4 +59,4 @@ def run_with_seeds(loop: Loop, seed: int, count: int, kick: float = 0.0) -> list
         runs = [simulate(loop, seed=seed + i, kick=kick).record for i in range(count)]
     except UserError:
         return None
-    return runs if max(float(np.abs(run.pv).max()) for run in runs) < _RUNAWAY else None
+    return runs if max(float(np.abs(run.pv).max()) for run in runs) < RUNAWAY else None

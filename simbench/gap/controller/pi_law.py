@@ -35,16 +35,24 @@ from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 # the law is also taken as known if its residual is below this multiple of what rounding explains
 DIGITS = 2.5
 # % of OP: the step of an output card of 11 bits, whose lattice decimals of a tenth of it hide
-_CARD = 0.05
+CARD = 0.05
 _HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
-# share of samples at rest from which a finely written OP cannot follow the mean of a moving PV
+# share of samples at rest from which a finely written OP cannot follow the mean of a moving PV: a
+# controller that misses a tenth of its scans rests in more
 _RESTING = 0.05
-_RESTS_LONG = 0.01  # the same in standstills longer than chance brings
+# share of samples in standstills that no chance brings: without it a controller that misses scans
+# is taken for a mean in one of 164 records
+STUCK = 0.01
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
-_NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
-_FINER = 0.02  # of OP's lattice, to which rounding never brings a law
-# share of PV on straight lines from which the archive is known to have been thinned
+# half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
+# records lose theirs
+_NEAR = 0.25
+# of OP's lattice, to which rounding never brings a law: without it PV's steps, handed on, are
+# called OP's in one of 164 records
+_FINER = 0.02
+# share of PV on straight lines from which the archive is known to have been thinned: at .17 a
+# tuning goes unread in one of 164 records, and a right law is lost in another
 _THINNED = 0.25
 
 
@@ -303,7 +311,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly rests fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    card = _CARD / np.sqrt(6.0) if written_unit(op) > 0.1 * _CARD else 0.0
+    card = CARD / np.sqrt(6.0) if written_unit(op) > 0.1 * CARD else 0.0
     hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
     tolerance = max(_NEAR if coarse else EXACT, min(hidden / size, _HALF))
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
@@ -377,7 +385,7 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
     if asked.op_is.step == 0.0 and (
-        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _RESTS_LONG
+        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > STUCK
     ):
         return None
     Kc, Ki = asked.Kc, asked.Ki

@@ -16,10 +16,12 @@ from simbench.gap.controller.regression import about_zero, solved
 # believed
 FAITHFUL = 0.2
 # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives
-# 0.29
+# 1/sqrt(12) = 0.29
 ROUNDED = 0.35
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
-_SUM, _LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
+# how far a mean's weights may miss 1 in sum, and the least of them: without either one tuning of
+# 129 records is another
+_SUM, _LEAST_WEIGHT = 0.1, -0.2
 _BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 

@@ -13,7 +13,7 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.pi_law import STUCK, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
@@ -21,7 +21,6 @@ from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
-_STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ class Observed:
         """
         if self.samples.by_exception:
             return False
-        stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
+        stuck = self.noise > 0.0 and self.samples.stuck > STUCK
         return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
 
     @property

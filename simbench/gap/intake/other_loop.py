@@ -18,8 +18,6 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-# share of OP's changes left over, below which the baseline's law still explains them
-_FAILS = 0.3
 # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
 # when it is not
 _APART = 1.5
@@ -28,8 +26,6 @@ _PROOF = 30.0  # nats by which another plant must beat every single effect on th
 
 def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     """Refuse a baseline whose controller acts the other way, or ten times as much."""
-    if law.baseline_residual < _FAILS:
-        return
     if (
         law.known
         and law.residual < EXACT

@@ -12,8 +12,8 @@ from detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.observed import Observed
 from simbench.gap.intake.other_loop import refuse_other_controller
+from simbench.gap.intake.recorded_test import SAME_TS
 
-SAME_TS = 0.01
 _FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor

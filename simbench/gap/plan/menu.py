@@ -14,20 +14,21 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Real
+from simbench.gap.closed_loop.level import RUNAWAY, RUNS
+from simbench.gap.controller.pi_law import CARD
+from simbench.gap.intake.recorded_test import FEWEST
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later
-_SHORTEST = 200  # samples of a test in normal operation, below which it shows next to nothing
-_FASTER = 4
+_FASTER = 4  # times as fast as the record a fast log is, as its sentence says
 _SMALLER = 6  # times a test that would leave its limits is made smaller
-_FAINT = 0.05  # % of OP, below which a move is too small to show
 _AS_OPERATED = ("raw", "mv", "fast", "lab")  # tests under which PV does what it does anyway
 _TINY = 1e-9  # gain of a controller that follows the operator alone
-_DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
-# ... and standard deviations between draws, that it is taken to be larger than their mean
+# standard deviations between draws of load and noise, by which an excursion is taken to be larger
+# than their mean: 20 fresh draws of each of four tests stay within
 _SPREADS = 4.0
 # of a limit on PV that the simulated excursion may use: the plant is not quite the model
 _MARGIN = 0.8
@@ -147,11 +148,7 @@ class Trial:
             record = run_setup(setup).record
         except UserError:
             return None
-        return (
-            record
-            if np.all(np.isfinite(record.pv)) and float(np.abs(record.pv).max()) < 1e9
-            else None
-        )
+        return record if float(np.abs(record.pv).max()) < RUNAWAY else None
 
 
 def sized(
@@ -171,7 +168,7 @@ def sized(
     if id_ in ("bump", "stairs"):
         room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
         most = room / max(_LEVELS[id_][0])
-        if most <= _FAINT:
+        if most <= CARD:
             return None, f"{id_}: OP has no room within its limits", 0.0
         size = min(size, most)
     if id_ == "sp_steps":
@@ -181,7 +178,7 @@ def sized(
         trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
             n = int(60.0 * limits.minutes / trial.Ts)
-            if moves or n < _SHORTEST:
+            if moves or n < FEWEST:
                 why = f"{trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed"
                 return None, f"{id_}: {why}", 0.0
             trial = replace(trial, n=n, sp=trial.sp[:n], op=trial.op[:n])
@@ -226,7 +223,7 @@ def _excursion(
     worst, inside = 0.0, True
     for loop in loops.values():
         start = loop.setpoint.value
-        runs = [trial.run(loop, seed) for seed in range(_DRAWS if limits != Limits() else 1)]
+        runs = [trial.run(loop, seed) for seed in range(RUNS if limits != Limits() else 1)]
         ends = [
             (r.pv.min() - start, r.pv.max() - start, r.op.min(), r.op.max())
             for r in runs

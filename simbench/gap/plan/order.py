@@ -4,7 +4,7 @@ within limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,7 +121,12 @@ def plan(
     bands = [band(fitted[e]) for e in likely if e != NONE and (band := recogniser(e).band)]
     tests: list[PlannedTest] = []
     left_out: list[str] = []
-    for id_ in _not_run(assessment):
+    known = set(assessment.asked)
+    if s.law.known or s.archive.faithful:
+        known.add("raw")
+    if assessment.valve_seen:
+        known.add("mv")
+    for id_ in (one for one in ORDER if one not in known):
         if len(tests) == most:
             break
         trial, reason, excursion = sized(id_, s, files, min(bands, default=0.0), limits or Limits())
@@ -131,16 +136,6 @@ def plan(
             tests.append(PlannedTest(trial, excursion))
     why = "" if tests else "every test of the menu was run, or leaves its limits"
     return PlannedTests(tuple(tests), why, tuple(left_out))
-
-
-def _not_run(assessment: Assessment) -> Sequence[str]:
-    """Return the tests of the order that would record something new."""
-    s, known = assessment.situation, set(assessment.asked)
-    if s.law.known or s.archive.faithful:
-        known.add("raw")
-    if assessment.valve_seen:
-        known.add("mv")
-    return [id_ for id_ in ORDER if id_ not in known]
 
 
 def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:

@@ -82,12 +82,8 @@ def draw_loops(
         label(axes, "", "", name)
     for axes in grid.flat[len(every) :]:
         axes.set_axis_off()
-    for axes in grid[:, 0]:
-        axes.set_ylabel(across + (" (%)" if across == "MV" else ""))
-    for j in (0, 1):
-        lowest = grid[-1, j] if grid[-1, j].axison else grid[-2, j]
-        lowest.set_xlabel("OP (%)")
-        lowest.tick_params(labelbottom=True)
+    figure.supxlabel("OP (%)", fontsize="medium")
+    figure.supylabel("MV (%)" if across == "MV" else across, fontsize="medium")
     sideways = _limits([p.op for p in parts.values()])
     upwards = _limits([_signal(p, across) for p in parts.values()])
     grid[0, 0].set(xlim=sideways, ylim=upwards)

@@ -14,11 +14,9 @@ from simbench.figures._style import BLACK, GREY, label, panels, styled
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.report.parts import render
 from simbench.gap.report.pictures import WIDTH
-from simbench.gap.report.result import GapReport, words
+from simbench.gap.report.result import SHOWN, GapReport, words
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
-
-_SEEN = 0.01  # probability, before or after, from which an explanation is shown
 
 
 def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
@@ -26,7 +24,7 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
     records drawn.
     """
     chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
-    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= _SEEN]
+    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= SHOWN]
     frame = pd.DataFrame(
         {
             "explanation": [words(e) for e in shown],
