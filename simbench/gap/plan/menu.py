@@ -89,7 +89,7 @@ class Limits(BaseModel):
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in
-    automatic).
+    automatic), and how far PV moves (PV units) on the loops of the explanations.
     """
 
     id: str
@@ -99,6 +99,7 @@ class Trial:
     n: int
     sp: np.ndarray
     op: np.ndarray
+    pv_excursion: float = 0.0
 
     @property
     def minutes(self) -> float:
@@ -122,6 +123,20 @@ class Trial:
         if self.id == "fast":
             out["sampling"] = {"Ts": self.Ts}
         return out
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the test in JSON types.
+
+        The order is fixed: no test is said to bring information or a probability.
+        """
+        return {
+            "id": self.id,
+            "settings": self.settings,
+            "information": None,
+            "p_right": None,
+            "minutes": self.minutes,
+            "pv_excursion": self.pv_excursion,
+        }
 
     @property
     def says(self) -> str:
@@ -153,9 +168,8 @@ class Trial:
 
 def sized(
     id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
-) -> tuple[Trial | None, str, float]:
-    """Return a test within limits, or None and why there is none, and PV's largest excursion on the
-    explanations' loops.
+) -> Trial | str:
+    """Return a test within limits on the loops of the explanations, or why there is none.
 
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
     can stick.
@@ -169,7 +183,7 @@ def sized(
         room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
         most = room / max(_LEVELS[id_][0])
         if most <= CARD:
-            return None, f"{id_}: OP has no room within its limits", 0.0
+            return f"{id_}: OP has no room within its limits"
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
@@ -179,14 +193,14 @@ def sized(
         if trial.minutes > limits.minutes:
             n = int(60.0 * limits.minutes / trial.Ts)
             if moves or n < FEWEST:
-                why = f"{trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed"
-                return None, f"{id_}: {why}", 0.0
+                lasts = f"{id_}: {trial.minutes:.0f} min"
+                return f"{lasts}, more than the {limits.minutes:.0f} allowed"
             trial = replace(trial, n=n, sp=trial.sp[:n], op=trial.op[:n])
         excursion, inside = _excursion(trial, s, loops, limits)
         if inside:
-            return trial, "", excursion
+            return replace(trial, pv_excursion=excursion)
         size *= 0.6
-    return None, f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})", excursion
+    return f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})"
 
 
 def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
