@@ -70,7 +70,7 @@ def test_the_json_of_a_plan_has_the_contracts_keys_and_claims_no_information():
         "says": made.tests[0].says,
     }
     assert made.as_text().startswith(
-        "Next test, mv: do mv; if the answer stays open, bump is next."
+        f"Next test, mv: {made.tests[0].says}; if the answer stays open, bump is next."
     )
 
 
