@@ -4,7 +4,7 @@ independent simulators.
 `python -m results.studies.prediction DIR` draws records of each world in the proportions of
 `asking`, diagnoses each, predicts it under half the controller gain, 1.5 times the gain and a moved
 set point, and runs the true loop under these settings. DIR keeps what is done: a call that was cut
-off goes on where it was, and `--print` prints what is there.
+off goes on where it was.
 """
 
 from __future__ import annotations
@@ -62,22 +62,17 @@ def changes(item: Item) -> dict[str, tuple[dict[str, str], float, float]]:
     SP moves by what one standard deviation of OP does at rest, on an integrating plant by two
     standard deviations of PV.
     """
-    columns, plant, Kc = (
-        item.columns,
-        item.baseline["plant"],
-        float(item.baseline["controller"]["Kc"]),
-    )
-    integrates = plant["type"] == "integrating"
-    by = (
-        2.0 * float(np.std(columns["pv"]))
-        if integrates
-        else abs(float(plant["K"])) * float(np.std(columns["op"]))
-    )
-    value = float(columns["sp"][0]) + by
+    columns, plant = item.columns, item.baseline["plant"]
+    Kc = float(item.baseline["controller"]["Kc"])
+    if plant["type"] == "integrating":
+        by = 2.0 * float(np.std(columns["pv"]))
+    else:
+        by = abs(float(plant["K"])) * float(np.std(columns["op"]))
+    moved = repr(float(columns["sp"][0]) + by)
     return {
         "Kc / 2": ({"controller.Kc": repr(0.5 * Kc)}, 0.5, 0.0),
         "Kc x 1.5": ({"controller.Kc": repr(1.5 * Kc)}, 1.5, 0.0),
-        "moved set point": ({"setpoint.value": repr(value)}, 1.0, by),
+        "moved set point": ({"setpoint.value": moved}, 1.0, by),
     }
 
 
@@ -158,13 +153,9 @@ def table(rows: pd.DataFrame) -> str:
     """Return shares of valid answers, of right ones among them (95 % interval), and coverage of the
     intervals; by world and change.
     """
-    groups = [
-        ("all", rows),
-        *rows.groupby("world", sort=False),
-        *rows.groupby("change", sort=False),
-    ]
+    parts = [*rows.groupby("world", sort=False), *rows.groupby("change", sort=False)]
     columns = {}
-    for name, part in groups:
+    for name, part in [("all", rows), *parts]:
         valid = part[part.valid.astype(bool)]
         right = Share("", int(valid.right.sum()), len(valid))
         low, high = right.interval if right.n else (np.nan, np.nan)
@@ -182,40 +173,32 @@ def main() -> None:
     parser.add_argument(
         "--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next."
     )
-    parser.add_argument(
-        "--print", action="store_true", help="Print what is answered, and answer nothing more."
-    )
     given = parser.parse_args()
     place, todo, done = make_folder(given.folder), [], []
-    for k, world in enumerate(THREE):
-        entries = mixture(given.seed + k, given.n).entries(list(WORLDS.load(world).FOREIGN))
-        order = np.random.default_rng(given.seed + k).permutation(len(entries))
-        todo += [(i, world, given.seed + k, entries[at]) for i, at in enumerate(order)]
-    for i, world, seed, entry in tqdm(
-        sorted(todo, key=lambda x: x[:2]), desc="records", file=sys.stderr, delay=1.0
-    ):
+    for seed, world in enumerate(THREE, given.seed):
+        entries = mixture(seed, given.n).entries(list(WORLDS.load(world).FOREIGN))
+        order = np.random.default_rng(seed).permutation(len(entries))
+        todo += [(i, world, seed, entries[at]) for i, at in enumerate(order)]
+    for i, world, seed, entry in tqdm(todo, desc="records", file=sys.stderr, delay=1.0):
         file = place / f"{world}-{seed}-{i}.json"
-        if not file.exists() and not given.print:
-            rows = answer(world, seed, i, entry)
+        if not file.exists():
             with whole_file(file) as f:
-                f.write(json.dumps(rows))
-        done += json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+                f.write(json.dumps(answer(world, seed, i, entry)))
+        done += json.loads(file.read_text(encoding="utf-8"))
     rows = pd.DataFrame([judged(row) for row in done])
-    seeds = ", ".join(f"{world} {given.seed + k}" for k, world in enumerate(THREE))
     valid, half = rows.valid.astype(bool), FRESH // 2
     print(
-        f"seeds {seeds}; {len(done) // 3} of {len(todo)} records, three changes each\n"
+        f"seeds from {given.seed} on: {', '.join(THREE)}; {len(todo)} records, three changes each\n"
         f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {half} fresh"
         " records of the true loop\n(period: none in both, or the median's); coverage: share of"
         " single fresh records inside the 90 % interval\n\n"
-        f"{table(rows)}\n\nknown, measured: the mean of {half} more records of the true loop under the"
-        " new settings, and one such record,\njudged in place of the valid predictions; in place of"
-        f" all {rows.known.mean():.2f} and {rows.measured.mean():.2f}\n\n"
+        f"{table(rows)}\n\nknown, measured: the mean of {half} more records of the true loop under"
+        " the new settings, and one such record,\njudged in place of the valid predictions; in"
+        f" place of all {rows.known.mean():.2f} and {rows.measured.mean():.2f}\n\n"
         "why answers are not valid (first reason):"
     )
-    reasons = rows[~valid].reason.str.split("; ").str[0]
-    reasons = reasons.str.replace(r"-?\d[-\d.e+]*", "#", regex=True)
-    print(reasons.str[:90].value_counts().to_string() if len(reasons) else "all are")
+    reasons = rows[~valid].reason.str.replace(r"; .*", "", regex=True)
+    print(reasons.str.replace(r"-?\d[-\d.e+]*", "#", regex=True).value_counts().to_string())
 
 
 if __name__ == "__main__":
