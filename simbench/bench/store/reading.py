@@ -161,7 +161,7 @@ class RunArrays:
         sizes = np.bincount(place)
         order = np.random.default_rng(0).permutation(sizes.size)
         kept = np.empty(sizes.size, dtype=bool)
-        kept[order] = np.cumsum(sizes[order]) <= MOST_ORDERED
+        kept[order] = np.cumsum(sizes[order]) - sizes[order] < MOST_ORDERED
         return np.flatnonzero(kept[place])
 
     @classmethod
