@@ -53,7 +53,9 @@ def group_conclusions(
     return out
 
 
-def count_agreement(what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]) -> str:
+def count_agreement(
+    what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]
+) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
     labelled = {
         group: answer for group, (_, _, answer) in groups.items() if group[1] not in ("", "unknown")
