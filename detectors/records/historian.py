@@ -28,7 +28,6 @@ from detectors.records.roles import (
 )
 from detectors.records.tables import BLANK, Sheet
 
-_LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # words written in place of a missing number
 _NO_VALUE = set(
@@ -304,16 +303,18 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
 
 
 def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] | None:
-    """Return long columns of finite numbers with a point that nothing else can be; None where they
-    need a closer look.
+    """Return columns of finite numbers with a point that nothing else can be; None where they need
+    a closer look.
     """
     out = {}
     for name in names:
         cells = sheet.columns[name]
-        if len(cells) < _LONG or _is_numeric(cells):
+        if _is_numeric(cells):
             return None
         try:
             x = np.array(cells, dtype=np.float64)
+            if "_" in "".join(cells):  # which Python reads as nothing, and no plant writes
+                return None
         except (TypeError, ValueError):
             return None
         marked = next((c for c in cells if "." in c), None)
@@ -432,6 +433,8 @@ def _taken_apart(value: object) -> tuple[str, str]:
     text, mark = "" if value is None else str(value).strip(), ""
     if not text[-1:].isdigit() and (marked := _MARKED.fullmatch(text)):
         text, mark = marked[1].rstrip(), plain((marked[2] or marked[3]).strip("()[]"))
+    if not text.isascii():
+        text = text.replace("\u2212", "-")  # the minus sign of some languages
     apart = not text.isascii() or "'" in text or " " in text
     return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text, mark
 

@@ -836,6 +836,21 @@ def test_a_mark_or_a_unit_after_every_value_is_reported(tmp_path, mark, words):
     assert words is None or words in record.notes
 
 
+def test_a_minus_sign_of_typesetting_is_a_minus_sign(tmp_path):
+    signed = [f"{x - 1200:.2f}".replace("-", "\u2212") for x in PV]
+    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), signed, OP), "csv"))
+    assert record.pv.min() < 0.0
+    assert np.allclose(record.pv, [round(x - 1200, 2) for x in PV])
+
+
+@pytest.mark.parametrize("rows", [100, 6000])
+def test_an_underscore_makes_no_number_in_a_column_of_any_length(tmp_path, rows):
+    lines = [f"{k},{50 + k % 7},{'1_2' if k == 70 else 20 + k % 5}" for k in range(rows)]
+    (tmp_path / "rec.csv").write_text("\n".join(["t,OP,PV", *lines, ""]))
+    with pytest.raises(RecordError, match="line 72: PV is '1_2'"):
+        read_record(tmp_path / "rec.csv")
+
+
 def test_values_marked_as_bad_count_as_missing(tmp_path):
     marked = [
         f"{x}{' Bad' if i in (40, 41) else ' B' if i == 70 else ''}" for i, x in enumerate(PV)
