@@ -385,6 +385,11 @@ def verbs(command, words: str = "") -> Iterator[str]:
         yield from verbs(sub, verb) if hasattr(sub, "commands") else [verb]
 
 
+@pytest.mark.parametrize("words", [["detect", ""], ["report", "x", "-o", ""], ["list", ""]])
+def test_an_empty_argument_is_not_the_folder_in_which_the_command_runs(words):
+    refused(words, f"argument {len(words)} is empty", "is needed")
+
+
 def test_no_verb_is_missing_here():
     for verb in verbs(typer.main.get_command(app)):
         assert any(line.startswith(f"{verb} ") for line in RIGHT), verb
