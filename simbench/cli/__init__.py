@@ -62,6 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def entry() -> None:
     """Run the command line as a console script."""
+    # an unknown one ends matplotlib's import, and nothing is shown on a screen here
+    os.environ.pop("MPLBACKEND", None)
     sys.exit(main())
 
 

@@ -27,7 +27,8 @@ CHILD = """
 import json, os, shutil, sys
 from tests.simbench.boundary.conftest import run_verb
 words, tried = sys.argv[2:], []
-for room in json.loads(sys.argv[1]):
+rooms, sys.argv = json.loads(sys.argv[1])
+for room in rooms:
     with open(".filler", "wb") as f:
         f.write(bytes(max(os.statvfs(".").f_bavail * os.statvfs(".").f_bsize - 1024 * room, 0)))
     code, _, message = run_verb(words)
@@ -62,7 +63,7 @@ def test_a_verb_on_a_full_file_system(home, verb, monkeypatch):
     shutil.rmtree(home / "on small", ignore_errors=True)
     small = begun(home, "small", words)
     mount = 'mount -t tmpfs -o size=8m tmpfs "$0" && cd "$0" && exec "$@"'
-    child = [sys.executable, "-c", CHILD, json.dumps(ROOM), *words]
+    child = [sys.executable, "-c", CHILD, json.dumps([ROOM, sys.argv]), *words]
     done = subprocess.run(
         ["unshare", "-rm", "sh", "-c", mount, small, *child],
         capture_output=True,
@@ -78,6 +79,6 @@ def test_a_verb_on_a_full_file_system(home, verb, monkeypatch):
         assert one == 2
         assert last.startswith("error: "), told
         assert "no space left on device" in last, told
-        assert not hidden or verb in HEAVY, hidden
+        assert not hidden or set(hidden) <= {".partial"}, hidden
     assert code == 0 or whole_exam(verb, home / "on small", expected), message
     assert contents(home / "on small") == expected
