@@ -76,7 +76,7 @@ def rest(pairs, n, wrong=0):
 
 @pytest.mark.parametrize(
     ("pairs", "n", "limited"),
-    [(7, 1000, False), (8, 1000, True), (45, 10_000, False), (55, 10_000, True)],
+    [(7, 1000, False), (8, 1000, True), (8, 10_000, True)],
 )
 def test_a_dead_band_wants_some_samples_that_stand(pairs, n, limited):
     op, e = rest(pairs, n)
