@@ -160,8 +160,12 @@ def _held(pv: np.ndarray, op: np.ndarray) -> int:
     to rest as a whole.
     """
     lengths = holds(pv)
-    moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
-    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moves).max())
+    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moving(op)).max())
+
+
+def moving(op: np.ndarray) -> np.ndarray:
+    """Return the samples to which OP moved."""
+    return np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
 
 
 def _moves_of(sp: np.ndarray) -> list[str]:

@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import BLACK, GREY, label, panels, styled
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.report.parts import render
+from simbench.gap.report.parts import captioned, render
 from simbench.gap.report.pictures import PHONE_WIDTH
 from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
-from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 
 
@@ -33,17 +32,10 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         }
     )
     asked = before.next_test
-    items = [
-        {
-            "svg": inline_svg(
-                _draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"
-            ),
-            "caption": (
-                f"{test.name}: PV with its set point, and OP; the operator's part is shaded."
-            ),
-        }
-        for i, test in enumerate(tests)
-    ]
+    shown_of_test = "PV with its set point, and OP; the operator's part is shaded"
+    items = captioned(
+        (_draw(test), f"test-{i}", f"{test.name}: {shown_of_test}") for i, test in enumerate(tests)
+    )
     return render(
         "story.html",
         believed=before.sentence(),
