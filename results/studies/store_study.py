@@ -138,8 +138,9 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
     Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making
     included).
 
-    The rows of a small run of grid `smoke`, again and again, with other ids and random
-    scores. The scoring is that of a run; its time on the loops is not measured.
+    The rows of a small run of grid `smoke`, again and again, with other ids, groups of two, random
+    scores and what a record tells without its waveform scattered by a tenth. The scoring is that of
+    a run; its time on the loops is not measured.
     """
     with tempfile.TemporaryDirectory() as home:
         place = place_of(Path(home) / "run")
@@ -179,7 +180,11 @@ def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
     scenarios, verdicts = read_table(model, "scenarios"), read_table(model, "verdicts")
     rng, at = np.random.default_rng(0), np.arange(PIECE) % len(scenarios)
     many = scenarios.take(at), verdicts.take((at[:, None] * each + np.arange(each)).ravel())
+    told = np.array(many[0].column("no_waveform").to_pylist())
     for k in range(number):
+        scattered = list(told * rng.normal(1.0, 0.1, told.shape))
+        loops = _with(many[0], "no_waveform", scattered)
+        loops = _with(loops, "group", (k * PIECE + np.arange(PIECE)) // 2)
         ids = np.array([f"{k * PIECE + i:016x}" for i in range(PIECE)])
         verdict = _with(
             _with(many[1], "scenario_id", np.repeat(ids, each)),
@@ -187,7 +192,7 @@ def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
             rng.normal(size=PIECE * each),
         )
         both = (
-            tables.as_parquet(table, k) for table in (_with(many[0], "scenario_id", ids), verdict)
+            tables.as_parquet(table, k) for table in (_with(loops, "scenario_id", ids), verdict)
         )
         yield Chunk(k, *both, PIECE, 0, 0.0, 0.0, 0.0)
 

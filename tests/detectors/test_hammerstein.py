@@ -177,6 +177,30 @@ def test_many_points_go_down_together_as_each_does_alone():
         assert np.array_equal(went[k], end)
 
 
+def best_apart(errors, size, share, count):
+    """Candidates from the best on, each that no kept one is next to, one after the other."""
+    kept = []
+    for k in sorted(range(errors.size), key=lambda k: errors[k]):
+        alone = all(abs(size[k] - size[j]) > 0.1 or abs(share[k] - share[j]) > 0.4 for j in kept)
+        if alone and len(kept) < count:
+            kept.append(k)
+    return kept
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_kept_candidates_are_the_best_that_are_not_next_to_a_better_one(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(40, 90))
+    # on a grid, so that some differ by just the bound, as neighbours in the search do
+    size, share = 0.05 * rng.integers(0, 40, (2, n)), 0.2 * rng.integers(0, 7, (2, n))
+    errors = rng.permutation(2 * n).reshape(2, n) / (2.0 * n)
+    for kernel in (kernels.keep_apart, compiled(kernels.keep_apart)):
+        kept = np.empty((2, 4), dtype=np.int64)
+        kernel(errors.copy(), size, share, kept)
+        for row in range(2):
+            assert kept[row].tolist() == best_apart(errors[row], size[row], share[row], 4)
+
+
 def fitted(record):
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
     return fit_hammerstein(

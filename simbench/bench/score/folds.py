@@ -11,6 +11,7 @@ from detectors.compiled import one_thread
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
+_MOST = 10_000  # loops that it learns from; of more these are drawn at random
 
 
 def folds_of(groups: np.ndarray) -> np.ndarray:
@@ -26,10 +27,13 @@ def found_at(
     folds.
     """
     found = 0
-    for k in np.unique(fold):
-        healthy = np.sort(ranks[(fold != k) & ~positive])[::-1]
+    for k in range(_FOLDS):
+        healthy = ranks[(fold != k) & ~positive]
         # nothing to learn a threshold from: nothing is found
-        cut = healthy[int(alarms * healthy.size)] if healthy.size else ranks.max(initial=0)
+        cut = ranks.max(initial=0)
+        if healthy.size:
+            place = healthy.size - 1 - int(alarms * healthy.size)
+            cut = np.partition(healthy, place)[place]
         found += int((ranks[(fold == k) & positive] > cut).sum())
     return found
 
@@ -49,7 +53,8 @@ def risk_coverage(
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
     known = np.flatnonzero(ranks >= 0)
     if known.size:
-        place, fold = np.unique(ranks[known], return_inverse=True)[1], fold[known]
+        place, fold = ranks[known], fold[known]
+        place = (np.cumsum(np.bincount(place) > 0) - 1)[place]
         folds, levels = int(fold.max()) + 1, int(place.max()) + 1
         cell = fold * (levels + 1) + place + 1
         # how many of all and of the positives stand below every rank, in the other folds
@@ -70,7 +75,7 @@ def risk_coverage(
         at = known[learned]
         wrong[at] = (middle > cut)[learned] != positive[at]
         sure[at] = np.abs(middle - cut)[learned]
-    order = np.argsort(-sure, kind="stable")
+    order = np.argsort(-sure)
     tied = np.cumsum(np.diff(sure[order], prepend=sure[order[:1]]) != 0.0)
     size = np.bincount(tied)
 
@@ -97,7 +102,10 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
         if there.any():
             said[here] = label[there].mean()
         if label.size >= _LEAST and 0 < label[there].sum() < there.sum():
-            learned.append((there, here))
+            chosen = np.flatnonzero(there)
+            if chosen.size > _MOST:
+                chosen = np.sort(np.random.default_rng(0).choice(chosen, _MOST, replace=False))
+            learned.append((chosen, here))
     if learned:
         # here, for it takes a second to load
         from sklearn.ensemble import HistGradientBoostingClassifier

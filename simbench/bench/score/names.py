@@ -7,6 +7,7 @@ from typing import Any
 FRONT, RAW = "front end", "raw"
 ALL = "all"
 OF_OSCILLATING, OF_NOT_OSCILLATING = "oscillating", "not oscillating"
+SAMPLED = "sampled"  # scenarios of a large run on which orders and scatter are worked out
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
 NO_WAVEFORM = "no_waveform"  # the reference row that knows everything but the waveform

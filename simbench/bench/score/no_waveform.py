@@ -104,9 +104,11 @@ def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray]:
 
     It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as
     of every method after the oscillation detection. It learns from the loops of other groups; where
-    the truth is not clear it knows nothing, .5.
+    the truth is not clear it knows nothing, .5. Of a large run it knows the sample alone.
     """
-    known = book.oscillating & (book.truth["cycled"] >= 0)
+    known = np.zeros(book.oscillating.size, dtype=bool)
+    known[book.sample] = True
+    known &= book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.where(book.oscillating, 0.5, -np.inf)
     features = book.design[:, : len(FEATURES)]
     chance[known] = out_of_fold(

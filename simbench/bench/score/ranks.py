@@ -27,7 +27,12 @@ class Ranks(NamedTuple):
     spread: float
 
 
-def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
+def rank_methods(
+    right: np.ndarray,
+    groups: np.ndarray | None = None,
+    accuracy: np.ndarray | None = None,
+    loops: int | None = None,
+) -> Ranks:
     """Rank methods by what each earns on the same loops.
 
     The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in
@@ -35,7 +40,8 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     taken smaller than for methods whose errors have nothing to do with each other, p (1 - p) + q (1
     - q): a near copy of a method is no rival, however surely a paired test tells it from its
     original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A
-    method's rank is one more than the number of methods that are better by that much.
+    method's rank is one more than the number of methods that are better by that much. Where `right`
+    is of a sample, `accuracy` is the mean of each method on all `loops`.
     """
     m, n = right.shape
     if m == 0 or n == 0:
@@ -51,8 +57,8 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     spread = max(
         max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs
     )
-    resolution = float(stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / n))
-    accuracy = earned.mean(axis=1)
+    resolution = float(stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / (loops or n)))
+    accuracy = earned.mean(axis=1) if accuracy is None else accuracy
     better = accuracy[None, :] - accuracy[:, None] >= resolution
     return Ranks(1 + better.sum(axis=1), resolution, spread)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from detectors.views import page_part
-from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, kind_of
+from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
@@ -97,7 +97,10 @@ class Scores:
     manifest : dict
         Of the run.
     counts : dict
-        How many scenarios the run has, and how many of them oscillate.
+        How many scenarios the run has, how many of them oscillate and, of a run of more than
+        30 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
+        AUC, found_at_5, risk_coverage, cost_over_no_waveform, median_ms, the row `no_waveform`, and
+        the width of the cost's interval. Every other number counts all.
     stability : dict of truth to RankStability
         How stable the ranking on oscillating loops is.
     failing : dict of method to int
@@ -179,6 +182,7 @@ class Scores:
             "unmatched": unmatched(self.manifest),
             "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
+            **{key: n for key, n in self.counts.items() if key == SAMPLED},
             "rows": _records(table[list(_ROWS)] if len(table) else table),
             "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
             "resolution": None if math.isnan(resolution) else resolution,

@@ -28,6 +28,7 @@ from simbench.bench.score.names import (
     OF_OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
+    SAMPLED,
     kind_of,
 )
 from simbench.bench.score.no_waveform import no_waveform
@@ -42,7 +43,9 @@ from simbench.bench.store.tables import AXES
 if TYPE_CHECKING:
     import pandas as pd
 
-_PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
+# where each stands among the counts of answers
+_PROCESSES = {ALL: slice(None), "self-regulating": slice(1), "integrating": slice(1, 2)}
+_POPULATIONS = {ALL: slice(None), OF_OSCILLATING: slice(1, None), OF_NOT_OSCILLATING: slice(1)}
 # rates with Wilson intervals, in the order they are shown
 _RATES = (
     "accuracy_applicable",
@@ -54,6 +57,7 @@ _RATES = (
 )
 _LEFT_OUT = ("entrained", "unclear")
 _YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
+_EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
 
@@ -88,45 +92,56 @@ def score_book(
     rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
-    going = book.oscillating
-    populations = {
-        ALL: np.ones(going.size, dtype=bool),
-        OF_OSCILLATING: going,
-        OF_NOT_OSCILLATING: ~going,
-    }
+    some, alike = book.sample, _same_where_oscillating(book)
+    process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
+    axes = {axis: axis_codes(book, axis) for axis in AXES}
+    kept: dict[tuple[str, str], tuple[list[dict[str, Any]], Ranks, list[int]]] = {}
     # answers to an exam are scored as given
     for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
+        whole = [*answers_of(book, mode), blind]
+        codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
         # the order of the scores is all that counts, and found once
         everyone = [
-            a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), blind)
+            a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
+            for a in whole
         ]
-        left_out += _left_out(book, mode, everyone)
+        left_out += _left_out(book, mode, whole, codes)
         for truth in TRUTHS:
-            for (process, name), (population, members) in product(
-                _PROCESSES.items(), populations.items()
+            known = book.truth[truth].astype(int) + 1
+            counts = _counted(6 * known + 2 * process + book.oscillating, (3, 3, 2), codes)
+            for (kind, of), (population, going) in product(
+                _PROCESSES.items(), _POPULATIONS.items()
             ):
-                here = members if name is None else members & (book.axes["process"] == name)
                 place = {
                     "truth": truth,
                     "mode": mode,
                     "front_end": mode == FRONT,
-                    "process": process,
+                    "process": kind,
                     "population": population,
                 }
-                block = _block(book, truth, here, place, blind)
-                # where nothing oscillates no score tells loops apart
-                found = [
-                    _row(block, a, undecided, interval=population != OF_NOT_OSCILLATING)
-                    for a in everyone
-                ]
-                standing[truth, mode, process, population], ranked = _rank(
-                    block, everyone, found, undecided, failing
-                )
+                if population == OF_OSCILLATING and (truth, kind) in kept and alike:
+                    found, ranks, ranked = kept[truth, kind]
+                    found = [{**row, **place} for row in found]
+                else:
+                    here = _chosen(process, of) & _chosen(book.oscillating, going)
+                    block = _block(book, truth, here[some], place, blind)
+                    # where nothing oscillates no score tells loops apart
+                    found = [
+                        _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
+                        for a, c in zip(everyone, counts, strict=True)
+                    ]
+                    ranks, ranked = _rank(block, everyone, found, undecided, failing)
+                standing[truth, mode, kind, population] = ranks
                 rows += found
-                if (mode, process, population) == (first, ALL, OF_OSCILLATING):
-                    stable[truth] = _stability(block, ranked, undecided, book)
-        for axis in AXES:
-            for value, chosen in axis_values(book, axis):
+                if population == OF_OSCILLATING:
+                    kept[truth, kind] = found, ranks, ranked
+                if (mode, kind, population) == (first, ALL, OF_OSCILLATING):
+                    stable[truth] = _stability(book, truth, [whole[k] for k in ranked], undecided)
+        known = book.truth["cycled"].astype(int) + 1
+        for axis, (values, code) in axes.items():
+            size = len(values) + 1
+            counts = _counted(size * known + code, (3, size), codes)
+            for k, value in enumerate(values):
                 place = {
                     "axis": axis,
                     "value": value,
@@ -134,14 +149,44 @@ def score_book(
                     "mode": mode,
                     "front_end": mode == FRONT,
                 }
-                block = _block(book, "cycled", chosen, place, blind)
-                by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
+                block = _block(book, "cycled", code[some] == k, place, blind)
+                by_axis += [
+                    _row(block, a, c[:, k], undecided, interval=False)
+                    for a, c in zip(everyone, counts, strict=True)
+                ]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     other = _disagreement(book), _frame(left_out, {}), quantification(book)
-    counts = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
+    sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
+    if book.ids[some].size < book.ids.size:
+        sizes[SAMPLED] = int(book.ids[some].size)
     return Scores(
-        *frames, *other, standing, book.manifest, counts, stable, failing, first, undecided
+        *frames, *other, standing, book.manifest, sizes, stable, failing, first, undecided
     )
+
+
+def _same_where_oscillating(book: RunArrays) -> bool:
+    """Whether all answers on loops that oscillate are the same with and without the common
+    oscillation detection; of a large run also the sample's scores.
+    """
+    going, some = book.oscillating, book.sample
+    one, other = (x[:, some][:, going[some]] for x in (book.score, book.score_raw))
+    differ = (book.verdict != book.verdict_raw) & going
+    return not differ.any() and np.array_equal(one, other, equal_nan=True)
+
+
+def _chosen(numbers: np.ndarray, of: slice) -> np.ndarray:
+    """Return which of some small numbers lie in a slice."""
+    return np.isin(numbers, np.arange(3)[of])
+
+
+def _counted(
+    place: np.ndarray, shape: tuple[int, ...], codes: list[np.ndarray]
+) -> list[np.ndarray]:
+    """Count the answers of every method by place, what was said, whether it applies and whether it
+    failed.
+    """
+    size = math.prod(shape) * 16
+    return [np.bincount(16 * place + c, minlength=size).reshape(*shape, 4, 2, 2) for c in codes]
 
 
 def _failing(book: RunArrays, allowed: float) -> dict[str, int]:
@@ -226,13 +271,15 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
     """
     if book not in _classified:
         (chance, verdicts), nothing = no_waveform(book), np.zeros(book.ids.size)
+        asked = np.zeros(book.ids.size, dtype=bool)
+        asked[book.sample] = True
         _classified[book] = _Answers(
             NO_WAVEFORM,
             ROLE_YARDSTICK,
             False,
             verdicts,
             chance,
-            nothing == 0,
+            asked,
             nothing != 0,
             nothing,
         )
@@ -241,24 +288,32 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
     """Yield every value of an axis as text, in order, with the scenarios that have it."""
-    values = book.axes[axis]
-    if values.dtype.kind == "f":
-        for value in np.unique(values[~np.isnan(values)]):
-            yield f"{value:g}", values == value
-    else:
-        for value in np.unique(values[values != ""]):
-            yield str(value), values == value
+    values, codes = axis_codes(book, axis)
+    for k, value in enumerate(values):
+        yield value, codes == k
+
+
+def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
+    """Return the values of an axis as text, in order, and which of them each scenario has; one more
+    than there are where it has none.
+    """
+    import pandas as pd
+
+    codes, values = pd.factorize(book.axes[axis], sort=True)
+    texts = [v if isinstance(v, str) else f"{v:g}" for v in values]
+    if texts[:1] == [""]:
+        codes, texts = codes - 1, texts[1:]
+    return texts, np.where(codes < 0, len(texts), codes)
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which have the truth asked for; of these which are positive,
-    in what group and fold.
+    """The loops of one row that have the truth asked for, of a large run those of its sample: which
+    are positive, in what group and fold.
 
     `blind` is what the classifier that knows no waveform says of these.
     """
 
     place: dict[str, Any]
-    size: int
     use: np.ndarray
     positive: np.ndarray
     groups: np.ndarray
@@ -269,17 +324,21 @@ class _Block(NamedTuple):
 def _block(
     book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers
 ) -> _Block:
-    use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
-    positive, groups = (
-        book.truth[truth][use] == 1,
-        np.unique(book.groups[use], return_inverse=True)[1],
-    )
-    return _Block(
-        place, int(chosen.sum()), use, positive, groups, folds_of(groups), blind.said[use]
-    )
+    some = book.sample
+    label = book.truth[truth][some]
+    use = np.flatnonzero(chosen & (label >= 0))
+    groups = np.unique(book.groups[some][use], return_inverse=True)[1]
+    return _Block(place, use, label[use] == 1, groups, folds_of(groups), blind.said[some][use])
 
 
-def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict[str, Any]:
+def _row(
+    block: _Block, a: _Answers, counts: np.ndarray, cost: float, interval: bool = True
+) -> dict[str, Any]:
+    """Return a row: what is a count, of all loops; orders and spreads of those in the block.
+
+    `counts` are answers by truth (unknown, no, yes), by what was said, whether the method applies,
+    and whether it failed.
+    """
     use, applies, positive = block.use, a.applies[block.use], block.positive
     here, groups, folds, blind = use, block.groups, block.folds, block.blind
     if not applies.all():
@@ -287,17 +346,16 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
             x[applies] for x in (use, positive, groups, folds, blind)
         )
     said = a.said[here]
-    n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
-    undecided = int((said == CODES["no_decision"]).sum())
-    yes = said == CODES[STICTION]
-    found = int((yes & positive).sum())
+    no, yes = counts[1:, :, 1].sum(-1).tolist()
+    n, m, p = int(counts[1:].sum()), sum(no) + sum(yes), sum(yes)
+    right, undecided = no[0] + yes[1], no[2] + yes[2]
     # where a method does not apply it does not decide: nothing right is added
     of = (
         (right, m),
         (right, m - undecided),
         (undecided, m),
-        (found, p),
-        (int(yes.sum()) - found, m - p),
+        (yes[1], p),
+        (no[1], m - p),
         (right, n),
     )
     row: dict[str, Any] = {
@@ -307,13 +365,16 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
         "sees_mv": a.sees_mv,
         "home": a.home,
     }
-    row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
+    row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
     for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
     earned = _earned(said, positive, cost)
-    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - earned, groups)
+    mean = (m - right - (1.0 - cost) * undecided) / m if m else math.nan
+    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(
+        1.0 - earned, groups, 0.0, mean, m
+    )
     score = a.score[here]
     if interval:
         over = _mean_of_groups(_earned(blind, positive, cost) - earned, groups, -1.0)
@@ -322,7 +383,9 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
             row["cost_over_no_waveform_lo"],
             row["cost_over_no_waveform_hi"],
         ) = over
-        ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
+        sticky = int(positive.sum())
+        both = 0 < sticky < positive.size
+        ends = rate(found_at(score, positive, folds), sticky) if both else rate(0, 0)
         row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
         ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
         row["risk_coverage"], row["risk_coverage_lo"], row["risk_coverage_hi"] = ends
@@ -333,8 +396,8 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
         row["auc"], row["auc_lo"], row["auc_hi"] = auc(score, positive)
     else:
         row["auc"] = area(score, positive)
-    row["errors"] = int(a.failed[use].sum())
-    row["median_ms"] = round(1e3 * median(a.runtime[use]), 4) if n else math.nan
+    row["errors"] = int(counts[1:, ..., 1].sum())
+    row["median_ms"] = round(1e3 * median(a.runtime[use]), 4) if use.size else math.nan
     return row
 
 
@@ -344,13 +407,19 @@ def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
 
 
 def _mean_of_groups(
-    values: np.ndarray, groups: np.ndarray, least: float = 0.0
+    values: np.ndarray,
+    groups: np.ndarray,
+    least: float = 0.0,
+    of_all: float | None = None,
+    n: int = 0,
 ) -> tuple[float, float, float]:
     """Return a mean of values from `least` to 1 with its 95 % interval; values of one group hang
     together.
+
+    Where the values are a sample, `of_all` is the mean of all `n`.
     """
     if not values.size:
-        return math.nan, least, 1.0
+        return math.nan if of_all is None else of_all, least, 1.0
     mean = float(values.mean())
     shares = np.bincount(groups, values - mean)
     # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost
@@ -358,20 +427,24 @@ def _mean_of_groups(
     size = values.size + 2
     alone = (float(values @ values) + 1.0) / size - ((float(values.sum()) + 1.0) / size) ** 2
     variance = max(float(shares @ shares) / values.size, alone)
-    half = 1.96 * math.sqrt(variance / values.size)
+    mean, n = (mean, values.size) if of_all is None else (of_all, n)
+    half = 1.96 * math.sqrt(variance / n)
     return mean, max(mean - half, least), min(mean + half, 1.0)
 
 
-def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict[str, Any]]:
+def _left_out(
+    book: RunArrays, mode: str, everyone: list[_Answers], codes: list[np.ndarray]
+) -> list[dict[str, Any]]:
     """Count what every method says of loops that no score against `cycled` holds, and of those it
     does not apply to.
     """
+    words = [book.truth["cycled_word"] == word for word in _LEFT_OUT]
+    kind = np.select([*words, book.truth["cycled"] >= 0], [0, 1, 2], 3)
     rows = []
-    for a in everyone:
-        known = book.truth["cycled"] >= 0
-        kinds = {word: (book.truth["cycled_word"] == word) & a.applies for word in _LEFT_OUT}
-        for of, chosen in {**kinds, "does not apply": known & ~a.applies}.items():
-            n = int(chosen.sum())
+    for a, c in zip(everyone, _counted(kind, (4,), codes), strict=True):
+        by_kind = zip((*_LEFT_OUT, "does not apply"), c.sum(-1), (1, 1, 0), strict=False)
+        for of, answers, applies in by_kind:
+            n = int(answers[:, applies].sum())
             row: dict[str, Any] = {
                 "method": a.method,
                 "mode": mode,
@@ -380,7 +453,7 @@ def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict
                 "n": n,
             }
             for word, code in CODES.items():
-                said = int((a.said[chosen] == code).sum())
+                said = int(answers[code, applies])
                 row[word] = said / n if n else math.nan
                 row[f"{word}_lo"], row[f"{word}_hi"] = map(float, wilson(said, n))
             rows.append(row)
@@ -393,14 +466,14 @@ def _rank(
     rows: list[dict[str, Any]],
     cost: float,
     failing: dict[str, int],
-) -> tuple[Ranks, list[_Answers]]:
-    """Write a rank into each row of a block, and return what it can resolve with the methods ranked
-    together.
+) -> tuple[Ranks, list[int]]:
+    """Write a rank into each row of a block, and return what it can resolve with the numbers of the
+    methods ranked together.
 
     Methods with MV are ranked among themselves. No rank have reference rows, methods made for a
     part of the loops, methods that failed too often, and anyone where too few loops have a label.
     """
-    use, standing, enough = block.use, [], block.use.size >= RANKED_LOOPS
+    use, standing, n = block.use, [], rows[0]["n"]
     for row in rows:
         row["rank"] = math.nan
     for kind in (0, 1):
@@ -410,28 +483,32 @@ def _rank(
             if kind_of(a.role, a.sees_mv) == kind and a.method not in failing
         ]
         # a rank compares methods on the same loops
-        members = [k for k in mine if enough and rows[k]["applicable"] >= _COVERED * rows[k]["n"]]
+        members = [k for k in mine if n >= RANKED_LOOPS and rows[k]["applicable"] >= _COVERED * n]
         earned = [
             _earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use]
             for k in members
         ]
-        ranks = rank_methods(np.reshape(earned, (len(members), use.size)), block.groups)
+        means = [(1.0 - rows[k]["cost"]) * rows[k]["applicable"] / n for k in members]
+        ranks = rank_methods(
+            np.reshape(earned, (len(members), use.size)), block.groups, np.array(means), n
+        )
         for k, rank in zip(members, ranks.rank, strict=True):
             rows[k]["rank"] = int(rank)
-        standing.append((ranks, [everyone[k] for k in members]))
+        standing.append((ranks, members))
     return standing[0] if standing[0][1] else standing[1]
 
 
 def _stability(
-    block: _Block, ranked: Sequence[_Answers], cost: float, book: RunArrays
+    book: RunArrays, truth: str, ranked: Sequence[_Answers], cost: float
 ) -> RankStability:
-    """Return how stable the order of the ranked methods is, with halves drawn from the run's
-    seed.
+    """Return how stable the order of the ranked methods is on loops that oscillate, with halves
+    drawn from the run's seed.
     """
-    use = block.use
-    earned = {a.method: _earned(a.said[use], block.positive, cost) * a.applies[use] for a in ranked}
-    right = {a.method: a.said[use] == block.positive for a in ranked}
-    return stability(earned, right, block.groups, int(book.manifest.get("seed") or 0))
+    use = np.flatnonzero(book.oscillating & (book.truth[truth] >= 0))
+    positive = book.truth[truth][use] == 1
+    earned = {a.method: _earned(a.said[use], positive, cost) * a.applies[use] for a in ranked}
+    right = {a.method: a.said[use] == positive for a in ranked}
+    return stability(earned, right, book.groups[use], int(book.manifest.get("seed") or 0))
 
 
 def _disagreement(book: RunArrays) -> pd.DataFrame:

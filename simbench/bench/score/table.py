@@ -22,6 +22,7 @@ from simbench.bench.score.names import (
     OF_OSCILLATING,
     RAW,
     ROLE_YARDSTICK,
+    SAMPLED,
     benchmark_text,
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
@@ -123,6 +124,11 @@ def _title(scores: Any) -> list[str]:
         f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
         f" {said}."
     )
+    if SAMPLED in counts:
+        lines += _wrapped(
+            "Rates and costs are of all loops. Their scatter, areas under curves, sensitivity at 5"
+            f" % and classifier no_waveform rest on {counts[SAMPLED]} scenarios, drawn at random."
+        )
     if left_out := unmatched(m):
         lines += _wrapped(
             f"{left_out} scenarios were left out, as no matching healthy oscillation was found."

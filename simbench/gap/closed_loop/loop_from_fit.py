@@ -39,7 +39,8 @@ def fixed_loop(
         per = Ts if situation.integrating else 1.0
         numbers = {
             "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
-            "Td": delay_of(fit.spec, fit.theta) * Ts,
+            # an OP that was archived late hides as many samples of the dead time
+            "Td": (delay_of(fit.spec, fit.theta) + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}

@@ -31,6 +31,7 @@ from simbench.gap.controller.regression import (
     with_derivative,
 )
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
+from simbench.gap.sensor.samples import exception_band
 
 # the law is also taken as known if its residual is below this multiple of what rounding explains
 DIGITS = 2.5
@@ -43,6 +44,8 @@ _RESTING = 0.05
 # share of samples in standstills that no chance brings: without it a controller that misses scans
 # is taken for a mean in one of 164 records
 STUCK = 0.01
+_LAW_ROWS = 60  # changes of OP and PV that an archive by exception stored, enough to see the law
+_LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 # half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
@@ -67,7 +70,8 @@ class Law:
     the controller must have seen (None when it cannot be recovered). `reason` is why the block
     cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
     `averaged` that the archive's PV is a mean, `blur` what the digits leave uncertain of the
-    recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
+    recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain,
+    `hidden` what an archive that reports by exception may hide of a change of OP (%).
     """
 
     residual: float
@@ -85,6 +89,7 @@ class Law:
     averaged: bool = False
     blur: float = 0.0
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    hidden: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -146,7 +151,9 @@ def _examine(
     """
     Ts, Kc, Ti, trusted, noise = loop
     e, Ki = (pv.mean() if sp is None else sp) - pv, Kc * Ts / Ti if Ti else 0.0
-    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, written(op, pv), written(pv, op), noise)
+    op_is, pv_is = written(op, pv), written(pv, op)
+    bands = tuple(exception_band(x, max(i.unit, i.step)) for x, i in ((op, op_is), (pv, pv_is)))
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, op_is, pv_is, noise, *bands)
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
@@ -161,6 +168,7 @@ def _examine(
         step=asked.op_is.step if fitted.coarse else 0.0,
         strays=fitted.fit.strays,
         blur=free.rounding / abs(Kc),
+        hidden=asked.hidden,
     )
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
@@ -168,7 +176,7 @@ def _examine(
             law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int)
         )
     if fitted.plain and skips_scans(
-        op, fitted.e, free.inside, fitted.size, max(asked.op_is.unit, asked.op_is.step)
+        op, fitted.e, free.told, fitted.size, max(asked.op_is.unit, asked.op_is.step)
     ):
         return replace(
             law, foreign="OP stands still where the law would move it: the controller skips scans"
@@ -180,7 +188,7 @@ def _examine(
 
 class _Asked(NamedTuple):
     """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time),
-    how OP and PV are written.
+    how OP and PV are written, and the bands within which an archive repeats them.
     """
 
     op: np.ndarray
@@ -194,17 +202,27 @@ class _Asked(NamedTuple):
     op_is: Written
     pv_is: Written
     noise: float
+    op_band: float
+    pv_band: float
+
+    @property
+    def hidden(self) -> float:
+        """What the bands may hide of a change of OP (%)."""
+        return 2.0 * (self.op_band + abs(self.Kc) * self.pv_band)
 
 
 class _Free(NamedTuple):
-    """Where OP is off its limits: `inside` by sample, `rows` by change; how large its changes are.
+    """Where OP is off its limits and stored with PV: `inside` by sample, `rows` by change; how
+    large its changes are.
 
+    `told` are the changes, too, of which the archive would have stored what the baseline asks;
     `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of
     OP.
     """
 
     inside: np.ndarray
     rows: np.ndarray
+    told: np.ndarray
     limits: tuple[float, float] | None
     size: float
     rounding: float
@@ -251,18 +269,29 @@ def _free(asked: _Asked) -> _Free:
     size = spread(du)
     if size == 0.0:
         size = float(np.std(du)) or 1.0
+    step, unit = asked.op_is.step, asked.op_is.unit
     limit = limits_of(
-        op, e, asked.Kc + asked.Ki, -asked.Kc, asked.op_is.step, asked.op_is.unit, asked.Ti is None
+        op, e, asked.Kc + asked.Ki, -asked.Kc, step, unit, asked.Ti is None, asked.hidden
     )
     lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
     inside = (op > lo) & (op < hi)
     # a controller that holds its integral at a limit leaves it by another step
-    rows = inside[1:] & inside[:-1]
+    told = inside[1:] & inside[:-1]
+    # of a value that an archive repeats nobody knows what it was
+    of_pv = np.append(True, np.diff(asked.pv) != 0.0) | (asked.pv_band == 0.0)
+    kept = inside & of_pv & (np.append(True, du != 0.0) | (asked.op_band == 0.0))
+    rows, digits = kept[1:] & kept[:-1], (asked.op_is.digits, asked.pv_is.digits)
+    if asked.hidden > 0.0 and rows.sum() < _LAW_ROWS:
+        rows, digits = told, (2.0 * asked.op_band, 2.0 * asked.pv_band)
+    else:
+        inside = kept
+    loud = np.abs(asked.Kc * np.diff(e) + asked.Ki * e[1:]) > _LOUD * asked.op_band
+    told &= rows | (of_pv[1:] & of_pv[:-1] & loud)
     # the ends of the range are everybody's limits
     lo, hi = lo if lo > 0.01 else 0.0, hi if hi < 99.99 else 100.0
     tight = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
-    rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
-    return _Free(inside, rows, tight, size, rounding)
+    rounding = float(np.hypot(digits[0], asked.Kc * digits[1])) / np.sqrt(6.0)
+    return _Free(inside, rows, told, tight, size, rounding)
 
 
 def _shown(asked: _Asked) -> _Shown:
@@ -286,9 +315,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         # lattice is PV's, handed on
         off = off[rows & (du != 0.0)] - np.median(off[rows])
         coarse = not off.size or np.quantile(np.abs(off), 0.9) > _FINER * asked.op_is.step
-    fit, gap = None, error_gap(op, e, rows)
+    fit, gap = None, error_gap(op, e, free.told)
     asked_for = np.abs(Kc * np.diff(e) + Ki * e[1:])[
-        rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
+        free.told & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     ]
     # an error that asks for less than OP is written in moves nothing anyway
     least = max(asked.op_is.unit, 0.0 if coarse else asked.op_is.step)

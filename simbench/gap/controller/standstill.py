@@ -24,9 +24,18 @@ _SEPARATED = 0.4
 
 
 def limits_of(
-    op: np.ndarray, e: np.ndarray, a: float, b: float, step: float, unit: float, memoryless: bool
+    op: np.ndarray,
+    e: np.ndarray,
+    a: float,
+    b: float,
+    step: float,
+    unit: float,
+    memoryless: bool,
+    hidden: float = 0.0,
 ) -> dict[str, float]:
-    """Return the extremes at which OP rests while the controller pushes outward."""
+    """Return the extremes at which OP rests while the controller pushes outward; of changes up to
+    `hidden` (%) nobody knows whether it rests.
+    """
     out = {}
     lo, hi = float(op.min()), float(op.max())
     free = (op > lo) & (op < hi)
@@ -35,8 +44,10 @@ def limits_of(
         gain = 0.5 * (a - b)
         want = np.median((op - gain * e)[free]) + gain * e[1:]
     asked = a * e[1:] + b * e[:-1]
-    margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
+    margin = max(0.6 * step, 3.0 * unit, hidden, 1e-6 * float(np.ptp(op)))
     still = np.diff(op) == 0.0
+    if hidden > 0.0:
+        still &= np.abs(asked) > hidden
     at_ends = np.count_nonzero(still & ((op[1:] == lo) | (op[1:] == hi)))
     elsewhere = np.count_nonzero(still) - at_ends
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
@@ -44,7 +55,7 @@ def limits_of(
         pushed = at & (sign * (want - edge) > margin)
         # standing twice at the very same extreme does not happen to an unlimited OP, unless it
         # often rests
-        repeated = at[1:] & at[:-1]
+        repeated = at & np.append(False, at[:-1]) & (still | (hidden == 0.0))
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
         # a controller that tracks its limit by another law need not push; but OP rests nowhere
@@ -85,14 +96,11 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     return 2.0 * float(edge) if agree > _SEPARATED else 0.0
 
 
-def skips_scans(
-    op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float
-) -> bool:
-    """Return whether OP rests exactly in some scans and obeys a PI law from one
+def skips_scans(op: np.ndarray, e: np.ndarray, free: np.ndarray, size: float, unit: float) -> bool:
+    """Return whether OP rests exactly in some `free` changes (n - 1,) and obeys a PI law from one
     move to the next.
     """
     still = np.diff(op) == 0.0
-    free = inside[1:] & inside[:-1]
     by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
     if (still & free).sum() < max(5.0, 3.0 * by_chance * free.sum()):
         return False
@@ -100,7 +108,7 @@ def skips_scans(
     if moves.size < 30:
         return False
     du, now, before = np.diff(op[moves]), e[moves[1:]], e[moves[:-1]]
-    rows = inside[moves[1:]] & inside[moves[:-1]]
+    rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]
     off = np.abs(left_by_most(X, y)) / (about_zero(y) or 1.0)

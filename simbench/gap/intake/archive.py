@@ -26,7 +26,7 @@ def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
     no PI law explains OP.
     """
     archive, plant_pv, mismatch = _archive(it)
-    step, at = archive.rounding or (it.samples.digits, "loop")
+    step, at = archive.rounding or (it.samples.hidden, "loop")
     resolution = step if at == "loop" else it.samples.resolution
     return archive, plant_pv, resolution, _unexplained(it, archive, mismatch)
 
@@ -47,6 +47,9 @@ def _astray(it: Observed) -> str:
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
     marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(it.record.pv, it.samples.digits)
+    if it.law.hidden > 0.0:
+        # what an archive by exception repeats is not what the controller saw or wrote
+        marked[1:] |= (np.diff(it.op) == 0.0) | (np.diff(it.record.pv) == 0.0)
     # an end of OP's range is everybody's
     marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0

@@ -102,13 +102,13 @@ class Observed:
 
     @property
     def frozen(self) -> bool:
-        """Whether PV rests while OP moves, other than in an archive that reports by exception;
+        """Whether PV rests while OP moves, longer than an archive that reports by exception has it;
         without noise it rests for the dead time alone.
         """
-        if self.samples.by_exception:
-            return False
-        stuck = self.noise > 0.0 and self.samples.stuck > STUCK
-        return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
+        if self.noise > 0.0 and self.samples.stuck > STUCK:
+            return True
+        held = _held(self.record.pv, self.op)
+        return self.samples.band == 0.0 and held > max(20, 0.02 * self.record.n)
 
     @property
     def notes(self) -> list[str]:

@@ -22,6 +22,7 @@ from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
+from simbench.bench.store import reading
 from simbench.bench.store.reading import RunArrays
 
 LOOP = Loop.from_table(
@@ -393,6 +394,45 @@ def test_the_table_is_ranked_by_cost_not_by_silence(book):
     shown = score_book(book(verdict, truth)).ranking().set_index("method")
     assert shown.loc["m0", "accuracy_applicable"] < shown.loc["m1", "accuracy_applicable"]
     assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
+
+
+def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, monkeypatch):
+    rng = np.random.default_rng(8)
+    n = 6000
+    truth = rng.integers(0, 2, n)
+    verdict = np.array([np.where(rng.random(n) < s, truth, 2 * (s < 0.8)) for s in (0.9, 0.7)])
+    run = replace(book(verdict, truth), groups=np.repeat(np.arange(n // 3), 3))
+    run = replace(run, score=truth + rng.normal(size=(2, n)), design=rng.normal(size=(n, 6)))
+    whole = score_book(run)
+    monkeypatch.setattr(reading, "MOST_ORDERED", 1500)
+    run = replace(run)
+    part = score_book(run)
+    taken = np.bincount(run.groups[run.sample], minlength=n // 3)
+    assert set(taken) == {0, 3}
+    assert part.counts["sampled"] == run.ids[run.sample].size == 1500
+    one, other = (x.ranking().set_index("method") for x in (whole, part))
+    counted = ["n", "n_all", "positives", "accuracy_applicable", "found", "cost", "errors", "rank"]
+    pd.testing.assert_frame_equal(one.loc[["m0", "m1"], counted], other.loc[["m0", "m1"], counted])
+    assert other.applicable.to_dict() == {**one.applicable, "no_waveform": 1500}
+    width = [(t.cost_hi - t.cost_lo).loc["m0"] for t in (one, other)]
+    assert width[0] == pytest.approx(width[1], rel=0.15)
+    assert other.loc["m0", "scored"] == 1500
+    assert other.auc["m0"] == pytest.approx(one.auc["m0"], abs=0.05)
+    assert part.stability["cycled"] == whole.stability["cycled"]
+    assert "rest on 1500 scenarios, drawn at random" in " ".join(part.as_text().split())
+    assert "drawn at random" not in whole.as_text()
+    assert part.as_json()["sampled"] == 1500
+
+
+def test_an_axis_of_many_values_has_a_row_for_each(book):
+    truth, value = np.tile([1, 0], 300), np.repeat(np.arange(200.0), 3)
+    run = book(truth, truth)
+    run.axes["Td_over_T"][:] = value
+    rows = score_book(run).by_axis.query("axis == 'Td_over_T' and method == 'm0'")
+    rows = rows[rows["mode"] == FRONT]
+    assert rows.value.tolist() == [f"{v:g}" for v in range(200)]
+    assert set(rows.n) == {3}
+    assert (rows.accuracy_applicable == 1.0).all()
 
 
 def test_the_classifier_without_waveform_is_trained_once_for_a_run(book, monkeypatch):
