@@ -12,9 +12,9 @@ from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import RETUNED, Law
+from simbench.gap.controller.pi_law import LAW_ROWS, RETUNED, Law
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import LAW_ROWS, longest_run, moving
+from simbench.gap.intake.observed import longest_run, moving
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples

@@ -13,14 +13,13 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import STUCK, Law
+from simbench.gap.controller.pi_law import LAW_ROWS, STUCK, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
 
 
 @dataclass(frozen=True, eq=False)
