@@ -95,5 +95,7 @@ def exception_band(x: np.ndarray, rounding: float) -> float:
         band = float(moves[smaller])
         near = int(np.count_nonzero(moves <= 2.0 * band)) - smaller
         if band > _DIGITS * rounding and near > _MOVES and near > smaller / _EXCUSED:
-            return band if 4 * repeats > near else 0.0
+            # a lattice written in decimals has moves of one step, and none of one and a half
+            above = np.count_nonzero((moves > 1.5 * band) & (moves <= 2.0 * band))
+            return band if 4 * repeats > near and 5 * above > near else 0.0
     return 0.0

@@ -83,3 +83,9 @@ def test_a_rough_pv_that_freezes_is_stuck_in_an_archive_by_exception_too():
     for start in range(100, 2900, 200):
         pv[start : start + 40] = pv[start]
     assert inspect_samples(archived_by_exception(pv, 0.2)).stuck == pytest.approx(0.187, abs=0.03)
+
+
+def test_a_lattice_behind_the_digits_is_no_band():
+    # the step of a transmitter of 12 bits, archived with three decimals
+    pv = np.random.default_rng(3).normal(40.0, 0.06, 1700)
+    assert exception_band(np.round(np.round(pv / 0.00386) * 0.00386, 3), 1e-3) == 0.0
